@@ -1,0 +1,1 @@
+"""The application: study files, batch jobs, reports and the command line."""

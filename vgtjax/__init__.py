@@ -1,0 +1,28 @@
+"""Differentiable model of an electro-pneumatic actuator for variable geometry turbochargers."""
+
+from .actuator import Actuator as Actuator, ActuatorState as ActuatorState
+from .air import Air as Air, flow_function as flow_function, orifice_flow as orifice_flow
+from .bench_file import load_trace as load_trace
+from .chamber import AdiabaticChamber as AdiabaticChamber
+from .converter import Converter as Converter
+from .diaphragm import Diaphragm as Diaphragm
+from .errors import InputError as InputError, SimulationError as SimulationError
+from .estimation import jacobian as jacobian
+from .friction import AbstractFriction as AbstractFriction, LuGre as LuGre
+from .heun import StabilisedHeun as StabilisedHeun
+from .integrate import AdaptiveStep as AdaptiveStep, FixedStep as FixedStep
+from .line import AbstractLine as AbstractLine, NoLine as NoLine
+from .mechanical import MechanicalActuator as MechanicalActuator
+from .model import AbstractModel as AbstractModel
+from .parameters import (
+    Parameter as Parameter,
+    Selection as Selection,
+    get_parameter as get_parameter,
+    parameter as parameter,
+    parameter_table as parameter_table,
+    replace_parameters as replace_parameters,
+    select as select,
+)
+from .simulate import RESULTS as RESULTS, Solution as Solution, simulate as simulate
+from .trace import Trace as Trace
+from .vane_force import AbstractVaneForce as AbstractVaneForce, NoVaneForce as NoVaneForce

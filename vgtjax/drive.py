@@ -1,0 +1,53 @@
+"""What acts on a model from outside: a duty held between samples, and pressures linear between them."""
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+Values = Float[Array, "..."]
+
+
+class Ramp(eqx.Module):
+    """A signal that is linear over an interval: value at its start, and rate a second."""
+
+    start: Values
+    rate: Values
+
+    def __call__(self, elapsed: Values) -> Values:
+        """Value `elapsed` seconds after the start of the interval."""
+        return self.start + self.rate * elapsed
+
+
+class Drive(eqx.Module):
+    """Inputs over one interval between two samples, or over all intervals of a trace (leading axis).
+
+    Nothing jumps inside an interval, and its time counts from its own start, so that single precision does not
+    lose it. A signal that a trace does not have is `None`.
+    """
+
+    duration: Values
+    """Length in s; zero marks padding, over which no state moves."""
+    ambient_shift: Values
+    """How far the trace's atmosphere lies above the standard 101013 Pa, in Pa."""
+    turbine: Ramp
+    """Turbine inlet pressure in Pa gauge."""
+    pwm: Values | None = None
+    """Duty in percent, held."""
+    reservoir: Ramp | None = None
+    """Reservoir pressure in Pa absolute."""
+    chamber: Ramp | None = None
+    """Measured chamber pressure in Pa absolute, the input of the mechanical model."""
+    force: Ramp | None = None
+    """Measured drive along +x in N, which replaces the chamber pressure as input of the mechanical model."""
+
+
+class Start(eqx.Module):
+    """What a trace says about the state at its first sample; unknown values are zero."""
+
+    at_rest: Values
+    """Whether the first duty is zero and the chamber at atmosphere."""
+    pressure: Values
+    """Mean chamber pressure of the first 50 ms in Pa absolute."""
+    pressure_known: Values
+    position: Values
+    """Mean position of the first 50 ms in m."""
+    position_known: Values

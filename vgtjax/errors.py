@@ -1,0 +1,9 @@
+"""The two ways in which things go wrong: bad input, and a computation that failed."""
+
+
+class InputError(ValueError):
+    """What the user gave breaks a rule; the message is one sentence: rule, value, remedy."""
+
+
+class SimulationError(RuntimeError):
+    """A simulation left the finite numbers, so nothing that follows from it may be used."""

@@ -1,0 +1,4 @@
+"""Friction models on one interface."""
+
+from .base import AbstractFriction as AbstractFriction
+from .lugre import Bristle as Bristle, LuGre as LuGre

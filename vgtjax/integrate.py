@@ -1,0 +1,138 @@
+"""Time integration: from a start state along the intervals of a drive. The only place where time advances."""
+
+import abc
+import math
+
+import diffrax
+import equinox as eqx
+import equinox.internal as eqxi
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from .drive import Drive
+from .errors import InputError
+from .heun import StabilisedHeun
+from .model import AbstractModel, State
+
+
+class AbstractStepping(eqx.Module):
+    """How time is stepped."""
+
+    @abc.abstractmethod
+    def run(
+        self, model: AbstractModel, state: State, drive: Drive, substeps: int, adjoint: diffrax.AbstractAdjoint
+    ) -> State:
+        """States at the start of every interval of `drive`, beginning with `state`."""
+
+
+class FixedStep(AbstractStepping):
+    """Equal steps that divide every interval between samples: the default.
+
+    A duty step falls on an interval's edge, so no step ever straddles a jump; nothing depends on data, so batches
+    stay in step. `solver` is any diffrax solver; by default [`StabilisedHeun`][].
+    """
+
+    max_step: float = eqx.field(static=True, default=5e-4)
+    solver: diffrax.AbstractSolver | None = None
+
+    def __check_init__(self) -> None:
+        if not 0 < self.max_step < math.inf:
+            raise InputError(
+                f"max_step must be a positive number of seconds, but it is {self.max_step}; use e.g. 5e-4"
+            )
+
+    def substeps(self, longest_interval: float) -> int:
+        """Steps an interval, such that the longest interval is cut finely enough."""
+        return max(1, math.ceil(longest_interval / self.max_step * (1 - 1e-9)))
+
+    def advance(self, model: AbstractModel, state: State, drive: Drive, substeps: int) -> State:
+        """State at the end of one interval."""
+        solver = StabilisedHeun(model.relaxation) if self.solver is None else self.solver
+        term = diffrax.ODETerm(model.vector_field)
+        step = drive.duration / substeps
+        memory = solver.init(term, jnp.zeros_like(step), step, state, drive)
+
+        def one(carry, index):
+            y, memory = carry
+            begin = index * step
+            y, _, _, memory, _ = solver.step(term, begin, begin + step, y, drive, memory, made_jump=False)
+            return (y, memory), None
+
+        (state, _), _ = jax.lax.scan(one, (state, memory), jnp.arange(substeps, dtype=step.dtype))
+        return state
+
+    def run(
+        self, model: AbstractModel, state: State, drive: Drive, substeps: int, adjoint: diffrax.AbstractAdjoint
+    ) -> State:
+        """See the base class. Reverse mode checkpoints the march over intervals."""
+
+        def interval(y, inputs):
+            return self.advance(model, y, inputs, substeps), y
+
+        match adjoint:
+            case diffrax.ForwardMode() | diffrax.DirectAdjoint():
+                return jax.lax.scan(interval, state, drive)[1]
+            case diffrax.RecursiveCheckpointAdjoint(checkpoints=checkpoints):
+                return eqxi.scan(interval, state, drive, kind="checkpointed", checkpoints=checkpoints)[1]
+        raise InputError(
+            f"adjoint must be ForwardMode, DirectAdjoint or RecursiveCheckpointAdjoint of diffrax with fixed "
+            f"steps, but it is {type(adjoint).__name__}"
+        )
+
+
+class AdaptiveStep(AbstractStepping):
+    """Error-controlled steps over the whole trace by `diffrax.diffeqsolve`, told of every jump of the duty.
+
+    The independent check of [`FixedStep`][], and the better choice for a slowly sampled trace with few duty steps.
+    `atol` is relative to the usual size of each state.
+    """
+
+    rtol: float = 1e-6
+    atol: float = 1e-8
+    solver: diffrax.AbstractSolver = eqx.field(default_factory=diffrax.Tsit5)
+    max_steps: int = eqx.field(static=True, default=1_000_000)
+
+    def run(
+        self, model: AbstractModel, state: State, drive: Drive, substeps: int, adjoint: diffrax.AbstractAdjoint
+    ) -> State:
+        """See the base class."""
+        starts = jnp.concatenate([jnp.zeros(1, drive.duration.dtype), jnp.cumsum(drive.duration)[:-1]])
+        # A controller's tolerances are one number for all states, so each state counts in its own usual size.
+        size = jax.tree.map(jnp.asarray, model.typical_state())
+
+        def vector_field(time, scaled, args):
+            inputs, model, size = args
+            index = jnp.clip(jnp.searchsorted(starts, time, side="right") - 1, 0)
+            here = jax.tree.map(lambda leaf: leaf[index], inputs)
+            state = jax.tree.map(jnp.multiply, scaled, size)
+            return jax.tree.map(jnp.divide, model.vector_field(time - starts[index], state, here), size)
+
+        controller = diffrax.ClipStepSizeController(
+            diffrax.PIDController(rtol=self.rtol, atol=self.atol), jump_ts=self._jumps(starts, drive)
+        )
+        solution = diffrax.diffeqsolve(
+            diffrax.ODETerm(vector_field),
+            self.solver,
+            t0=0.0,
+            t1=starts[-1],
+            dt0=1e-5,
+            y0=jax.tree.map(jnp.divide, state, size),
+            args=(drive, model, size),
+            saveat=diffrax.SaveAt(ts=starts),
+            stepsize_controller=controller,
+            adjoint=adjoint,
+            max_steps=self.max_steps,
+            throw=False,
+        )
+        failed = solution.result != diffrax.RESULTS.successful
+        return jax.tree.map(lambda leaf, s: jnp.where(failed, jnp.nan, leaf * s), solution.ys, size)
+
+    @staticmethod
+    def _jumps(starts: Array, drive: Drive) -> Array | None:
+        """Where the duty changes; every interval's start when that can't be read off a concrete trace."""
+        if drive.pwm is None or isinstance(drive.pwm, jax.core.Tracer):
+            return starts[1:-1]
+        changed = np.flatnonzero(np.diff(np.asarray(drive.pwm))) + 1
+        return starts[changed] if len(changed) else None

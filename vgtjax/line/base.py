@@ -1,0 +1,38 @@
+"""What every model of the hose between converter and chamber answers."""
+
+import abc
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+from jaxtyping import Array, PyTree
+
+from ..air import Scalar
+from ..chamber import Gas
+from ..converter import Flow
+
+
+class AbstractLine(eqx.Module):
+    """A line that carries flow from the converter to the chamber; its state is a PyTree, empty for no line."""
+
+    @abc.abstractmethod
+    def initial_state(self, gas: Gas) -> PyTree[Scalar]:
+        """State at rest, filled with the gas of the chamber."""
+
+    @abc.abstractmethod
+    def __call__(
+        self, state: Any, source: Callable[[Scalar, Scalar], Flow], gas: Gas
+    ) -> tuple[Flow, PyTree[Scalar]]:
+        """Flow into the chamber, and the time derivative of the state.
+
+        **Arguments:** `source(pressure, temperature)` is the flow out of the converter into a volume in that
+        state (Pa absolute, K); `gas` is the state of the chamber.
+        """
+
+    @abc.abstractmethod
+    def relaxation(self, state: Any) -> PyTree[Scalar]:
+        """Rate in 1/s, one for each state, at which it forgets itself."""
+
+    @abc.abstractmethod
+    def signals(self, state: Any) -> dict[str, Array]:
+        """The state by the names of the trace columns."""

@@ -1,0 +1,32 @@
+"""No line: the converter sits on the chamber."""
+
+from collections.abc import Callable
+
+from jaxtyping import Array
+
+from ..air import Scalar
+from ..chamber import Gas
+from ..converter import Flow
+from .base import AbstractLine
+
+
+class NoLine(AbstractLine):
+    """The converter sees the chamber's pressure, and the chamber gets the converter's flow."""
+
+    def initial_state(self, gas: Gas) -> None:
+        """Nothing to remember."""
+        return None
+
+    def __call__(
+        self, state: None, source: Callable[[Scalar, Scalar], Flow], gas: Gas
+    ) -> tuple[Flow, None]:
+        """The converter's flow into the chamber."""
+        return source(gas.pressure, gas.temperature), None
+
+    def relaxation(self, state: None) -> None:
+        """No state, no rate."""
+        return None
+
+    def signals(self, state: None) -> dict[str, Array]:
+        """Nothing to show."""
+        return {}

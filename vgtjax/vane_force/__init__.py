@@ -1,0 +1,4 @@
+"""Exhaust gas force on the vanes, on one interface."""
+
+from .absent import NoVaneForce as NoVaneForce
+from .base import AbstractVaneForce as AbstractVaneForce
