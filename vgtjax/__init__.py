@@ -23,6 +23,7 @@ from .parameters import (
     replace_parameters as replace_parameters,
     select as select,
 )
+from .runtime import configure as configure
 from .simulate import RESULTS as RESULTS, Solution as Solution, simulate as simulate
 from .trace import Trace as Trace
 from .vane_force import AbstractVaneForce as AbstractVaneForce, NoVaneForce as NoVaneForce

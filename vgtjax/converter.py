@@ -34,15 +34,15 @@ class Converter(eqx.Module):
     reservoir_area: Scalar = parameter(3.1416e-6, symbol="A_res", unit="m2", source="B.1", held=True)
     magnetic_force: Float[Array, " 5"] = parameter(
         (0.021731, 0.0022634, 0.0039, -3.5733e-5, 9.1355e-8),
-        symbol="c_k",
-        unit="N/%^k",
+        symbol="c",
+        unit=("N", "N/%", "N/%^2", "N/%^3", "N/%^4"),
         source="B.1",
         positive=False,
     )
     reservoir_orifice_slope: Scalar = parameter(0.360e-3, symbol="dA/dx", unit="m", source="B.2")
     reservoir_orifice_saturation: Scalar = parameter(2.5e-3, symbol="x_sat", unit="m", source="B.2")
     atmosphere_orifice: Float[Array, " 3"] = parameter(
-        (2.299e-8, 1.68e-4, 0.342), symbol="c_k", unit="m^(2-k)", source="B.3"
+        (2.299e-8, 1.68e-4, 0.342), symbol="c", unit=("m2", "m", "1"), source="B.3"
     )
     opening_width: float = eqx.field(static=True, default=2e-6)
     """Lift in m over which the printed jump `c0` of the atmosphere orifice opens; a numerical setting.

@@ -30,7 +30,7 @@ class Parameter:
     """
 
     symbol: str
-    unit: str
+    unit: str | tuple[str, ...]
     source: str
     positive: bool = True
     held: bool = False
@@ -45,12 +45,19 @@ def _as_float_array(value: Any) -> Array:
     return jnp.asarray(value, dtype=float)
 
 
-def parameter(default: float | tuple[float, ...], *, symbol: str, unit: str, source: str, **row: bool) -> Any:
+def parameter(
+    default: float | tuple[float, ...],
+    *,
+    symbol: str,
+    unit: str | tuple[str, ...],
+    source: str,
+    **row: bool,
+) -> Any:
     """Declares a physical parameter as a field of an equinox module.
 
     **Arguments:**
 
-    - `default`: value in `unit`; a tuple for a vector.
+    - `default`: value in `unit`; tuples of both for a vector.
     - `symbol`, `unit`, `source`: as printed in the thesis.
     - `row`: `positive`, `held`, `assumed` of [`Parameter`][].
     """
@@ -191,5 +198,9 @@ def select(model: eqx.Module, free: Sequence[str] | None = None, fixed: Sequence
 
 
 def table_row(table: dict[str, Parameter], entry: str) -> Parameter:
-    """The row that declares an entry such as `converter.magnetic_force[2]`."""
-    return table[_split(entry)[0]]
+    """The row of an entry such as `converter.magnetic_force[2]`, with that entry's unit."""
+    name, index = _split(entry)
+    row = table[name]
+    if index is None:
+        return row
+    return dataclasses.replace(row, symbol=f"{row.symbol}{index}", unit=row.unit[index], name=entry, size=None)

@@ -1,7 +1,16 @@
 """Estimation: exact Jacobians, weighted residuals, Levenberg-Marquardt, and what the data can tell."""
 
 from .bundle import CHANNELS as CHANNELS, Bundle as Bundle, bundle_traces as bundle_traces
-from .fit import Progress as Progress, levenberg_marquardt as levenberg_marquardt
+from .calibration import (
+    Calibration as Calibration,
+    Calibrator as Calibrator,
+    Task as Task,
+    TraceResult as TraceResult,
+    calibrate as calibrate,
+    plan_task as plan_task,
+    start_calibration as start_calibration,
+)
+from .fit import LevenbergMarquardt as LevenbergMarquardt, Progress as Progress
 from .noise import noise_level as noise_level
 from .residuals import Problem as Problem, build_problem as build_problem
 from .sensitivities import (

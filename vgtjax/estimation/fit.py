@@ -1,7 +1,6 @@
 """Levenberg-Marquardt by optimistix, one step at a time, so that a fit can be watched, interrupted and resumed."""
 
 import dataclasses
-from collections.abc import Iterator
 from typing import Any
 
 import equinox as eqx
@@ -12,11 +11,12 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
+from ..devices import replicate
 from ..errors import SimulationError
 from .residuals import Problem
 
-CHI2_TOLERANCE = 1e-3
-"""A fit has converged when a step lowers chi^2 by less: that is 0.03 standard errors in any one direction."""
+CHI2_TOLERANCE = 0.01
+"""A fit has converged when a step lowers chi^2 by less: a move of a tenth of a standard error in any one direction."""
 MAX_REJECTED = 20
 """Rejected trials in a row, each with a quarter of the step, after which a fit stands still."""
 MAX_ITERATIONS = 100
@@ -26,25 +26,40 @@ MAX_ITERATIONS = 100
 class Progress:
     """Where a fit stands after a step; enough to resume it exactly.
 
-    `coordinates` are the accepted unconstrained coordinates, `step_size` is the inverse of the damping, `cost` is
-    half the mean squared residual in units of the noise. `failed` counts trial steps whose simulation failed.
+    `coordinates` are the accepted unconstrained coordinates, `step_size` is the inverse of the damping, `history`
+    the cost after every iteration, the start first (half the mean squared residual in units of the noise). `failed`
+    counts trial steps whose simulation failed.
     """
 
     coordinates: tuple[float, ...]
-    step_size: float
-    iteration: int
-    accepted: int
-    rejected_in_a_row: int
-    failed: int
-    cost: float
-    converged: bool
-    history: tuple[float, ...]
-    """Cost after every iteration, the start first."""
+    step_size: float = 1.0
+    iteration: int = 0
+    accepted: int = 0
+    rejected_in_a_row: int = 0
+    failed: int = 0
+    converged: bool = False
+    history: tuple[float, ...] = ()
+
+    @property
+    def cost(self) -> float:
+        """Cost at the accepted coordinates."""
+        return self.history[-1]
 
     @property
     def finished(self) -> bool:
         """Whether another step would be wasted."""
         return self.converged or self.rejected_in_a_row >= MAX_REJECTED or self.iteration >= MAX_ITERATIONS
+
+    @property
+    def verdict(self) -> str:
+        """Why the fit stopped, or that it has not."""
+        if self.converged:
+            return f"converged: the last step lowered chi^2 by less than {CHI2_TOLERANCE:g}"
+        if self.rejected_in_a_row >= MAX_REJECTED:
+            return f"stuck: {MAX_REJECTED} trial steps in a row did not lower the cost"
+        if self.iteration >= MAX_ITERATIONS:
+            return f"not converged after {MAX_ITERATIONS} iterations"
+        return "running"
 
 
 def _residuals(coordinates: Float[Array, " parameters"], problem: Problem) -> tuple[Array, None]:
@@ -58,67 +73,68 @@ _SOLVER = optx.LevenbergMarquardt(rtol=1e-8, atol=1e-8, linear_solver=lx.QR())
 @eqx.filter_jit
 def _step(problem: Problem, coordinates: Array, state: Any) -> tuple[Array, Any, Array]:
     coordinates, state, _ = _SOLVER.step(_residuals, coordinates, problem, {}, state, frozenset())
-    return coordinates, state, 0.5 * jnp.sum(state.f_info.residual**2)
+    return replicate((coordinates, state, 0.5 * jnp.sum(state.f_info.residual**2)))
 
 
 @eqx.filter_jit
-def _cost(problem: Problem, coordinates: Array) -> Array:
-    return 0.5 * jnp.sum(problem.residuals(coordinates) ** 2)
+def _is_finite(problem: Problem, coordinates: Array) -> Array:
+    return jnp.all(jnp.isfinite(problem.residuals(coordinates)))
 
 
-def _initial_state(problem: Problem, coordinates: Array, step_size: float) -> Any:
-    shape = jax.eval_shape(lambda y: _residuals(y, problem)[0], coordinates)
-    state = _SOLVER.init(_residuals, coordinates, problem, {}, shape, None, frozenset())
-    return eqx.tree_at(lambda s: s.search_state.step_size, state, jnp.asarray(step_size))
+class LevenbergMarquardt:
+    """A fit under way: minimises the cost of a problem step by step.
 
+    A trial step whose simulation fails has infinite residuals: it is rejected and the step shortened, like any step
+    that does not lower the cost.
 
-def levenberg_marquardt(
-    problem: Problem, start: Float[np.ndarray, " parameters"], resume: Progress | None = None
-) -> Iterator[Progress]:
-    """Minimises the cost of a problem, yielding after every step until it has converged or stands still.
-
-    A trial step whose simulation fails has infinite residuals: it is rejected and the step shortened, like any
-    step that does not lower the cost.
-
-    **Arguments:** `start`: unconstrained coordinates; `resume`: the last progress of an interrupted fit.
+    **Arguments:** `start`: unconstrained coordinates, or the last progress of an interrupted fit.
 
     **Raises:** `SimulationError` when the start itself can't be simulated.
     """
-    if resume is None:
-        cost = float(_cost(problem, jnp.asarray(start)))
-        resume = Progress(tuple(map(float, start)), 1.0, 0, 0, 0, 0, cost, len(start) == 0, (cost,))
-    if not np.isfinite(resume.cost):
-        raise SimulationError(
-            "the simulation with the start values fails, so there is nothing to fit from; check the start values "
-            "under [parameters] and the inputs of the traces"
+
+    def __init__(self, problem: Problem, start: Float[np.ndarray, " parameters"] | Progress):
+        self.problem = problem
+        self.progress = start if isinstance(start, Progress) else Progress(tuple(np.asarray(start).tolist()))
+        coordinates = jnp.asarray(self.progress.coordinates, dtype=float)
+        shape = jax.eval_shape(lambda y: _residuals(y, problem)[0], coordinates)
+        state = _SOLVER.init(_residuals, coordinates, problem, {}, shape, None, frozenset())
+        step_size = jnp.asarray(self.progress.step_size, dtype=float)
+        state = eqx.tree_at(lambda s: s.search_state.step_size, state, step_size)
+        # The first step of a state accepts its start and proposes a trial; it is no iteration of the fit.
+        self._coordinates, self._state, cost = _step(problem, replicate(coordinates), replicate(state))
+        if not np.isfinite(float(cost)):
+            raise SimulationError(
+                "the simulation with the start values fails, so there is nothing to fit from; check the start "
+                "values under [parameters] and the inputs of the traces"
+            )
+        if not self.progress.history:
+            self.progress = dataclasses.replace(self.progress, history=(float(cost),))
+
+    def step(self) -> Progress:
+        """Tries one step, and says where the fit stands then."""
+        trial, before = self._state.y_eval, self.progress
+        accepted_before = int(self._state.num_accepted_steps)
+        self._coordinates, self._state, cost = _step(self.problem, self._coordinates, self._state)
+        accepted = int(self._state.num_accepted_steps) > accepted_before
+        failed = not accepted and not bool(_is_finite(self.problem, trial))
+        gain = 2 * self.problem.count * (before.cost - float(cost))
+        self.progress = Progress(
+            coordinates=tuple(np.asarray(self._coordinates).tolist()),
+            step_size=float(self._state.search_state.step_size),
+            iteration=before.iteration + 1,
+            accepted=before.accepted + accepted,
+            rejected_in_a_row=0 if accepted else before.rejected_in_a_row + 1,
+            failed=before.failed + failed,
+            converged=accepted and gain < CHI2_TOLERANCE,
+            history=(*before.history, float(cost)),
         )
-    yield resume
-    coordinates = jnp.asarray(resume.coordinates)
-    state = _initial_state(problem, coordinates, resume.step_size)
-    if not resume.finished:
-        coordinates, state, _ = _step(problem, coordinates, state)  # accepts the start, proposes a first trial
-    while not resume.finished:
-        resume, coordinates, state = _advance(problem, resume, coordinates, state)
-        yield resume
+        return self.progress
 
-
-def _advance(
-    problem: Problem, before: Progress, coordinates: Array, state: Any
-) -> tuple[Progress, Array, Any]:
-    trial, accepted_before = state.y_eval, int(state.num_accepted_steps)
-    coordinates, state, cost = _step(problem, coordinates, state)
-    accepted = int(state.num_accepted_steps) > accepted_before
-    failed = not accepted and not np.isfinite(float(_cost(problem, trial)))
-    gain = 2 * problem.count * (before.cost - float(cost))
-    progress = Progress(
-        coordinates=tuple(np.asarray(coordinates).tolist()),
-        step_size=float(state.search_state.step_size),
-        iteration=before.iteration + 1,
-        accepted=before.accepted + accepted,
-        rejected_in_a_row=0 if accepted else before.rejected_in_a_row + 1,
-        failed=before.failed + failed,
-        cost=float(cost),
-        converged=accepted and gain < CHI2_TOLERANCE,
-        history=(*before.history, float(cost)),
-    )
-    return progress, coordinates, state
+    def linearisation(
+        self,
+    ) -> tuple[Float[np.ndarray, " residuals"], Float[np.ndarray, "residuals parameters"]]:
+        """Residuals in units of the noise, and their Jacobian, at the accepted coordinates."""
+        info = self._state.f_info
+        scale = np.sqrt(self.problem.count)
+        columns = np.asarray(info.jac.as_matrix()) if self.progress.coordinates else np.zeros((info.residual.size, 0))
+        return np.asarray(info.residual) * scale, columns * scale

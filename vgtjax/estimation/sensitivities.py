@@ -13,9 +13,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.sharding import Mesh, NamedSharding, PartitionSpec
 from jaxtyping import Array, Float, PyTree
 
+from ..devices import replicate, spread
 from ..errors import SimulationError
 from ..integrate import FixedStep
 from ..model import AbstractModel, State
@@ -72,7 +72,7 @@ def jacobian(
 @eqx.filter_jit
 def observe(model: AbstractModel, bundle: Bundle) -> Lanes:
     """What the sensors would see along every trace of a bundle: position in m, pressure in Pa absolute."""
-    return _nominal(model, bundle)[1]
+    return replicate(_nominal(model, bundle)[1])
 
 
 @eqx.filter_jit
@@ -81,10 +81,10 @@ def observe_with_jacobian(
 ) -> tuple[Lanes, LaneJacobian]:
     """`observe`, and its derivatives by the selected parameters in the units of the table."""
     first, observed = _nominal(model, bundle)
-    first, lane_drive = _spread((first, bundle.lane_drive))
+    first, lane_drive = spread((first, bundle.lane_drive))
     tangents, by_start, by_parameter = _push_lanes(model, selection, first, lane_drive, bundle)
     at_start = _chain(model, selection, bundle, tangents)
-    return observed, by_parameter + jnp.einsum("lkcs,lsp->lkcp", by_start, at_start)
+    return replicate((observed, by_parameter + jnp.einsum("lkcs,lsp->lkcp", by_start, at_start)))
 
 
 def _nominal(model: AbstractModel, bundle: Bundle) -> tuple[State, Lanes]:
@@ -98,20 +98,6 @@ def _nominal(model: AbstractModel, bundle: Bundle) -> tuple[State, Lanes]:
     first = jax.tree.map(lambda leaf: leaf[::SEGMENT][bundle.lane_segment, bundle.lane_trace], states)
     by_segment = observed.reshape(-1, SEGMENT, *observed.shape[1:])
     return first, by_segment[bundle.lane_segment, :, bundle.lane_trace]
-
-
-def _spread(tree: PyTree[Array]) -> PyTree[Array]:
-    """Lanes (the last axis) spread over all devices."""
-    devices = jax.devices()
-    if len(devices) == 1:
-        return tree
-    mesh = Mesh(np.asarray(devices), ("lane",))
-
-    def constrain(leaf):
-        spec = PartitionSpec(*[None] * (leaf.ndim - 1), "lane")
-        return jax.lax.with_sharding_constraint(leaf, NamedSharding(mesh, spec))
-
-    return jax.tree.map(constrain, tree)
 
 
 def _push_lanes(

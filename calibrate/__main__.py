@@ -1,0 +1,77 @@
+"""The command line: `python -m calibrate COMMAND`."""
+
+import pathlib
+import sys
+from collections.abc import Callable
+
+import click
+
+PATH = click.Path(path_type=pathlib.Path)
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+def main() -> None:
+    """Calibrates electro-pneumatic actuators from bench traces by exact gradients."""
+
+
+def _study_command(function: Callable[..., None]) -> Callable[..., None]:
+    for decorate in (
+        click.option("--out", type=PATH, required=True, metavar="DIR", help="Folder for the results."),
+        click.option(
+            "--parameters",
+            type=PATH,
+            metavar="FILE",
+            help="Start from a parameters.json, or from the folder of a fit with several units.",
+        ),
+        click.argument("study", type=PATH, required=False),
+    ):
+        function = decorate(function)
+    return main.command()(function)
+
+
+@_study_command
+def simulate(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathlib.Path) -> None:
+    """Runs the model on every trace of STUDY (a TOML file; a small example if omitted)."""
+    _prepare_jax()
+    from . import simulate as command
+
+    _guard(lambda: command.run(study, parameters, out))
+
+
+@_study_command
+def fit(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathlib.Path) -> None:
+    """Calibrates the model to the traces of STUDY (a TOML file; a small example if omitted)."""
+    _prepare_jax()
+    from . import fit as command
+
+    _guard(lambda: command.run(study, parameters, out))
+
+
+def _prepare_jax() -> None:
+    """Fast settings and a persistent cache, before anything compiles. Here, so that --help needs no JAX."""
+    import platformdirs
+
+    from vgtjax.runtime import configure
+
+    configure(cache=platformdirs.user_cache_path("vgtjax") / "compiled")
+
+
+def _guard(work: Callable[[], None]) -> None:
+    """Runs a command; what went wrong becomes one sentence and an exit status."""
+    from vgtjax.errors import InputError, SimulationError
+
+    try:
+        work()
+    except InputError as error:
+        click.echo(f"error: {error}", err=True)
+        sys.exit(2)
+    except SimulationError as error:
+        click.echo(f"failed: {error}", err=True)
+        sys.exit(1)
+    except KeyboardInterrupt:
+        click.echo("interrupted; the same command goes on from here", err=True)
+        sys.exit(130)
+
+
+if __name__ == "__main__":
+    main(prog_name="python -m calibrate")

@@ -1,0 +1,124 @@
+"""From the names in a study to a model with its start values."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+import vgtjax
+from vgtjax.errors import InputError
+from vgtjax.estimation.calibration import Bounds
+from vgtjax.parameters import entry_names, match_entries, unknown_name
+
+from .study import Components, StartValue, Study
+
+FRICTION = {"lugre": vgtjax.LuGre}
+VANE_FORCE = {"none": vgtjax.NoVaneForce}
+LINE = {"none": vgtjax.NoLine}
+CHAMBER = {"adiabatic": vgtjax.AdiabaticChamber}
+MAGNETIC_FORCE = {"static": None}
+LATER = {
+    "friction": ("coulomb", "karnopp", "dahl"),
+    "vane_force": ("polynomial", "map"),
+    "line": ("delay", "wave"),
+    "chamber": ("wall", "isothermal"),
+    "magnetic_force": ("coil",),
+}
+"""Names that the study format knows and this version does not have yet."""
+
+
+def _choose(kind: str, name: str, available: dict[str, Any]) -> Any:
+    if name in available:
+        return available[name]
+    if name in LATER[kind]:
+        raise InputError(
+            f"{kind} = '{name}' is not available in this version; use {' or '.join(map(repr, available))}"
+        )
+    raise unknown_name(f"{kind} =", name, [*available, *LATER[kind]])
+
+
+def build_model(study: Study) -> vgtjax.AbstractModel:
+    """The model that a study names, with printed parameters.
+
+    **Raises:** `InputError` for a model or component that is unknown or not available.
+    """
+    chosen: Components = study.components
+    friction = _choose("friction", chosen.friction, FRICTION)()
+    vane_force = _choose("vane_force", chosen.vane_force, VANE_FORCE)()
+    line = _choose("line", chosen.line, LINE)()
+    chamber = _choose("chamber", chosen.chamber, CHAMBER)()
+    _choose("magnetic_force", chosen.magnetic_force, MAGNETIC_FORCE)
+    match study.model:
+        case "full":
+            return vgtjax.Actuator(friction=friction, vane_force=vane_force, line=line, chamber=chamber)
+        case "mechanical":
+            return vgtjax.MechanicalActuator(friction=friction, vane_force=vane_force)
+    raise InputError(f"model = '{study.model}' is not available in this version; use 'full' or 'mechanical'")
+
+
+def start_values(model: vgtjax.AbstractModel, study: Study) -> tuple[dict[str, Any], Bounds]:
+    """Start values by name and bounds by entry from the study's `[parameters]`.
+
+    **Raises:** `InputError` for an unknown name, a wrong number of values, or a value that is not physical.
+    """
+    values: dict[str, Any] = {}
+    bounds: Bounds = {}
+    for name, given in study.parameters.items():
+        entries = _entries_of(model, name)
+        _check_lengths(name, given, len(entries))
+        for position, entry in enumerate(entries):
+            low, high = _at(given.lower, position), _at(given.upper, position)
+            if low is not None and high is not None and not low < high:
+                raise InputError(f"the bounds of '{entry}' must rise, but they are {low:g} and {high:g}; swap them")
+            bounds[entry] = (low, high)
+        if given.value is not None:
+            values |= _merge(model, values, name, given.value)
+    for name, value in values.items():
+        check_value(model, name, value)
+    return values, bounds
+
+
+def _entries_of(model: vgtjax.AbstractModel, name: str) -> list[str]:
+    table = vgtjax.parameter_table(model)
+    if any(letter in name for letter in "*?"):
+        raise InputError(f"[parameters] takes names, not patterns, but it has '{name}'; write one line a parameter")
+    found = match_entries(table, [name])
+    return [entry for entry in entry_names(table) if entry in found]
+
+
+def _check_lengths(name: str, given: StartValue, count: int) -> None:
+    for key in ("value", "lower", "upper"):
+        value = getattr(given, key)
+        length = len(value) if isinstance(value, list) else 1
+        if value is not None and length != count:
+            raise InputError(f"'{name}' needs {count} numbers under {key}, but it has {length}; give {count}")
+
+
+def _at(values: float | list[float] | None, position: int) -> float | None:
+    return values[position] if isinstance(values, list) else values
+
+
+def _merge(model: vgtjax.AbstractModel, values: dict[str, Any], name: str, value: Any) -> dict[str, Any]:
+    """A value for a whole parameter, or for one entry of a vector."""
+    if not name.endswith("]"):
+        return {name: value}
+    base, index = name[:-1].split("[")
+    vector = np.array(values.get(base, vgtjax.get_parameter(model, base)))
+    vector[int(index)] = value
+    return {base: vector.tolist()}
+
+
+def check_value(model: vgtjax.AbstractModel, name: str, value: Any) -> None:
+    """Whether a value may stand for a parameter.
+
+    **Raises:** `InputError` otherwise.
+    """
+    row = vgtjax.parameter_table(model)[name]
+    numbers = value if isinstance(value, list) else [value]
+    if len(numbers) != (row.size or 1):
+        raise InputError(f"'{name}' needs {row.size or 1} numbers, but it has {len(numbers)}; give {row.size or 1}")
+    infinite = name == "diaphragm.travel"
+    for number in numbers:
+        if math.isnan(number) or (math.isinf(number) and not infinite) or (row.positive and number < 0):
+            rule = "finite and not negative" if row.positive else "finite"
+            raise InputError(f"'{name}' must be {rule}, but it is {number:g}; correct it")

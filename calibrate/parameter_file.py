@@ -1,0 +1,129 @@
+"""`parameters.json`: what a fit found, and what simulate and the next fit start from."""
+
+import dataclasses
+import math
+import pathlib
+from typing import Any
+
+import numpy as np
+
+import vgtjax
+from vgtjax.errors import InputError
+from vgtjax.estimation import Calibration
+from vgtjax.parameters import entry_names, unknown_name
+
+from .files import read_json
+from .models import check_value
+from .study import Study
+
+
+@dataclasses.dataclass(frozen=True)
+class Row:
+    """One scalar entry of a calibrated model, in the unit of the table."""
+
+    entry: str
+    symbol: str
+    unit: str
+    value: float
+    initial: float
+    std_error: float | None
+    free: bool
+    lower: float | None
+    upper: float | None
+    at_bound: bool
+    identifiable: bool
+    assumed: bool
+    source: str
+
+
+def rows(calibration: Calibration) -> list[Row]:
+    """Every scalar entry of the fitted model, free and held."""
+    table = vgtjax.parameter_table(calibration.model)
+    everything = vgtjax.select(calibration.model, free=["*"])
+    values = np.asarray(everything.pack(calibration.model)).tolist()
+    initials = np.asarray(everything.pack(calibration.task.model)).tolist()
+    free = {entry: i for i, entry in enumerate(calibration.task.selection.entries)}
+    at_bound = calibration.transform.at_bound(calibration.values)
+    found = []
+    for entry, value, initial in zip(everything.entries, values, initials, strict=True):
+        row = vgtjax.parameters.table_row(table, entry)
+        position = free.get(entry)
+        error = math.nan if position is None else float(calibration.std_errors[position])
+        low, high = calibration.task.bounds.get(entry, (None, None))
+        found.append(
+            Row(
+                entry=entry,
+                symbol=row.symbol,
+                unit=str(row.unit),
+                value=value,
+                initial=initial,
+                std_error=error if math.isfinite(error) else None,
+                free=position is not None,
+                lower=low,
+                upper=high,
+                at_bound=position is not None and bool(at_bound[position]),
+                identifiable=position is not None and bool(calibration.uncertainty.identifiable[position]),
+                assumed=row.assumed,
+                source=row.source,
+            )
+        )
+    return found
+
+
+_FIELDS = ("value", "unit", "free", "std_error", "initial", "lower", "upper", "at_bound", "identifiable")
+
+
+def to_json(study: Study, found: list[Row]) -> dict[str, Any]:
+    """The content of `parameters.json`; vector-valued parameters have lists in every field."""
+    parameters: dict[str, Any] = {}
+    for row in found:
+        fields = {field: getattr(row, field) for field in _FIELDS}
+        name, bracket, _ = row.entry.partition("[")
+        if bracket:
+            vector = parameters.setdefault(name, {field: [] for field in _FIELDS})
+            for field in _FIELDS:
+                vector[field].append(fields[field])
+        else:
+            parameters[name] = fields
+    return {"model": study.model, "components": study.components.model_dump(), "parameters": parameters}
+
+
+def load_values(path: pathlib.Path, unit: str | None, study: Study, model: vgtjax.AbstractModel) -> dict[str, Any]:
+    """Values by name from a `parameters.json`, or from a folder of a fit with several units.
+
+    **Raises:** `InputError` when it can't be read, or belongs to another model.
+    """
+    if path.is_dir():
+        inner = path / unit / "parameters.json" if unit is not None else path / "parameters.json"
+        if not inner.exists():
+            raise InputError(f"{path} has no parameters for {unit or 'a study without units'}; fit that unit first")
+        path = inner
+    content = read_json(path)
+    if not isinstance(content, dict) or not isinstance(content.get("parameters"), dict):
+        raise InputError(f"{path.name}: this is no parameters.json of a fit; give one that 'fit' wrote")
+    given = (content.get("model"), content.get("components", study.components.model_dump()))
+    if given != (study.model, study.components.model_dump()):
+        raise InputError(
+            f"{path.name}: these are parameters of the model '{given[0]}' with other components than the study's "
+            f"'{study.model}'; give parameters of the same model"
+            if given[0] == study.model
+            else f"{path.name}: these are parameters of the model '{given[0]}', but the study's is '{study.model}'; "
+            "give parameters of the same model"
+        )
+    table = vgtjax.parameter_table(model)
+    values = {}
+    for name, fields in content["parameters"].items():
+        if name not in table:
+            raise unknown_name(f"{path.name}: parameter", name, entry_names(table))
+        if not isinstance(fields, dict) or "value" not in fields:
+            raise InputError(f"{path.name}: the parameter '{name}' has no value; add it")
+        values[name] = fields["value"]
+        _check_numbers(path, name, values[name])
+        check_value(model, name, values[name])
+    return values
+
+
+def _check_numbers(path: pathlib.Path, name: str, value: Any) -> None:
+    for number in value if isinstance(value, list) else [value]:
+        if isinstance(number, bool) or not isinstance(number, int | float):
+            raise InputError(f"{path.name}: the value of '{name}' must be a number, but it is {number!r}; correct it")

@@ -1,0 +1,202 @@
+"""Study files: what the user asks for, validated, and turned into traces and a model."""
+
+import difflib
+import glob
+import hashlib
+import pathlib
+import re
+import tomllib
+from typing import Any, Literal
+
+import pydantic
+
+from vgtjax.errors import InputError
+
+EXAMPLE = pathlib.Path(__file__).parent / "example" / "study.toml"
+"""The study that runs when none is named."""
+
+
+class _Table(pydantic.BaseModel):
+    model_config = pydantic.ConfigDict(extra="forbid", frozen=True, strict=False)
+
+
+class Components(_Table):
+    """Which variant of each component; the names are checked where the model is built."""
+
+    friction: str = "lugre"
+    vane_force: str = "none"
+    line: str = "none"
+    magnetic_force: str = "static"
+    chamber: str = "adiabatic"
+
+
+class TraceEntry(_Table):
+    """One `[[trace]]`: a file or glob pattern, and what it is for."""
+
+    file: str
+    use: Literal["fit", "validate"] = "fit"
+    name: str | None = None
+    unit: str | None = None
+    atmosphere: pydantic.PositiveFloat | None = None
+    window: tuple[float, float] | None = None
+
+    @pydantic.field_validator("window")
+    @classmethod
+    def _ordered(cls, window: tuple[float, float] | None) -> tuple[float, float] | None:
+        if window is not None and not window[0] < window[1]:
+            raise ValueError(f"a window must end after it begins, but it is {list(window)}; swap the two")
+        return window
+
+
+class Fit(_Table):
+    """Which parameters move, and optionally the noise of the sensors instead of an estimate."""
+
+    free: list[str] | None = None
+    fixed: list[str] = []
+
+
+class StartValue(_Table):
+    """Start value and bounds of a parameter in SI units; lists for vectors."""
+
+    value: float | list[float] | None = None
+    lower: float | list[float] | None = None
+    upper: float | list[float] | None = None
+
+
+class Study(_Table):
+    """A whole study file."""
+
+    name: str = "study"
+    model: Literal["full", "mechanical", "plunger-map", "static-map"] = "full"
+    components: Components = Components()
+    trace: list[TraceEntry] = []
+    fit: Fit = Fit()
+    parameters: dict[str, StartValue] = {}
+
+    @pydantic.model_validator(mode="after")
+    def _has_traces(self) -> "Study":
+        if not self.trace:
+            raise ValueError("a study needs at least one [[trace]], but it has none; add one with its file")
+        return self
+
+
+class TraceSource(_Table):
+    """One trace file of a study after patterns are expanded."""
+
+    path: pathlib.Path
+    use: str
+    name: str
+    unit: str | None
+    atmosphere: float | None
+    window: tuple[float, float] | None
+
+
+def load_study(path: pathlib.Path) -> Study:
+    """Reads and validates a study file.
+
+    **Raises:** `InputError` with the file, the key and the remedy.
+    """
+    try:
+        with path.open("rb") as file:
+            raw = tomllib.load(file)
+    except OSError as error:
+        raise InputError(f"{path}: the study can't be read ({error.strerror}); check its path") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path.name}: this is not valid TOML ({error}); repair the file") from error
+    try:
+        return Study.model_validate(raw)
+    except pydantic.ValidationError as error:
+        raise InputError(f"{path.name}: {_sentence(error)}") from error
+
+
+def _sentence(error: pydantic.ValidationError) -> str:
+    """The first problem that pydantic found, as one sentence with a remedy."""
+    first = error.errors(include_url=False)[0]
+    place = [part for part in first["loc"] if not isinstance(part, int)]
+    where = ".".join(map(str, place)) or "the study"
+    if first["type"] == "extra_forbidden":
+        known = _keys_at(place[:-1])
+        near = difflib.get_close_matches(str(place[-1]), known, n=1, cutoff=0.0)
+        return f"unknown key '{where}'; did you mean '{near[0]}'?"
+    if first["type"] == "missing":
+        return f"the key '{where}' is missing; add it"
+    if first["type"] == "literal_error":
+        given, known = str(first["input"]), re.findall(r"'([^']+)'", first["ctx"]["expected"])
+        near = difflib.get_close_matches(given, known, n=1, cutoff=0.0)
+        return f"{where} must be one of {', '.join(known)}, but it is '{given}'; did you mean '{near[0]}'?"
+    message = first["msg"].removeprefix("Value error, ")
+    return message if first["type"] == "value_error" else f"{where}: {message}, but it is {first['input']!r}; correct it"
+
+
+def _keys_at(place: list[Any]) -> list[str]:
+    table: Any = {
+        (): Study,
+        ("components",): Components,
+        ("trace",): TraceEntry,
+        ("fit",): Fit,
+    }.get(tuple(place), StartValue)
+    return list(table.model_fields)
+
+
+def expand_traces(study: Study, folder: pathlib.Path) -> list[TraceSource]:
+    """The trace files of a study, patterns expanded in alphabetical order.
+
+    **Raises:** `InputError` when a file or pattern matches nothing, a name occurs twice within a unit, or only some
+    traces have a unit.
+    """
+    sources = []
+    for entry in study.trace:
+        found = sorted(glob.glob(str(folder / entry.file)))
+        if not found:
+            raise InputError(
+                f"trace file '{entry.file}' matches nothing in {folder}; check its name, which is relative to the "
+                "study file"
+            )
+        for file in found:
+            stem = pathlib.Path(file).stem
+            sources.append(
+                TraceSource(
+                    path=pathlib.Path(file),
+                    use=entry.use,
+                    name=_fill(entry.name or "{stem}", stem),
+                    unit=None if entry.unit is None else _fill(entry.unit, stem),
+                    atmosphere=entry.atmosphere,
+                    window=entry.window,
+                )
+            )
+    _check_names(sources)
+    return sources
+
+
+def _fill(pattern: str, stem: str) -> str:
+    """`{stem}` is the file's stem and `{stem:7}` its first seven letters."""
+    return re.sub(r"\{stem(?::(\d+))?\}", lambda m: stem[: int(m[1])] if m[1] else stem, pattern)
+
+
+def _check_names(sources: list[TraceSource]) -> None:
+    without = [source.name for source in sources if source.unit is None]
+    if without and len(without) < len(sources):
+        raise InputError(
+            f"either all traces have a unit or none has, but '{without[0]}' has none while others do; add unit to it"
+        )
+    seen: dict[tuple[str | None, str], pathlib.Path] = {}
+    for source in sources:
+        for text, kind in ((source.name, "name"), (source.unit, "unit")):
+            if text is not None and (not text or re.search(r"[/\\\0]", text) or text.startswith(".")):
+                raise InputError(f"the trace {kind} '{text}' can't be a file name; use letters and digits")
+        key = (source.unit, source.name)
+        if key in seen:
+            raise InputError(
+                f"the trace name '{source.name}' occurs twice ({seen[key].name} and {source.path.name}); give one of "
+                "them another name"
+            )
+        seen[key] = source.path
+
+
+def fingerprint(study: Study, sources: list[TraceSource], parameters: dict[str, Any] | None) -> str:
+    """SHA-256 over everything that a result depends on: the study, its traces' bytes, and given parameters."""
+    digest = hashlib.sha256(study.model_dump_json().encode())
+    for source in sources:
+        digest.update(source.path.read_bytes())
+    digest.update(repr(parameters).encode())
+    return digest.hexdigest()
