@@ -63,8 +63,9 @@ def to_csv(trace: vgtjax.Trace, solution: vgtjax.Solution) -> str:
         values = getattr(trace, name)
         if values is not None:
             columns[f"{name} [{unit}]"] = values
-    for name, values in solution.signals.items():
-        columns[f"{name} [{SIGNAL_UNITS[name]}]"] = np.asarray(values)
+    for name, unit in SIGNAL_UNITS.items():
+        if name in solution.signals:
+            columns[f"{name} [{unit}]"] = np.asarray(solution.signals[name]) + 0.0  # minus zero is a plain zero
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)

@@ -18,7 +18,7 @@ class Air(eqx.Module):
     temperature: Scalar = parameter(
         293.15, symbol="T_atm", unit="K", source="assumed", held=True, assumed=True
     )
-    linear_above: float = eqx.field(static=True, default=0.999)
+    linear_above: float = eqx.field(static=True, default=0.9999)
     """Pressure ratio above which the flow function is a straight line to zero; a numerical setting."""
 
     def critical_ratio(self) -> Scalar:

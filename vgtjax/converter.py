@@ -44,7 +44,7 @@ class Converter(eqx.Module):
     atmosphere_orifice: Float[Array, " 3"] = parameter(
         (2.299e-8, 1.68e-4, 0.342), symbol="c", unit=("m2", "m", "1"), source="B.3"
     )
-    opening_width: float = eqx.field(static=True, default=2e-6)
+    opening_width: float = eqx.field(static=True, default=1e-6)
     """Lift in m over which the printed jump `c0` of the atmosphere orifice opens; a numerical setting.
 
     The jump sits where the plunger rests, and a vector field that jumps there has wrong gradients. The ramp

@@ -1,0 +1,15 @@
+"""One JAX for all tests: double precision, two CPU devices, strict shapes, and a compilation cache between runs."""
+
+import jax
+import platformdirs
+import pytest
+
+import vgtjax
+
+vgtjax.configure(cpu_devices=2, cache=platformdirs.user_cache_path("vgtjax") / "tests")
+jax.config.update("jax_numpy_rank_promotion", "raise")
+
+@pytest.fixture(scope="session")
+def actuator() -> vgtjax.Actuator:
+    """The printed actuator."""
+    return vgtjax.Actuator()

@@ -1,0 +1,34 @@
+"""What several tests need: reference runs, traces made of duty steps, a norm."""
+
+import pathlib
+
+import numpy as np
+
+import vgtjax
+
+DATA = pathlib.Path(__file__).parent / "data"
+EXAMPLE = pathlib.Path(__file__).parents[1] / "calibrate" / "example"
+
+
+def reference(name: str) -> dict[str, np.ndarray]:
+    """Noise-free states of an independent plant (RK4 at 10 us, hard switching) with the printed parameters."""
+    return dict(np.load(DATA / f"reference_{name}.npz"))
+
+
+def reference_trace(name: str) -> vgtjax.Trace:
+    """The inputs of a reference run; it starts at rest with the chamber at atmosphere."""
+    states = reference(name)
+    return vgtjax.Trace(time=states["time"], pwm=states["pwm"], p_res=states["p_res"])
+
+
+def duty_trace(*levels: tuple[float, float], interval: float = 1e-3, **signals: float) -> vgtjax.Trace:
+    """A trace whose duty is held at `levels`, pairs of percent and seconds."""
+    pwm = np.concatenate([np.full(round(seconds / interval), duty) for duty, seconds in levels])
+    time = np.arange(len(pwm)) * interval
+    filled = {name: np.full_like(time, value) for name, value in signals.items()}
+    return vgtjax.Trace(time=time, pwm=pwm, **filled)
+
+
+def rms(values: np.ndarray) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(np.square(values))))
