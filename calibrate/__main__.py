@@ -1,5 +1,6 @@
 """The command line: `python -m calibrate COMMAND`."""
 
+import importlib
 import pathlib
 import sys
 from collections.abc import Callable
@@ -32,19 +33,13 @@ def _study_command(function: Callable[..., None]) -> Callable[..., None]:
 @_study_command
 def simulate(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathlib.Path) -> None:
     """Runs the model on every trace of STUDY (a TOML file; a small example if omitted)."""
-    _prepare_jax()
-    from . import simulate as command
-
-    _guard(lambda: command.run(study, parameters, out))
+    _run("simulate", study, parameters, out)
 
 
 @_study_command
 def fit(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathlib.Path) -> None:
     """Calibrates the model to the traces of STUDY (a TOML file; a small example if omitted)."""
-    _prepare_jax()
-    from . import fit as command
-
-    _guard(lambda: command.run(study, parameters, out))
+    _run("fit", study, parameters, out)
 
 
 def _prepare_jax() -> None:
@@ -56,21 +51,27 @@ def _prepare_jax() -> None:
     configure(cache=platformdirs.user_cache_path("vgtjax") / "compiled")
 
 
-def _guard(work: Callable[[], None]) -> None:
+def _run(command: str, *arguments: pathlib.Path | None) -> None:
     """Runs a command; what went wrong becomes one sentence and an exit status."""
-    from vgtjax.errors import InputError, SimulationError
+    try:
+        _run_or_say(command, *arguments)
+    except KeyboardInterrupt:
+        click.echo("interrupted; the same command goes on from here", err=True)
+        sys.exit(130)
+
+
+def _run_or_say(command: str, *arguments: pathlib.Path | None) -> None:
+    from vgtjax.errors import InputError, SimulationError  # loads JAX: a second, in which a user may think again
 
     try:
-        work()
+        _prepare_jax()
+        importlib.import_module(f".{command}", __package__).run(*arguments)
     except InputError as error:
         click.echo(f"error: {error}", err=True)
         sys.exit(2)
     except SimulationError as error:
         click.echo(f"failed: {error}", err=True)
         sys.exit(1)
-    except KeyboardInterrupt:
-        click.echo("interrupted; the same command goes on from here", err=True)
-        sys.exit(130)
 
 
 if __name__ == "__main__":

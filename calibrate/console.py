@@ -1,14 +1,23 @@
 """What a user sees while a command works."""
 
 import time
+from collections.abc import Iterable
 from types import TracebackType
 
 import rich.console
 import rich.status
 
+from vgtjax import Trace
 from vgtjax.estimation import Progress
 
-console = rich.console.Console(highlight=False, soft_wrap=True)
+console = rich.console.Console(highlight=False, markup=False, soft_wrap=True)
+
+
+def say_notes(traces: Iterable[Trace]) -> None:
+    """What loading the traces assumed or ignored."""
+    for trace in traces:
+        for note in trace.notes:
+            console.print(f"note: {trace.name}: {note}")
 
 
 class FitDisplay:
@@ -18,6 +27,7 @@ class FitDisplay:
         self._began = time.monotonic()
         self._status = rich.status.Status(f"{title}: compiling", console=console)
         self._title = title
+        self._headed = False
 
     def __enter__(self) -> "FitDisplay":
         self._status.start()
@@ -30,7 +40,8 @@ class FitDisplay:
 
     def show(self, progress: Progress) -> None:
         """One line: how far, how good, how long."""
-        if len(progress.history) == 1:
+        if not self._headed:
+            self._headed = True
             console.print(f"{'step':>6} {'chi^2/N':>12} {'damping':>10} {'seconds':>8}")
         taken = "" if not progress.rejected_in_a_row else "  rejected"
         console.print(

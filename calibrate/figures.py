@@ -89,7 +89,7 @@ def trace_figure(result: TraceResult) -> go.Figure:
         figure.add_trace(_line(trace.time, trace.pwm, DUTY, "duty", line_shape="hv", showlegend=False), row=rows, col=1)
         figure.update_yaxes(title_text="duty, %", row=rows, col=1)
     figure.update_xaxes(title_text="time, s", row=rows, col=1)
-    return _styled(figure, 150 * sum(heights) // 2)
+    return _styled(figure, round(75 * sum(heights)))
 
 
 def loop_figure(result: TraceResult) -> go.Figure:

@@ -1,15 +1,19 @@
 """The command `fit`: calibrates every unit of a study, resumably, and reports."""
 
 import dataclasses
+import math
 import pathlib
 import time
 from typing import Any
 
-import vgtjax
-from vgtjax.errors import SimulationError
-from vgtjax.estimation import Calibration, Progress, plan_task, start_calibration
+import numpy as np
 
-from .console import FitDisplay, console
+import vgtjax
+from vgtjax.errors import InputError, SimulationError
+from vgtjax.estimation import Calibration, Progress, TraceResult, plan_task, start_calibration
+from vgtjax.transforms import build_transform
+
+from .console import FitDisplay, console, say_notes
 from .files import PROGRESS, claim, read_json, write_json, write_text
 from .job import Job, Unit, check_fit, prepare
 from .parameter_file import rows, to_json
@@ -24,7 +28,7 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
     **Raises:** `InputError` before anything is written; `SimulationError` when a unit failed or did not converge,
     after everything else is written.
     """
-    job = prepare(study, parameters)
+    job = prepare(study, parameters, needs=("x_d|p_act",))
     check_fit(job)
     tasks = [_plan(job, unit) for unit in job.units]
     claim(out, "fit", job.fingerprint)
@@ -38,11 +42,12 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
     for unit, task in zip(job.units, tasks, strict=True):
         folder = unit.folder(out)
         folder.mkdir(exist_ok=True)
-        _say_notes(unit)
+        say_notes(trace for _, trace in unit.traces)
+        began = time.monotonic()
         try:
             calibration, seconds, unseen = _fit(unit, task, folder)
         except SimulationError as error:
-            summaries[unit.name] = {"converged": False, "error": str(error), "traces": {}}
+            summaries[unit.name] = _failure(error, time.monotonic() - began, job)
             write_json(folder / "summary.json", summaries[unit.name])
             continue
         found = rows(calibration)
@@ -52,19 +57,21 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
         report = UnitReport(unit.name, calibration, found, seconds, unseen)
         if unit.name is not None:
             write_text(folder / "report.html", render(job, [report]))
-        (folder / PROGRESS).unlink(missing_ok=True)
         reports.append(report)
     if job.units[0].name is not None:
         write_json(out / "summary.json", {"units": summaries})
     if reports:
         write_text(out / "report.html", render(job, reports))
         console.print(f"report: {(out / 'report.html').resolve()}")
+    # Only now: until the whole is written, a finished unit's progress saves it from being fitted again.
+    for unit in job.units:
+        (unit.folder(out) / PROGRESS).unlink(missing_ok=True)
     _verdict(summaries)
 
 
 def _plan(job: Job, unit: Unit) -> vgtjax.estimation.Task:
     channels = ("x_d",) if job.study.model == "mechanical" else vgtjax.estimation.CHANNELS
-    return plan_task(
+    task = plan_task(
         unit.model,
         unit.used("fit"),
         unit.used("validate"),
@@ -73,25 +80,23 @@ def _plan(job: Job, unit: Unit) -> vgtjax.estimation.Task:
         bounds=unit.bounds,
         channels=channels,
     )
+    if not task.selection.entries:
+        raise InputError("a fit needs at least one free parameter, but free and fixed leave none; free one")
+    # Here, before anything is written: a start value outside its bounds is bad input.
+    start = np.asarray(task.selection.pack(task.model))
+    build_transform(vgtjax.parameter_table(task.model), task.selection.entries, start, task.bounds)
+    return task
 
 
-def _say_notes(unit: Unit) -> None:
-    for _, trace in unit.traces:
-        for note in trace.notes:
-            console.print(f"note: {trace.name}: {note}")
-
-
-def _fit(
-    unit: Unit, task: vgtjax.estimation.Task, folder: pathlib.Path
-) -> tuple[Calibration, float, list[str]]:
-    """Fits one unit, keeping its progress on disk; also the seconds it took and what the start could not see."""
+def _fit(unit: Unit, task: vgtjax.estimation.Task, folder: pathlib.Path) -> tuple[Calibration, float, list[str]]:
+    """Fits one unit, keeping its progress on disk; also the seconds it took, and what it could not see."""
     saved = folder / PROGRESS
-    earlier = read_json(saved) if saved.exists() else {"seconds": 0.0, "progress": None}
-    began = time.monotonic() - earlier["seconds"]
-    resume = None if earlier["progress"] is None else _to_progress(earlier["progress"])
+    earlier = read_json(saved) if saved.exists() else None
+    began = time.monotonic() - (earlier["seconds"] if earlier else 0.0)
+    resume = _to_progress(earlier["progress"]) if earlier else None
     with FitDisplay(unit.name or "fit") as display:
         calibrator = start_calibration(task, resume)
-        unseen = calibrator.unidentifiable()
+        unseen = earlier["unseen"] if earlier else calibrator.unidentifiable()
         if unseen:
             console.print(f"warning: these traces do not determine {', '.join(unseen)}; hold or excite them")
         progress = calibrator.minimiser.progress
@@ -101,7 +106,7 @@ def _fit(
         while not progress.finished:
             progress = calibrator.minimiser.step()
             seconds = time.monotonic() - began
-            write_json(saved, {"seconds": seconds, "progress": dataclasses.asdict(progress)})
+            write_json(saved, {"seconds": seconds, "unseen": unseen, "progress": dataclasses.asdict(progress)})
             display.show(progress)
         display.wait("simulating all traces")
         calibration = calibrator.finish()
@@ -113,8 +118,22 @@ def _to_progress(saved: dict[str, Any]) -> Progress:
     return Progress(**{**saved, "coordinates": tuple(saved["coordinates"]), "history": tuple(saved["history"])})
 
 
+def _failure(error: SimulationError, seconds: float, job: Job) -> dict[str, Any]:
+    return {
+        "converged": False,
+        "error": str(error),
+        "iterations": 0,
+        "wall_seconds": round(seconds, 3),
+        "study_sha256": job.fingerprint,
+        "traces": {},
+    }
+
+
 def _summary(calibration: Calibration, seconds: float, unseen: list[str], job: Job) -> dict[str, Any]:
     progress = calibration.progress
+    traces = {result.trace.name: _trace_summary(result) for result in calibration.traces}
+    failed = [name for name, entry in traces.items() if None in entry["rmse"].values()]
+    trouble = f"the simulation of {', '.join(failed)} with the fitted values left the finite numbers"
     return {
         "converged": progress.converged,
         "verdict": progress.verdict,
@@ -126,20 +145,26 @@ def _summary(calibration: Calibration, seconds: float, unseen: list[str], job: J
         "chi2_per_degree_of_freedom": calibration.uncertainty.scale,
         "unidentifiable_at_start": unseen,
         "study_sha256": job.fingerprint,
-        "traces": {
-            result.trace.name: {
-                "use": result.use,
-                "rmse": result.rmse,
-                "offset": result.offset,
-                "noise": result.noise,
-            }
-            for result in calibration.traces
-        },
+        "traces": traces,
+        **({"error": trouble} if failed else {}),
+    }
+
+
+def _trace_summary(result: TraceResult) -> dict[str, Any]:
+    def finite(values: dict[str, float]) -> dict[str, float | None]:
+        return {channel: value if math.isfinite(value) else None for channel, value in values.items()}
+
+    return {
+        "use": result.use,
+        "rmse": finite(result.rmse),
+        "offset": finite(result.offset),
+        "noise": result.noise,
+        "notes": list(result.trace.notes),
     }
 
 
 def _verdict(summaries: dict[str | None, dict[str, Any]]) -> None:
-    bad = {name: entry for name, entry in summaries.items() if not entry["converged"]}
+    bad = {name: entry for name, entry in summaries.items() if "error" in entry or not entry["converged"]}
     if bad:
         reasons = [
             f"{'the fit' if name is None else name}: {entry.get('error', entry.get('verdict'))}"

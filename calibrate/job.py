@@ -5,10 +5,12 @@ import pathlib
 from typing import Any
 
 import vgtjax
+from vgtjax.bench_file import TRAVEL
 from vgtjax.errors import InputError
 from vgtjax.estimation.calibration import Bounds
+from vgtjax.trace import STANDARD_ATMOSPHERE
 
-from .models import build_model, start_values
+from .models import build_model, check_bounds, start_values
 from .parameter_file import load_values
 from .study import EXAMPLE, Study, TraceSource, expand_traces, fingerprint, load_study
 
@@ -42,10 +44,11 @@ class Job:
     units: list[Unit]
 
 
-def prepare(path: pathlib.Path | None, parameters: pathlib.Path | None) -> Job:
+def prepare(path: pathlib.Path | None, parameters: pathlib.Path | None, needs: tuple[str, ...] = ()) -> Job:
     """Reads and checks everything that a command will use.
 
-    **Arguments:** `path`: the study, or `None` for the example that ships; `parameters`: of an earlier fit.
+    **Arguments:** `path`: the study, or `None` for the example that ships; `parameters`: of an earlier fit;
+    `needs`: columns that every trace must have besides those of the model, alternatives joined by `|`.
 
     **Raises:** `InputError` for the first thing that is wrong.
     """
@@ -64,13 +67,22 @@ def prepare(path: pathlib.Path | None, parameters: pathlib.Path | None) -> Job:
         start = vgtjax.replace_parameters(model, values)
         stated, bounds = start_values(start, study)
         start = vgtjax.replace_parameters(start, stated)
-        units.append(Unit(name, start, bounds, [(source.use, _load(source, model)) for source in mine]))
-    return Job(study, path.read_text(encoding="utf-8"), fingerprint(study, sources, given), units)
+        check_bounds(start, bounds)
+        traces = [(source.use, _load(source, start, bounds, needs)) for source in mine]
+        units.append(Unit(name, start, bounds, traces))
+    return Job(study, path.read_text(encoding="utf-8-sig"), fingerprint(study, sources, given), units)
 
 
-def _load(source: TraceSource, model: vgtjax.AbstractModel) -> vgtjax.Trace:
-    atmosphere = {} if source.atmosphere is None else {"atmosphere": source.atmosphere}
-    trace = vgtjax.load_trace(source.path, needs=model.needs, name=source.name, **atmosphere)
+def _load(source: TraceSource, model: vgtjax.AbstractModel, bounds: Bounds, needs: tuple[str, ...]) -> vgtjax.Trace:
+    travel = float(vgtjax.get_parameter(model, "diaphragm.travel"))
+    trace = vgtjax.load_trace(
+        source.path,
+        atmosphere=STANDARD_ATMOSPHERE if source.atmosphere is None else source.atmosphere,
+        travel=max(TRAVEL, travel, bounds.get("diaphragm.travel", (None, None))[1] or 0.0),
+        needs=(*model.needs, *needs),
+        ignore=() if isinstance(model, vgtjax.MechanicalActuator) else ("f_drive",),
+        name=source.name,
+    )
     if source.window is not None:
         trace = trace.window(*source.window)
     return trace
@@ -79,14 +91,9 @@ def _load(source: TraceSource, model: vgtjax.AbstractModel) -> vgtjax.Trace:
 def check_fit(job: Job) -> None:
     """What a fit needs beyond a simulation.
 
-    **Raises:** `InputError` when a unit has no trace to fit, or a trace nothing to fit it on.
+    **Raises:** `InputError` when a unit has no trace to fit.
     """
     for unit in job.units:
         if not unit.used("fit"):
             where = "" if unit.name is None else f" of unit '{unit.name}'"
             raise InputError(f"a fit needs at least one trace{where} with use = 'fit'; mark one")
-        for _, trace in unit.traces:
-            if trace.x_d is None and trace.p_act is None:
-                raise InputError(
-                    f"{trace.name}: a fit needs a measured column x_d or p_act, but there is neither; record one"
-                )

@@ -10,7 +10,7 @@ from vgtjax.errors import InputError
 from vgtjax.estimation.calibration import Bounds
 from vgtjax.parameters import entry_names, match_entries, unknown_name
 
-from .study import Components, StartValue, Study
+from .study import Components, Study
 
 FRICTION = {"lugre": vgtjax.LuGre}
 VANE_FORCE = {"none": vgtjax.NoVaneForce}
@@ -31,9 +31,7 @@ def _choose(kind: str, name: str, available: dict[str, Any]) -> Any:
     if name in available:
         return available[name]
     if name in LATER[kind]:
-        raise InputError(
-            f"{kind} = '{name}' is not available in this version; use {' or '.join(map(repr, available))}"
-        )
+        raise InputError(f"{kind} = '{name}' is not available in this version; use {' or '.join(map(repr, available))}")
     raise unknown_name(f"{kind} =", name, [*available, *LATER[kind]])
 
 
@@ -65,9 +63,10 @@ def start_values(model: vgtjax.AbstractModel, study: Study) -> tuple[dict[str, A
     bounds: Bounds = {}
     for name, given in study.parameters.items():
         entries = _entries_of(model, name)
-        _check_lengths(name, given, len(entries))
+        for key in ("value", "lower", "upper"):
+            _check_length(name, key, getattr(given, key), entries)
         for position, entry in enumerate(entries):
-            low, high = _at(given.lower, position), _at(given.upper, position)
+            low, high = _bound(given.lower, position), _bound(given.upper, position)
             if low is not None and high is not None and not low < high:
                 raise InputError(f"the bounds of '{entry}' must rise, but they are {low:g} and {high:g}; swap them")
             bounds[entry] = (low, high)
@@ -86,16 +85,22 @@ def _entries_of(model: vgtjax.AbstractModel, name: str) -> list[str]:
     return [entry for entry in entry_names(table) if entry in found]
 
 
-def _check_lengths(name: str, given: StartValue, count: int) -> None:
-    for key in ("value", "lower", "upper"):
-        value = getattr(given, key)
-        length = len(value) if isinstance(value, list) else 1
-        if value is not None and length != count:
-            raise InputError(f"'{name}' needs {count} numbers under {key}, but it has {length}; give {count}")
+def _check_length(name: str, key: str, value: float | list[float] | None, entries: list[str]) -> None:
+    if value is None:
+        return
+    if entries == [name] and isinstance(value, list):
+        raise InputError(f"'{name}' needs one number under {key}, but it has a list; give one number")
+    length = len(value) if isinstance(value, list) else 1
+    if length != len(entries):
+        raise InputError(
+            f"'{name}' needs {len(entries)} numbers under {key}, but it has {length}; give a list of {len(entries)}"
+        )
 
 
-def _at(values: float | list[float] | None, position: int) -> float | None:
-    return values[position] if isinstance(values, list) else values
+def _bound(values: float | list[float] | None, position: int) -> float | None:
+    """One bound; an infinite one is none."""
+    bound = values[position] if isinstance(values, list) else values
+    return None if bound is None or math.isinf(bound) else bound
 
 
 def _merge(model: vgtjax.AbstractModel, values: dict[str, Any], name: str, value: Any) -> dict[str, Any]:
@@ -114,11 +119,25 @@ def check_value(model: vgtjax.AbstractModel, name: str, value: Any) -> None:
     **Raises:** `InputError` otherwise.
     """
     row = vgtjax.parameter_table(model)[name]
+    _check_length(name, "value", value, entry_names({name: row}))
     numbers = value if isinstance(value, list) else [value]
-    if len(numbers) != (row.size or 1):
-        raise InputError(f"'{name}' needs {row.size or 1} numbers, but it has {len(numbers)}; give {row.size or 1}")
     infinite = name == "diaphragm.travel"
     for number in numbers:
         if math.isnan(number) or (math.isinf(number) and not infinite) or (row.positive and number < 0):
             rule = "finite and not negative" if row.positive else "finite"
             raise InputError(f"'{name}' must be {rule}, but it is {number:g}; correct it")
+
+
+def check_bounds(model: vgtjax.AbstractModel, bounds: Bounds) -> None:
+    """Whether the values of a model, free and held, keep to their bounds.
+
+    **Raises:** `InputError` for the first that does not.
+    """
+    selection = vgtjax.select(model, free=list(bounds))
+    for entry, value in zip(selection.entries, selection.pack(model).tolist(), strict=True):
+        low, high = bounds[entry]
+        if (low is not None and not low <= value) or (high is not None and not value <= high):
+            raise InputError(
+                f"'{entry}' must lie between its bounds {low} and {high}, but it is {value:g}; change the value "
+                "or the bounds under [parameters]"
+            )

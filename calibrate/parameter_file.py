@@ -77,7 +77,7 @@ def to_json(study: Study, found: list[Row]) -> dict[str, Any]:
     """The content of `parameters.json`; vector-valued parameters have lists in every field."""
     parameters: dict[str, Any] = {}
     for row in found:
-        fields = {field: getattr(row, field) for field in _FIELDS}
+        fields = {field: _without_infinity(getattr(row, field)) for field in _FIELDS}
         name, bracket, _ = row.entry.partition("[")
         if bracket:
             vector = parameters.setdefault(name, {field: [] for field in _FIELDS})
@@ -86,6 +86,11 @@ def to_json(study: Study, found: list[Row]) -> dict[str, Any]:
         else:
             parameters[name] = fields
     return {"model": study.model, "components": study.components.model_dump(), "parameters": parameters}
+
+
+def _without_infinity(value: Any) -> Any:
+    """JSON has no infinity: a `diaphragm.travel` without end is null."""
+    return None if isinstance(value, float) and math.isinf(value) else value
 
 
 def load_values(path: pathlib.Path, unit: str | None, study: Study, model: vgtjax.AbstractModel) -> dict[str, Any]:
@@ -101,14 +106,16 @@ def load_values(path: pathlib.Path, unit: str | None, study: Study, model: vgtja
     content = read_json(path)
     if not isinstance(content, dict) or not isinstance(content.get("parameters"), dict):
         raise InputError(f"{path.name}: this is no parameters.json of a fit; give one that 'fit' wrote")
-    given = (content.get("model"), content.get("components", study.components.model_dump()))
-    if given != (study.model, study.components.model_dump()):
+    wanted = study.components.model_dump()
+    if content.get("model") != study.model:
         raise InputError(
-            f"{path.name}: these are parameters of the model '{given[0]}' with other components than the study's "
+            f"{path.name}: these are parameters of the model '{content.get('model')}', but the study's is "
             f"'{study.model}'; give parameters of the same model"
-            if given[0] == study.model
-            else f"{path.name}: these are parameters of the model '{given[0]}', but the study's is '{study.model}'; "
-            "give parameters of the same model"
+        )
+    if content.get("components", wanted) != wanted:
+        raise InputError(
+            f"{path.name}: these are parameters of a model with other components than the study's; give "
+            "parameters of the same components"
         )
     table = vgtjax.parameter_table(model)
     values = {}
@@ -117,7 +124,7 @@ def load_values(path: pathlib.Path, unit: str | None, study: Study, model: vgtja
             raise unknown_name(f"{path.name}: parameter", name, entry_names(table))
         if not isinstance(fields, dict) or "value" not in fields:
             raise InputError(f"{path.name}: the parameter '{name}' has no value; add it")
-        values[name] = fields["value"]
+        values[name] = math.inf if fields["value"] is None else fields["value"]
         _check_numbers(path, name, values[name])
         check_value(model, name, values[name])
     return values

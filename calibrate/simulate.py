@@ -9,7 +9,7 @@ import numpy as np
 import vgtjax
 from vgtjax.errors import SimulationError
 
-from .console import console
+from .console import console, say_notes
 from .files import claim, write_text
 from .job import prepare
 
@@ -39,6 +39,7 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
     for unit in job.units:
         folder = unit.folder(out)
         folder.mkdir(exist_ok=True)
+        say_notes(trace for _, trace in unit.traces)
         for _, trace in unit.traces:
             path = folder / f"{trace.name}.csv"
             if path.exists():

@@ -6,7 +6,7 @@ import hashlib
 import pathlib
 import re
 import tomllib
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import pydantic
 
@@ -17,7 +17,7 @@ EXAMPLE = pathlib.Path(__file__).parent / "example" / "study.toml"
 
 
 class _Table(pydantic.BaseModel):
-    model_config = pydantic.ConfigDict(extra="forbid", frozen=True, strict=False)
+    model_config = pydantic.ConfigDict(extra="forbid", frozen=True, strict=True)
 
 
 class Components(_Table):
@@ -37,8 +37,9 @@ class TraceEntry(_Table):
     use: Literal["fit", "validate"] = "fit"
     name: str | None = None
     unit: str | None = None
-    atmosphere: pydantic.PositiveFloat | None = None
-    window: tuple[float, float] | None = None
+    atmosphere: Annotated[float, pydantic.Field(ge=3e4, le=1.2e5)] | None = None
+    """Pa; between the highest peaks and the deepest mines, so that 1013 is found out to be mbar."""
+    window: Annotated[tuple[float, float], pydantic.Strict(False)] | None = None
 
     @pydantic.field_validator("window")
     @classmethod
@@ -49,7 +50,7 @@ class TraceEntry(_Table):
 
 
 class Fit(_Table):
-    """Which parameters move, and optionally the noise of the sensors instead of an estimate."""
+    """Which parameters move: names or patterns."""
 
     free: list[str] | None = None
     fixed: list[str] = []
@@ -97,8 +98,7 @@ def load_study(path: pathlib.Path) -> Study:
     **Raises:** `InputError` with the file, the key and the remedy.
     """
     try:
-        with path.open("rb") as file:
-            raw = tomllib.load(file)
+        raw = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise InputError(f"{path}: the study can't be read ({error.strerror}); check its path") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
@@ -111,10 +111,15 @@ def load_study(path: pathlib.Path) -> Study:
 
 def _sentence(error: pydantic.ValidationError) -> str:
     """The first problem that pydantic found, as one sentence with a remedy."""
-    first = error.errors(include_url=False)[0]
-    place = [part for part in first["loc"] if not isinstance(part, int)]
+    problems = error.errors(include_url=False)
+    # A misspelt key is also a missing one: the misspelling says more.
+    first = next((problem for problem in problems if problem["type"] == "extra_forbidden"), problems[0])
+    # Without the position in a list, and without the branch of "a number or a list of them".
+    place = [part for part in first["loc"] if not isinstance(part, int) and part not in ("float", "list[float]")]
     where = ".".join(map(str, place)) or "the study"
     if first["type"] == "extra_forbidden":
+        if len(place) == 3 and isinstance(first["input"], dict):
+            return f"the parameter name {where.removeprefix('parameters.')} must be in quotes; write them"
         known = _keys_at(place[:-1])
         near = difflib.get_close_matches(str(place[-1]), known, n=1, cutoff=0.0)
         return f"unknown key '{where}'; did you mean '{near[0]}'?"
@@ -124,8 +129,12 @@ def _sentence(error: pydantic.ValidationError) -> str:
         given, known = str(first["input"]), re.findall(r"'([^']+)'", first["ctx"]["expected"])
         near = difflib.get_close_matches(given, known, n=1, cutoff=0.0)
         return f"{where} must be one of {', '.join(known)}, but it is '{given}'; did you mean '{near[0]}'?"
+    if first["type"] == "model_type":
+        return f"'{where}' must be a table, but it is {first['input']!r}; see the study format"
     message = first["msg"].removeprefix("Value error, ")
-    return message if first["type"] == "value_error" else f"{where}: {message}, but it is {first['input']!r}; correct it"
+    if first["type"] == "value_error":
+        return message
+    return f"{where}: {message}, but it is {first['input']!r}; correct it"
 
 
 def _keys_at(place: list[Any]) -> list[str]:
@@ -146,20 +155,13 @@ def expand_traces(study: Study, folder: pathlib.Path) -> list[TraceSource]:
     """
     sources = []
     for entry in study.trace:
-        found = sorted(glob.glob(str(folder / entry.file)))
-        if not found:
-            raise InputError(
-                f"trace file '{entry.file}' matches nothing in {folder}; check its name, which is relative to the "
-                "study file"
-            )
-        for file in found:
-            stem = pathlib.Path(file).stem
+        for path in _files(folder, entry.file):
             sources.append(
                 TraceSource(
-                    path=pathlib.Path(file),
+                    path=path,
                     use=entry.use,
-                    name=_fill(entry.name or "{stem}", stem),
-                    unit=None if entry.unit is None else _fill(entry.unit, stem),
+                    name=_fill("{stem}" if entry.name is None else entry.name, path.stem),
+                    unit=None if entry.unit is None else _fill(entry.unit, path.stem),
                     atmosphere=entry.atmosphere,
                     window=entry.window,
                 )
@@ -168,9 +170,25 @@ def expand_traces(study: Study, folder: pathlib.Path) -> list[TraceSource]:
     return sources
 
 
+def _files(folder: pathlib.Path, pattern: str) -> list[pathlib.Path]:
+    """The file of that name, or else all that match it as a pattern."""
+    if (folder / pattern).is_file():
+        return [folder / pattern]
+    found = sorted(glob.glob(pattern, root_dir=folder, recursive=True))
+    if not found:
+        there = sorted(path.name for path in folder.glob("*.csv"))
+        near = difflib.get_close_matches(pattern, there, n=1, cutoff=0.0)
+        remedy = f"did you mean '{near[0]}'?" if near else "names are relative to the study file"
+        raise InputError(f"trace file '{pattern}' matches nothing in {folder}; {remedy}")
+    return [folder / file for file in found]
+
+
 def _fill(pattern: str, stem: str) -> str:
     """`{stem}` is the file's stem and `{stem:7}` its first seven letters."""
-    return re.sub(r"\{stem(?::(\d+))?\}", lambda m: stem[: int(m[1])] if m[1] else stem, pattern)
+    filled = re.sub(r"\{stem(?::(\d+))?\}", lambda m: stem[: int(m[1])] if m[1] else stem, pattern)
+    if pattern.count("{") != len(re.findall(r"\{stem(?::\d+)?\}", pattern)):
+        raise InputError(f"only {{stem}} and e.g. {{stem:7}} may be in braces, but there is '{pattern}'; correct it")
+    return filled
 
 
 def _check_names(sources: list[TraceSource]) -> None:
@@ -193,7 +211,7 @@ def _check_names(sources: list[TraceSource]) -> None:
         seen[key] = source.path
 
 
-def fingerprint(study: Study, sources: list[TraceSource], parameters: dict[str, Any] | None) -> str:
+def fingerprint(study: Study, sources: list[TraceSource], parameters: dict[str | None, dict[str, Any]]) -> str:
     """SHA-256 over everything that a result depends on: the study, its traces' bytes, and given parameters."""
     digest = hashlib.sha256(study.model_dump_json().encode())
     for source in sources:

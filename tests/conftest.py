@@ -9,6 +9,7 @@ import vgtjax
 vgtjax.configure(cpu_devices=2, cache=platformdirs.user_cache_path("vgtjax") / "tests")
 jax.config.update("jax_numpy_rank_promotion", "raise")
 
+
 @pytest.fixture(scope="session")
 def actuator() -> vgtjax.Actuator:
     """The printed actuator."""

@@ -52,7 +52,7 @@ class Actuator(AbstractModel):
 
         Pressures and positions that a trace does not tell are those of static balance.
         """
-        ambient, reservoir = self._ambient(drive), drive.reservoir(0.0)
+        ambient, reservoir = self._ambient(drive), self._reservoir(0.0, drive)
         balanced = ambient - self.diaphragm.balance_force(start.position) / self.diaphragm.area
         unknown = jnp.where(
             start.position_known, balanced, self.converter.working_pressure(drive.pwm, ambient, reservoir)
@@ -72,7 +72,7 @@ class Actuator(AbstractModel):
 
     def vector_field(self, time: Scalar, state: ActuatorState, drive: Drive) -> ActuatorState:
         """Time derivative of the state [2.58]."""
-        ambient, reservoir = self._ambient(drive), drive.reservoir(time)
+        ambient, reservoir = self._ambient(drive), self._reservoir(time, drive)
         plunger, gas, body = state.plunger, state.gas, state.body
         inflow, line_rate = self._inflow(state, ambient, reservoir)
         force = self._drive_force(ambient, gas.pressure)
@@ -113,7 +113,7 @@ class Actuator(AbstractModel):
     def signals(self, state: ActuatorState, drive: Drive) -> dict[str, Array]:
         """States and flows; `m_dot_in` comes from the atmosphere, `m_dot_out` goes to the reservoir."""
         flow = self._converter_flow(
-            state, self._ambient(drive), drive.reservoir(0.0), state.gas.pressure, state.gas.temperature
+            state, self._ambient(drive), self._reservoir(0.0, drive), state.gas.pressure, state.gas.temperature
         ).mass_flow
         evacuating = state.plunger.position < 0
         return {
@@ -143,6 +143,10 @@ class Actuator(AbstractModel):
     def _ambient(self, drive: Drive) -> Scalar:
         return self.air.pressure + drive.ambient_shift
 
+    def _reservoir(self, time: Scalar, drive: Drive) -> Scalar:
+        assert drive.reservoir is not None, "a trace without one gets the assumed pressure"
+        return drive.reservoir(time)
+
     def _drive_force(self, ambient: Scalar, pressure: Scalar) -> Scalar:
         return (ambient - pressure) * self.diaphragm.area
 
@@ -152,8 +156,6 @@ class Actuator(AbstractModel):
         lift = state.plunger.position
         return self.converter.flow(self.air, lift, ambient, reservoir, pressure, temperature)
 
-    def _inflow(
-        self, state: ActuatorState, ambient: Scalar, reservoir: Scalar
-    ) -> tuple[Flow, PyTree[Array]]:
+    def _inflow(self, state: ActuatorState, ambient: Scalar, reservoir: Scalar) -> tuple[Flow, PyTree[Array]]:
         source = partial(self._converter_flow, state, ambient, reservoir)
         return self.line(state.line, source, state.gas)

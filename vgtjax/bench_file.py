@@ -86,9 +86,7 @@ def load_trace(
     notes = list(columns.notes)
     if "p_res" not in signals and "f_drive" not in signals:
         notes.append(f"no column p_res; {ASSUMED_RESERVOIR:.0f} Pa absolute is assumed for the reservoir")
-    return Trace(
-        **signals, atmosphere=atmosphere, name=path.stem if name is None else name, notes=tuple(notes)
-    )
+    return Trace(**signals, atmosphere=atmosphere, name=path.stem if name is None else name, notes=tuple(notes))
 
 
 def _fail(path: pathlib.Path, what: str, remedy: str, line: int | None = None, column: str | None = None):
@@ -166,9 +164,7 @@ class _Columns:
         for position, cell in enumerate(header):
             match = re.fullmatch(r"([^\[\]]*?)\s*(?:\[(.*)\])?", cell)
             if match is None:
-                raise self._fail(
-                    f"the header '{cell}' must read 'name [unit]'", "write e.g. 'x_d [mm]'", cell
-                )
+                raise self._fail(f"the header '{cell}' must read 'name [unit]'", "write e.g. 'x_d [mm]'", cell)
             self._add(position, match[1].strip(), match[2])
 
     def _fail(self, what: str, remedy: str, column: str) -> InputError:
@@ -201,9 +197,7 @@ class _Columns:
     def _ignore(self, name: str, unit: str | None) -> None:
         listed = re.split(r"\W", name, maxsplit=1)[0]
         if unit is None and listed in UNITS and name != listed:
-            raise self._fail(
-                f"the header '{name}' has no unit in brackets", f"write e.g. '{_example(listed)}'", listed
-            )
+            raise self._fail(f"the header '{name}' has no unit in brackets", f"write e.g. '{_example(listed)}'", listed)
         near = [known for known in UNITS if _distance_at_most(name.casefold(), known, 2)]
         if near and name not in UNITS and name not in SIMULATED_ONLY:
             best = difflib.get_close_matches(name, near, n=1, cutoff=0.0)[0]
@@ -256,9 +250,7 @@ def _distance_at_most(a: str, b: str, limit: int) -> bool:
     return row[-1] <= limit
 
 
-def _numbers(
-    path: pathlib.Path, columns: _Columns, rows: list[list[str]], decimal: str
-) -> dict[str, Samples]:
+def _numbers(path: pathlib.Path, columns: _Columns, rows: list[list[str]], decimal: str) -> dict[str, Samples]:
     table = {}
     for name, position in columns.position.items():
         cells = [row[position] for row in rows]
@@ -327,9 +319,7 @@ def _ends(atmosphere: float, travel: float) -> dict[str, tuple[float, float]]:
     }
 
 
-def _check_range(
-    columns: _Columns, name: str, raw: Samples, values: Samples, ends: tuple[float, float]
-) -> None:
+def _check_range(columns: _Columns, name: str, raw: Samples, values: Samples, ends: tuple[float, float]) -> None:
     low, high = ends
     rounding = 1e-9 * max(abs(end) for end in ends if math.isfinite(end))
     outside = (values < low - rounding) | (values > high + rounding)

@@ -1,6 +1,7 @@
 """The diaphragm chamber: ideal gas in a moving volume [2.39-2.57]."""
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .air import Air, Scalar
@@ -34,11 +35,11 @@ class AdiabaticChamber(eqx.Module):
         """
         gamma = air.heat_capacity_ratio
         volume = self.gas_volume(displaced)
+        # A diaphragm that has swallowed its chamber is a failed simulation, not a negative volume.
+        volume = jnp.where(volume > 0, volume, jnp.nan)
         heat = air.gas_constant * inflow.temperature * inflow.mass_flow
         work = -gas.pressure * displacement_rate
         leaving = air.gas_constant * gas.temperature * inflow.mass_flow
         pressure_rate = gamma * (heat - work) / volume
-        temperature_rate = (
-            gas.temperature * (gamma * heat - (gamma - 1) * work - leaving) / (gas.pressure * volume)
-        )
+        temperature_rate = gas.temperature * (gamma * heat - (gamma - 1) * work - leaving) / (gas.pressure * volume)
         return Gas(pressure_rate, temperature_rate)

@@ -37,7 +37,7 @@ class StabilisedHeun(diffrax.AbstractSolver):
 
     def init(self, terms: Any, t0: Any, t1: Any, y0: State, args: Any) -> None:
         """No state."""
-        return None
+        return
 
     def func(self, terms: diffrax.AbstractTerm, t0: Any, y0: State, args: Any) -> State:
         """The vector field."""
@@ -52,19 +52,15 @@ class StabilisedHeun(diffrax.AbstractSolver):
         args: Any,
         solver_state: None,
         made_jump: Any,
-    ) -> tuple[State, State, dict[str, State], None, diffrax.RESULTS]:
+    ) -> tuple[State, State, dict[str, State], None, Any]:
         """One step from `t0` to `t1`, with the difference to Euler's step as error estimate."""
         h = terms.contr(t0, t1)
-        rates = jax.tree.structure(y0).flatten_up_to(self.relaxation(y0))
-        excess = jax.tree.unflatten(
-            jax.tree.structure(y0), [_Excess(h, rate, self.limit) for rate in rates]
-        )
+        # `None` is a leaf of the rates where the state has a number, so the state's structure leads.
+        excess = jax.tree.map(lambda y, rate: _Excess(h, rate, self.limit), y0, self.relaxation(y0))
         slope0 = terms.vf(t0, y0, args)
         euler = jax.tree.map(lambda y, k, e: e.predict(y, h * k), y0, slope0, excess)
         slope1 = terms.vf(t1, euler, args)
-        y1 = jax.tree.map(
-            lambda y, a, k0, k1, e: e.correct(y, a, h * (k1 - k0)), y0, euler, slope0, slope1, excess
-        )
+        y1 = jax.tree.map(lambda y, a, k0, k1, e: e.correct(y, a, h * (k1 - k0)), y0, euler, slope0, slope1, excess)
         error = jax.tree.map(jnp.subtract, y1, euler)
         return y1, error, dict(y0=y0, y1=y1), None, diffrax.RESULTS.successful
 

@@ -39,9 +39,7 @@ class FixedStep(AbstractStepping):
 
     def __check_init__(self) -> None:
         if not 0 < self.max_step < math.inf:
-            raise InputError(
-                f"max_step must be a positive number of seconds, but it is {self.max_step}; use e.g. 5e-4"
-            )
+            raise InputError(f"max_step must be a positive number of seconds, but it is {self.max_step}; use e.g. 5e-4")
 
     def substeps(self, longest_interval: float) -> int:
         """Steps an interval, such that the longest interval is cut finely enough."""

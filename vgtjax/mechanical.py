@@ -46,9 +46,7 @@ class MechanicalActuator(AbstractModel):
         vane_force = self.vane_force(body.position, body.velocity, drive.turbine(time))
         applied = self.diaphragm.applied_force(body, self._drive_force(time, drive) - vane_force)
         friction_force, friction_rate = self.friction(body.velocity, state.friction, applied)
-        return MechanicalState(
-            Body(body.velocity, (applied - friction_force) / self.diaphragm.mass), friction_rate
-        )
+        return MechanicalState(Body(body.velocity, (applied - friction_force) / self.diaphragm.mass), friction_rate)
 
     def relaxation(self, state: MechanicalState) -> MechanicalState:
         """Rates of the rod and the bristles."""

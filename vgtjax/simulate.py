@@ -19,9 +19,7 @@ class RESULTS(eqx.Enumeration):
     """How a simulation ended; each member is the advice that goes with it."""
 
     successful = ""
-    diverged = (
-        "The simulation left the finite numbers: check that the parameters are physical, then lower max_step."
-    )
+    diverged = "The simulation left the finite numbers: check that the parameters are physical, then lower max_step."
 
 
 class Solution(eqx.Module):
@@ -80,9 +78,7 @@ def simulate(
     dtype = model_dtype(model)
     drive, start = cast(trace.drive(), dtype), cast(trace.start(), dtype)
     substeps = stepping.substeps(trace.longest_interval) if isinstance(stepping, FixedStep) else 1
-    return _simulate(
-        model, drive, start, trace.time.astype(dtype), stepping, substeps, adjoint, throw
-    )
+    return _simulate(model, drive, start, trace.time.astype(dtype), stepping, substeps, adjoint, throw)
 
 
 @eqx.filter_jit

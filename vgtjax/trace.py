@@ -77,9 +77,7 @@ class Trace:
                 f"{self.name}: the window [{begin:g}, {end:g}] s must keep at least two samples of a trace that "
                 f"runs from {self.time[0]:g} to {self.time[-1]:g} s; widen it"
             )
-        signals = {
-            field: None if getattr(self, field) is None else getattr(self, field)[inside] for field in SIGNALS
-        }
+        signals = {field: None if getattr(self, field) is None else getattr(self, field)[inside] for field in SIGNALS}
         return dataclasses.replace(self, **signals)
 
     def drive(self) -> Drive:

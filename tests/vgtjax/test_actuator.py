@@ -99,24 +99,21 @@ def test_preload_holds_until_169_mbar(actuator):
     run = simulate(actuator, vgtjax.Trace(time=time, pwm=10 * time, p_res=np.full_like(time, 2.0e4)))
     vacuum = 101013 - np.asarray(run.p_act)
     lifted = vacuum[np.argmax(np.asarray(run.x_d) > 20e-6)]
-    assert 49.46 / 2.9224e-3 == pytest.approx(169.2e2, abs=20)
     # Breaking away takes up to F_s more, 11 mbar; the duty rises slowly, so the pressure hardly falls meanwhile.
-    assert 169e2 < lifted < 185e2
+    assert 49.46 / 2.9224e-3 < lifted < (49.46 + 3.2) / 2.9224e-3 + 500
 
 
 def test_hysteresis_loop_is_widened_by_friction():
     def width(factor):
         actuator = vgtjax.Actuator()
-        changed = replace_parameters(
-            actuator,
-            {f"friction.{name}": factor * getattr(actuator.friction, name) for name in ("static_force", "coulomb_force")},
-        )
+        friction = {"friction.static_force": 3.2 * factor, "friction.coulomb_force": 2.8 * factor}
+        changed = replace_parameters(actuator, friction)
         slow = np.concatenate([np.linspace(0, 75, 4000), np.linspace(75, 0, 4000)])
         trace = vgtjax.Trace(time=np.arange(8000) * 1e-3, pwm=slow, p_res=np.full(8000, 2.0e4))
         run = simulate(changed, trace)
         closing, opening = np.asarray(run.p_act)[:4000], np.asarray(run.p_act)[4000:]
-        at = lambda p, x: p[np.argmin(np.abs(x - 4e-3))]
-        return at(opening, np.asarray(run.x_d)[4000:]) - at(closing, np.asarray(run.x_d)[:4000])
+        forth, back = np.asarray(run.x_d)[:4000], np.asarray(run.x_d)[4000:]
+        return opening[np.argmin(np.abs(back - 4e-3))] - closing[np.argmin(np.abs(forth - 4e-3))]
 
     assert width(2.0) > 1.5 * width(1.0) > 0
 

@@ -1,6 +1,7 @@
 """Simulation against independent references, and its behaviour under jit, vmap, precision and failure."""
 
 import dataclasses
+import itertools
 
 import diffrax
 import equinox as eqx
@@ -66,7 +67,7 @@ def test_smoothing_widths_converge(setting, widths, name, actuator):
         return errors(name, model, stepping=FixedStep(max_step=1e-4))[1]
 
     found = [pressure_error(width) for width in widths]
-    assert all(later < earlier for earlier, later in zip(found, found[1:], strict=False))
+    assert all(later < earlier for earlier, later in itertools.pairwise(found))
     assert found[-1] < 2.0  # Pa, a thirtieth of the sensor's noise
 
 
@@ -106,13 +107,22 @@ def test_agrees_with_an_integrator_that_shares_no_code(actuator):
     trace = duty_trace((70, 0.3), (20, 0.3), p_res=2.0e4)
     model = eqx.tree_at(lambda a: a.converter, actuator, vgtjax.Converter(opening_width=1e-5))
     drive = trace.drive()
-    pick = lambda i: jax.tree.map(lambda leaf: jnp.asarray(leaf[i]), drive)
-    state = model.start(trace.start(), pick(0))
-    flat, restore = jax.flatten_util.ravel_pytree(state)
-    field = jax.jit(lambda y, inputs: jax.flatten_util.ravel_pytree(model.vector_field(0.0, restore(y), inputs))[0])
-    for first, begin, end in ((0, 0.0, 0.3), (300, 0.3, 0.599)):
+    intervals = {i: jax.tree.map(lambda leaf, i=i: jnp.asarray(leaf[i]), drive) for i in (0, 300)}
+    flat, restore = jax.flatten_util.ravel_pytree(model.start(trace.start(), intervals[0]))
+
+    @jax.jit
+    def field(y, inputs):
+        return jax.flatten_util.ravel_pytree(model.vector_field(0.0, restore(y), inputs))[0]
+
+    for (first, inputs), end in zip(intervals.items(), (0.3, 0.599), strict=True):
         solved = scipy.integrate.solve_ivp(
-            lambda t, y, inputs=pick(first): np.asarray(field(y, inputs)), (begin, end), flat, "LSODA", rtol=1e-9, atol=1e-12
+            lambda t, y, u: np.asarray(field(y, u)),
+            (first * 1e-3, end),
+            flat,
+            "LSODA",
+            args=(inputs,),
+            rtol=1e-9,
+            atol=1e-12,
         )
         flat = solved.y[:, -1]
     ours = simulate(model, trace, stepping=FixedStep(max_step=2e-5))
@@ -223,7 +233,7 @@ def test_missing_column_and_unknown_signal_are_named(actuator):
     with pytest.raises(vgtjax.InputError, match="needs the column pwm, which is missing"):
         simulate(actuator, vgtjax.Trace(time=np.arange(3.0)))
     solution = simulate(actuator, duty_trace((10, 0.05)))
-    with pytest.raises(AttributeError, match="no signal 'x_q', only .*x_p"):
+    with pytest.raises(AttributeError, match=r"no signal 'x_q', only .*x_p"):
         _ = solution.x_q
 
 

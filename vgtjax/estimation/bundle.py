@@ -1,6 +1,7 @@
 """Traces laid out for batched simulation and for the segment-parallel Jacobian."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -73,23 +74,18 @@ def _stack(arrays: Sequence[np.ndarray], length: int, fill: float | None) -> np.
     return np.stack(columns, axis=1)
 
 
-def bundle_traces(
-    model: AbstractModel, traces: Sequence[Trace], stepping: FixedStep | None = None
-) -> list[Bundle]:
+def bundle_traces(model: AbstractModel, traces: Sequence[Trace], stepping: FixedStep | None = None) -> list[Bundle]:
     """Bundles of traces that can run side by side: same steps an interval, same kind of input.
 
     **Raises:** `InputError` when a trace lacks a column that the model needs.
     """
     stepping = FixedStep() if stepping is None else stepping
-    groups: dict[tuple[object, ...], list[int]] = {}
+    groups: dict[tuple[int, Any], list[int]] = {}
     for index, trace in enumerate(traces):
         require(trace, model.needs)
         key = (stepping.substeps(trace.longest_interval), jax.tree.structure(trace.drive()))
         groups.setdefault(key, []).append(index)
-    return [
-        _bundle(model, [traces[i] for i in indices], indices, int(key[0]), stepping)
-        for key, indices in groups.items()
-    ]
+    return [_bundle(model, [traces[i] for i in indices], indices, key[0], stepping) for key, indices in groups.items()]
 
 
 def _bundle(
@@ -123,4 +119,3 @@ def _bundle(
         lane_trace=lane_trace,
         lane_segment=lane_segment,
     )
-

@@ -65,9 +65,7 @@ def plan_task(
         raise InputError("a fit needs at least one trace with use = 'fit', but there is none; mark one")
     model = replace_parameters(model, values or {})
     table = parameter_table(model)
-    by_entry = {
-        entry: pair for name, pair in (bounds or {}).items() for entry in sorted(match_entries(table, [name]))
-    }
+    by_entry = {entry: pair for name, pair in (bounds or {}).items() for entry in sorted(match_entries(table, [name]))}
     return Task(model, select(model, free, fixed), fit, validate, by_entry, channels)
 
 
@@ -127,9 +125,7 @@ class Calibrator:
         uncertainty = estimate_uncertainty(residuals, columns, freedom)
         coordinates = np.asarray(progress.coordinates)
         values = np.asarray(self.transform.to_physical(coordinates))
-        slope = np.asarray(
-            jax.jvp(self.transform.to_physical, (coordinates,), (np.ones_like(coordinates),))[1]
-        )
+        slope = np.asarray(jax.jvp(self.transform.to_physical, (coordinates,), (np.ones_like(coordinates),))[1])
         model = self.task.selection.unpack(self.task.model, values)
         return Calibration(
             model,

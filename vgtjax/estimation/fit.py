@@ -67,7 +67,7 @@ def _residuals(coordinates: Float[Array, " parameters"], problem: Problem) -> tu
 
 
 # A tall, thin Jacobian: QR, never the normal equations, which would square its condition number.
-_SOLVER = optx.LevenbergMarquardt(rtol=1e-8, atol=1e-8, linear_solver=lx.QR())
+_SOLVER: optx.LevenbergMarquardt = optx.LevenbergMarquardt(rtol=1e-8, atol=1e-8, linear_solver=lx.QR())
 
 
 @eqx.filter_jit

@@ -39,9 +39,7 @@ def _measure(bundle: Bundle, traces: Sequence[Trace], channels: Sequence[str]) -
     for channel in CHANNELS:
         signals = [getattr(traces[i], channel) if channel in channels else None for i in bundle.indices]
         blank = [np.zeros(count) for count in bundle.samples]
-        values.append(
-            bundle.to_lanes([b if s is None else s for s, b in zip(signals, blank, strict=True)])
-        )
+        values.append(bundle.to_lanes([b if s is None else s for s, b in zip(signals, blank, strict=True)]))
         weights.append(
             bundle.to_lanes(
                 [
@@ -50,9 +48,7 @@ def _measure(bundle: Bundle, traces: Sequence[Trace], channels: Sequence[str]) -
                 ]
             )
         )
-    return Measured(
-        np.stack(values, -1), np.stack(weights, -1), bundle.lane_trace, traces=len(bundle.indices)
-    )
+    return Measured(np.stack(values, -1), np.stack(weights, -1), bundle.lane_trace, traces=len(bundle.indices))
 
 
 def _offsets(measured: Measured, difference: Array) -> Float[Array, "traces channel"]:
@@ -128,7 +124,7 @@ class Problem(eqx.Module):
             blocks.append(_residual_block(measured, observed))
             columns.append(_jacobian_block(measured, derivatives))
         scale = 1 / np.sqrt(self.count)
-        return jnp.concatenate(blocks) * scale, jnp.concatenate(columns) * (scale * slope)
+        return jnp.concatenate(blocks) * scale, jnp.concatenate(columns) * (scale * slope)[None, :]
 
 
 @eqx.filter_custom_jvp
@@ -163,8 +159,6 @@ def build_problem(
     """
     bundles = bundle_traces(model, traces, stepping)
     measured = [_measure(bundle, traces, channels) for bundle in bundles]
-    present = [
-        getattr(trace, channel) is not None for trace in traces for channel in CHANNELS if channel in channels
-    ]
+    present = [getattr(trace, channel) is not None for trace in traces for channel in CHANNELS if channel in channels]
     count = sum(int(np.count_nonzero(block.weights)) for block in measured)
     return Problem(model, selection, transform, bundles, measured, count, sum(present))

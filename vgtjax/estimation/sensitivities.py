@@ -13,7 +13,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, PyTree
+from jaxtyping import Array, Float
 
 from ..devices import replicate, spread
 from ..errors import SimulationError
@@ -76,9 +76,7 @@ def observe(model: AbstractModel, bundle: Bundle) -> Lanes:
 
 
 @eqx.filter_jit
-def observe_with_jacobian(
-    model: AbstractModel, selection: Selection, bundle: Bundle
-) -> tuple[Lanes, LaneJacobian]:
+def observe_with_jacobian(model: AbstractModel, selection: Selection, bundle: Bundle) -> tuple[Lanes, LaneJacobian]:
     """`observe`, and its derivatives by the selected parameters in the units of the table."""
     first, observed = _nominal(model, bundle)
     first, lane_drive = spread((first, bundle.lane_drive))
@@ -112,9 +110,7 @@ def _push_lanes(
     leaves, shape = jax.tree.flatten(first)
     states, lanes = len(leaves), leaves[0].shape[0]
     identity = jnp.eye(states + len(theta), dtype=theta.dtype)
-    state_tangents = [
-        jnp.broadcast_to(identity[i, :, None], (len(identity), lanes)) for i in range(states)
-    ]
+    state_tangents = [jnp.broadcast_to(identity[i, :, None], (len(identity), lanes)) for i in range(states)]
     theta_tangents = identity[:, states:]
 
     def interval(carry, inputs):
@@ -166,4 +162,3 @@ def _chain(
 
     initial = jax.jacfwd(start_states)(selection.pack(model))
     return jax.lax.scan(segment, initial, table)[1][bundle.lane_segment, bundle.lane_trace]
-

@@ -50,9 +50,7 @@ class LuGre(AbstractFriction):
         sliding = self.bristle_stiffness * jnp.abs(velocity) * state.deflection / self.stribeck(velocity)
         rate = velocity - sliding
         force = (
-            self.bristle_stiffness * state.deflection
-            + self.bristle_damping * rate
-            + self.viscous_damping * velocity
+            self.bristle_stiffness * state.deflection + self.bristle_damping * rate + self.viscous_damping * velocity
         )
         return force, Bristle(rate)
 

@@ -20,9 +20,7 @@ class AbstractLine(eqx.Module):
         """State at rest, filled with the gas of the chamber."""
 
     @abc.abstractmethod
-    def __call__(
-        self, state: Any, source: Callable[[Scalar, Scalar], Flow], gas: Gas
-    ) -> tuple[Flow, PyTree[Scalar]]:
+    def __call__(self, state: Any, source: Callable[[Scalar, Scalar], Flow], gas: Gas) -> tuple[Flow, PyTree[Scalar]]:
         """Flow into the chamber, and the time derivative of the state.
 
         **Arguments:** `source(pressure, temperature)` is the flow out of the converter into a volume in that

@@ -15,17 +15,15 @@ class NoLine(AbstractLine):
 
     def initial_state(self, gas: Gas) -> None:
         """Nothing to remember."""
-        return None
+        return
 
-    def __call__(
-        self, state: None, source: Callable[[Scalar, Scalar], Flow], gas: Gas
-    ) -> tuple[Flow, None]:
+    def __call__(self, state: None, source: Callable[[Scalar, Scalar], Flow], gas: Gas) -> tuple[Flow, None]:
         """The converter's flow into the chamber."""
         return source(gas.pressure, gas.temperature), None
 
     def relaxation(self, state: None) -> None:
         """No state, no rate."""
-        return None
+        return
 
     def signals(self, state: None) -> dict[str, Array]:
         """Nothing to show."""

@@ -1,0 +1,194 @@
+"""Estimation: noise, uncertainty against closed form and Monte Carlo, recovery from noisy data, rejected steps."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from support import duty_trace
+
+import vgtjax
+from vgtjax import simulate
+from vgtjax.estimation import (
+    LevenbergMarquardt,
+    Progress,
+    calibrate,
+    estimate_uncertainty,
+    identifiable,
+    noise_level,
+    plan_task,
+    start_calibration,
+)
+from vgtjax.estimation.fit import CHI2_TOLERANCE
+from vgtjax.transforms import build_transform
+
+TRUTH = {"diaphragm.stiffness": 12600.0, "diaphragm.preload": 51.0, "chamber.volume": 57e-6}
+FREE = list(TRUTH)
+NOISE = {"x_d": 8e-6, "p_act": 60.0}
+
+
+def bench(seed, truth=TRUTH, offset=(2e-5, -150.0)):
+    """What a bench would record of an actuator whose parameters we know: noise, and an offset of each sensor."""
+    trace = duty_trace((0, 0.05), (70, 0.35), (40, 0.3), (60, 0.3), p_res=2.0e4)
+    run = simulate(vgtjax.replace_parameters(vgtjax.Actuator(), truth), trace)
+    rng = np.random.default_rng(seed)
+    return vgtjax.Trace(
+        time=trace.time,
+        pwm=trace.pwm,
+        p_res=trace.p_res,
+        x_d=np.asarray(run.x_d) + offset[0] + rng.normal(0, NOISE["x_d"], len(trace.time)),
+        p_act=np.asarray(run.p_act) + offset[1] + rng.normal(0, NOISE["p_act"], len(trace.time)),
+    )
+
+
+def test_noise_is_read_off_a_moving_signal():
+    rng = np.random.default_rng(3)
+    moving = 5e-3 * np.sin(np.linspace(0, 20, 4000))
+    assert noise_level(moving + rng.normal(0, 8e-6, 4000), "x_d") == pytest.approx(8e-6, rel=0.05)
+    quantised = np.round(rng.normal(0, 8e-6, 4000) / 1e-6) * 1e-6
+    assert noise_level(quantised, "x_d") == pytest.approx(8e-6, rel=0.06)
+    assert noise_level(moving, "x_d") < 2e-7  # a clean record gets the floor, not an infinite weight
+    assert noise_level(np.zeros(100), "p_act") == 1.0
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    return calibrate(plan_task(vgtjax.Actuator(), [bench(0)], [bench(1)], free=FREE))
+
+
+def test_known_parameters_are_recovered_within_their_errors(fitted):
+    assert fitted.progress.converged
+    truth = np.array([TRUTH[entry] for entry in fitted.task.selection.entries])
+    deviation = (fitted.values - truth) / fitted.std_errors
+    assert np.all(np.abs(deviation) < 4)  # four standard errors
+    assert fitted.progress.history[-1] < 0.01 * fitted.progress.history[0]
+
+
+def test_what_remains_is_the_noise_and_offsets_are_found(fitted):
+    for result in fitted.traces:
+        assert result.rmse["x_d"] == pytest.approx(8e-6, rel=0.06)
+        assert result.rmse["p_act"] == pytest.approx(60.0, rel=0.06)
+        assert result.offset["x_d"] == pytest.approx(2e-5, abs=2e-6)
+        assert result.offset["p_act"] == pytest.approx(-150.0, abs=15)
+    assert fitted.uncertainty.scale == pytest.approx(1.0, abs=0.1)
+    assert [result.use for result in fitted.traces] == ["fit", "validate"]
+
+
+def test_standard_errors_cover_the_truth_as_often_as_they_claim(fitted):
+    """Monte Carlo: the scatter of 30 fits of the same bench is what each of them claims, within its own error."""
+    found, claimed = [], []
+    for seed in range(30):
+        run = calibrate(plan_task(vgtjax.Actuator(), [bench(100 + seed)], free=FREE))
+        found.append(run.values)
+        claimed.append(run.std_errors)
+    # The deviation of 30 samples is known to 13 %; three of those.
+    np.testing.assert_allclose(np.std(found, axis=0, ddof=1), np.mean(claimed, axis=0), rtol=0.4)
+    truth = np.array([TRUTH[entry] for entry in fitted.task.selection.entries])
+    inside = np.abs(np.array(found) - truth) < 1.96 * np.array(claimed)
+    assert 0.85 <= inside.mean() <= 1.0  # 95 % of 90, four binomial deviations below
+
+
+def test_uncertainty_of_a_straight_line_is_the_textbook_one():
+    x = np.linspace(0, 1, 50)
+    columns = np.stack([np.ones_like(x), x], axis=1)
+    residuals = np.random.default_rng(0).normal(size=50)
+    found = estimate_uncertainty(residuals, columns, 48)
+    scale = residuals @ residuals / 48
+    np.testing.assert_allclose(found.covariance, scale * np.linalg.inv(columns.T @ columns), rtol=1e-12)
+    assert found.scale == pytest.approx(scale)
+
+
+def test_null_directions_make_exactly_their_parameters_unidentifiable():
+    rng = np.random.default_rng(0)
+    columns = rng.normal(size=(200, 4)) * [1e3, 1.0, 1e-3, 1.0]  # units must not matter
+    assert identifiable(columns).tolist() == [True] * 4
+    twins = np.column_stack([columns, 5 * columns[:, 1], np.zeros(200)])
+    assert identifiable(twins).tolist() == [True, False, True, True, False, False]
+    found = estimate_uncertainty(rng.normal(size=200), twins, 194)
+    assert np.all(found.covariance[5] == 0)
+
+
+def test_an_engineer_is_told_before_the_fit_what_the_traces_do_not_determine():
+    """Of the two dampings only the sum acts (erratum 11), and the closed stop is never touched."""
+    free = ["diaphragm.stiffness", "diaphragm.damping", "friction.viscous_damping", "diaphragm.travel"]
+    values = {"diaphragm.damping": 1.0}  # positive, or its logarithm has no start
+    calibrator = start_calibration(plan_task(vgtjax.Actuator(), [bench(0)], free=free, values=values))
+    unseen = set(calibrator.unidentifiable())
+    assert unseen == {"diaphragm.damping", "friction.viscous_damping", "diaphragm.travel"}
+
+
+def test_bounds_are_respected_and_reported():
+    task = plan_task(vgtjax.Actuator(), [bench(0)], free=FREE, bounds={"diaphragm.stiffness": (11000.0, 12200.0)})
+    run = calibrate(task)
+    index = run.task.selection.entries.index("diaphragm.stiffness")
+    assert 11000 < run.values[index] <= 12200
+    assert run.transform.at_bound(run.values)[index]
+
+
+def test_a_trial_whose_simulation_fails_is_rejected_and_shortened():
+    """From a start far off, with a step so long that the chamber's volume would vanish."""
+    values = {**TRUTH, "chamber.volume": 3.2e-5}
+    task = plan_task(vgtjax.Actuator(), [bench(0)], free=["chamber.volume"], values=values)
+    problem = start_calibration(task).minimiser.problem
+    transform = build_transform(vgtjax.parameter_table(task.model), ["chamber.volume"], np.array([3.2e-5]), {})
+    broken = float(transform.to_unconstrained(jnp.asarray([1e-6]))[0])
+    assert not np.any(np.isfinite(problem.residuals(jnp.asarray([broken]))))  # never zero, never NaN
+    minimiser = LevenbergMarquardt(problem, np.asarray(transform.to_unconstrained(jnp.asarray([3.2e-5]))))
+    minimiser._state = dataclasses.replace(minimiser._state, y_eval=jnp.asarray([broken]))
+    progress = minimiser.step()
+    assert progress.failed == 1
+    assert progress.rejected_in_a_row == 1
+    assert progress.cost == progress.history[0]
+    assert progress.step_size < 1
+    while not progress.finished:
+        progress = minimiser.step()
+    assert progress.converged
+    assert transform.to_physical(jnp.asarray(progress.coordinates))[0] == pytest.approx(57e-6, rel=0.02)
+
+
+def test_a_start_that_fails_says_so():
+    task = plan_task(vgtjax.Actuator(), [bench(0)], free=["chamber.volume"], values={"chamber.volume": 1e-6})
+    with pytest.raises(vgtjax.SimulationError, match="simulation with the start values fails"):
+        start_calibration(task)
+
+
+def test_an_interrupted_fit_goes_on_exactly_where_it_was(fitted):
+    task = plan_task(vgtjax.Actuator(), [bench(0)], free=FREE)
+    first = start_calibration(task).minimiser
+    first.step()
+    saved = Progress(**dataclasses.asdict(first.step()))
+    rest = start_calibration(task, saved).minimiser
+    while not rest.progress.finished:
+        rest.step()
+    assert rest.progress == fitted.progress
+
+
+def test_residuals_carry_the_segment_parallel_jacobian():
+    task = plan_task(vgtjax.Actuator(), [bench(0)], free=FREE)
+    problem = start_calibration(task).minimiser.problem
+    start = problem.transform.to_unconstrained(problem.selection.pack(problem.model))
+    tangent = jnp.asarray([0.3, -0.2, 0.5])
+    values, pushed = jax.jvp(problem.residuals, (start,), (tangent,))
+    h = 1e-5
+    difference = (problem.residuals(start + h * tangent) - problem.residuals(start - h * tangent)) / (2 * h)
+    # 1e-4 of the norm: a kink of the friction that moves over a sample.
+    assert np.linalg.norm(pushed - difference) < 1e-4 * np.linalg.norm(difference)
+    assert 0.5 * float(values @ values) > 1
+
+
+def test_converged_means_that_another_step_gains_nothing(fitted):
+    counts = 2 * np.array(fitted.progress.history) * 2 * len(fitted.task.fit[0].time)
+    assert counts[-2] - counts[-1] < CHI2_TOLERANCE
+
+
+def test_a_trace_with_one_channel_is_fitted_on_it():
+    both = bench(0)
+    run = calibrate(plan_task(vgtjax.Actuator(), [dataclasses.replace(both, x_d=None)], free=["chamber.volume"]))
+    assert set(run.traces[0].rmse) == {"p_act"}
+    assert run.progress.converged
+
+
+def test_a_fit_without_traces_is_refused():
+    with pytest.raises(vgtjax.InputError, match="at least one trace with use = 'fit'"):
+        plan_task(vgtjax.Actuator(), [])
