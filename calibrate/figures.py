@@ -11,7 +11,7 @@ POINTS = 1500
 """Pairs of points a curve; extremes are kept, so no spike is lost."""
 SCALE = {"x_d": 1e3, "p_act": 1e-2}
 LABEL = {"x_d": "position, mm", "p_act": "pressure, mbar gauge"}
-RESIDUAL = {"x_d": ("position residual, um", 1e6), "p_act": ("pressure residual, Pa", 1.0)}
+RESIDUAL = {"x_d": ("residual, um", 1e6), "p_act": ("residual, Pa", 1.0)}
 
 
 def thin(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -84,7 +84,7 @@ def trace_figure(result: TraceResult) -> go.Figure:
             col=1,
         )
         figure.update_yaxes(title_text=LABEL[channel], row=row, col=1)
-        figure.update_yaxes(title_text=label.replace(" residual", "<br>residual"), row=row + 1, col=1)
+        figure.update_yaxes(title_text=label, row=row + 1, col=1)
     if trace.pwm is not None:
         figure.add_trace(_line(trace.time, trace.pwm, DUTY, "duty", line_shape="hv", showlegend=False), row=rows, col=1)
         figure.update_yaxes(title_text="duty, %", row=rows, col=1)

@@ -54,9 +54,9 @@ class Progress:
     def verdict(self) -> str:
         """Why the fit stopped, or that it has not."""
         if self.converged:
-            return f"converged: the last step lowered chi^2 by less than {CHI2_TOLERANCE:g}"
+            return f"the last step lowered chi^2 by less than {CHI2_TOLERANCE:g}"
         if self.rejected_in_a_row >= MAX_REJECTED:
-            return f"stuck: {MAX_REJECTED} trial steps in a row did not lower the cost"
+            return f"stuck, {MAX_REJECTED} trial steps in a row did not lower the cost"
         if self.iteration >= MAX_ITERATIONS:
             return f"not converged after {MAX_ITERATIONS} iterations"
         return "running"

@@ -1,0 +1,50 @@
+"""The README says what is true: its code runs, its commands are CI's, its files exist."""
+
+import pathlib
+import re
+import tomllib
+
+import pytest
+from support import EXAMPLE
+
+import vgtjax
+from calibrate.study import Study
+
+ROOT = pathlib.Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def blocks(language):
+    return re.findall(rf"```{language}\n(.*?)```", README, flags=re.DOTALL)
+
+
+def test_python_example_runs(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    monkeypatch.setattr(vgtjax, "configure", lambda: None)  # the session is configured already
+    scope = {}
+    exec(blocks("python")[0], scope)
+    assert scope["solution"].x_d.shape == scope["trace"].time.shape
+    assert scope["slopes"].shape == (len(scope["trace"].time), 2, 8)
+
+
+def test_study_example_is_a_study():
+    study = Study.model_validate(tomllib.loads(blocks("toml")[0]))
+    assert study.trace[1].use == "validate"
+
+
+def test_ci_finds_both_commands():
+    commands = blocks("bash")
+    assert "-m calibrate fit --out out/example" in commands[0]
+    assert commands[1].rstrip().endswith("-m pytest")
+    for command in commands[:2]:
+        assert command.startswith("python3 -m venv .venv && ")
+        assert command.count("\n") == 1  # .ci/run takes one line
+
+
+@pytest.mark.parametrize("target", re.findall(r"\]\((?!http)([^)]+)\)", README))
+def test_links_lead_somewhere(target):
+    assert (ROOT / target).exists()
+
+
+def test_the_example_is_small():
+    assert sum(file.stat().st_size for file in EXAMPLE.iterdir()) < 2.5e6
