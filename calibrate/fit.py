@@ -143,6 +143,7 @@ def _summary(calibration: Calibration, seconds: float, unseen: list[str], job: J
         "wall_seconds": round(seconds, 3),
         "cost": progress.cost,
         "chi2_per_degree_of_freedom": calibration.uncertainty.scale,
+        "chi2_gain_of_a_further_linear_step": calibration.uncertainty.further_gain,
         "unidentifiable_at_start": unseen,
         "study_sha256": job.fingerprint,
         "traces": traces,

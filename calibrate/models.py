@@ -136,8 +136,7 @@ def check_bounds(model: vgtjax.AbstractModel, bounds: Bounds) -> None:
     selection = vgtjax.select(model, free=list(bounds))
     for entry, value in zip(selection.entries, selection.pack(model).tolist(), strict=True):
         low, high = bounds[entry]
-        if (low is not None and not low <= value) or (high is not None and not value <= high):
-            raise InputError(
-                f"'{entry}' must lie between its bounds {low} and {high}, but it is {value:g}; change the value "
-                "or the bounds under [parameters]"
-            )
+        if low is not None and not low <= value:
+            raise InputError(f"'{entry}' must be at least {low:g}, but it is {value:g}; change one under [parameters]")
+        if high is not None and not value <= high:
+            raise InputError(f"'{entry}' must be at most {high:g}, but it is {value:g}; change one under [parameters]")

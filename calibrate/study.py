@@ -119,7 +119,7 @@ def _sentence(error: pydantic.ValidationError) -> str:
     where = ".".join(map(str, place)) or "the study"
     if first["type"] == "extra_forbidden":
         if len(place) == 3 and isinstance(first["input"], dict):
-            return f"the parameter name {where.removeprefix('parameters.')} must be in quotes; write them"
+            return f'a parameter\'s name must be in quotes; write "{".".join(place[1:])}" = ...'
         known = _keys_at(place[:-1])
         near = difflib.get_close_matches(str(place[-1]), known, n=1, cutoff=0.0)
         return f"unknown key '{where}'; did you mean '{near[0]}'?"
@@ -130,7 +130,7 @@ def _sentence(error: pydantic.ValidationError) -> str:
         near = difflib.get_close_matches(given, known, n=1, cutoff=0.0)
         return f"{where} must be one of {', '.join(known)}, but it is '{given}'; did you mean '{near[0]}'?"
     if first["type"] == "model_type":
-        return f"'{where}' must be a table, but it is {first['input']!r}; see the study format"
+        return f"'{where}' must be a table, but it is {first['input']!r}; write e.g. {{value = {first['input']!r}}}"
     message = first["msg"].removeprefix("Value error, ")
     if first["type"] == "value_error":
         return message

@@ -2,13 +2,19 @@
 
 import os
 import pathlib
-import sys
 
 # XLA compiles a loop over scalars natively only below 1 kB of data touched; a march over a trace touches more. Without
 # this, every arithmetic group of every step is a dispatched kernel: 27 ms for a 10 s trace instead of 3 ms.
 _NATIVE_LOOPS = "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=1000000000"
 # Twice the lanes a vector instruction, where the processor has them: a tenth to a quarter of a batch's time.
 _WIDE_VECTORS = "--xla_cpu_prefer_vector_width=512"
+
+
+def _usable_cores() -> int:
+    """Cores that this process may use; a container or a scheduler often allows fewer than there are."""
+    if hasattr(os, "sched_getaffinity"):  # not on macOS and Windows
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def configure(
@@ -39,10 +45,11 @@ def configure(
     os.environ["XLA_FLAGS"] = flags
     import jax
 
-    if "jax" in sys.modules and jax._src.xla_bridge.backends_are_initialized():
-        raise RuntimeError("vgtjax.configure() must be called before JAX computes anything; call it first")
+    try:  # JAX refuses this once it has started, and then the flags above come too late as well
+        jax.config.update("jax_num_cpu_devices", cpu_devices or _usable_cores())
+    except RuntimeError as error:
+        raise RuntimeError("vgtjax.configure() must be called before JAX computes anything; call it first") from error
     jax.config.update("jax_enable_x64", x64)
-    jax.config.update("jax_num_cpu_devices", cpu_devices or len(os.sched_getaffinity(0)))
     if cache is not None:
         jax.config.update("jax_compilation_cache_dir", str(pathlib.Path(cache)))
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)

@@ -97,6 +97,8 @@ def test_uncertainty_of_a_straight_line_is_the_textbook_one():
     scale = residuals @ residuals / 48
     np.testing.assert_allclose(found.covariance, scale * np.linalg.inv(columns.T @ columns), rtol=1e-12)
     assert found.scale == pytest.approx(scale)
+    drop = residuals @ residuals - np.sum((residuals - columns @ np.linalg.lstsq(columns, residuals)[0]) ** 2)
+    assert found.further_gain == pytest.approx(drop)
 
 
 def test_null_directions_make_exactly_their_parameters_unidentifiable():
@@ -180,6 +182,7 @@ def test_residuals_carry_the_segment_parallel_jacobian():
 def test_converged_means_that_another_step_gains_nothing(fitted):
     counts = 2 * np.array(fitted.progress.history) * 2 * len(fitted.task.fit[0].time)
     assert counts[-2] - counts[-1] < CHI2_TOLERANCE
+    assert fitted.uncertainty.further_gain < 0.01
 
 
 def test_a_trace_with_one_channel_is_fitted_on_it():

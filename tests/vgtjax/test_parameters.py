@@ -34,7 +34,7 @@ def test_names_are_field_paths(actuator, table):
 
 
 def test_every_array_of_the_model_is_in_the_table(actuator, table):
-    assert len(jax.tree.leaves(actuator)) == len(table) == 31
+    assert len(jax.tree.leaves(actuator)) == len(table)
 
 
 def test_every_row_says_symbol_unit_and_source(table):
@@ -207,7 +207,7 @@ def test_bounds_narrow_the_domain_of_the_table(table, entry, start, bounds, ends
 def test_a_start_value_must_lie_inside_its_bounds(table, start, bounds):
     with pytest.raises(
         vgtjax.InputError,
-        match=rf"^the start value of 'diaphragm\.stiffness' must lie strictly between .*, but it is {start:g}; change the",
+        match=rf"^the start value of 'diaphragm\.stiffness' must lie strictly between .*, but it is {start:g}; change",
     ):
         build_transform(table, ["diaphragm.stiffness"], np.array([start]), {"diaphragm.stiffness": bounds})
 

@@ -97,6 +97,8 @@ class Calibration:
     covariance: Float[np.ndarray, "parameters parameters"]
     uncertainty: Uncertainty
     traces: list[TraceResult]
+    count: int
+    """Number of measurements fitted."""
 
     @property
     def std_errors(self) -> Float[np.ndarray, " parameters"]:
@@ -136,6 +138,7 @@ class Calibrator:
             uncertainty.covariance * np.outer(slope, slope),
             uncertainty,
             compare(self.task, model),
+            problem.count,
         )
 
 

@@ -17,12 +17,15 @@ class Uncertainty:
     """Linearised uncertainty of fitted parameters, all in the coordinates of the Jacobian.
 
     `covariance` is `(parameters, parameters)` with zeros for unidentifiable ones; `scale` is the factor
-    `chi^2 / (degrees of freedom)` by which residuals exceed the assumed noise.
+    `chi^2 / (degrees of freedom)` by which residuals exceed the assumed noise. `further_gain` is how much a full
+    Gauss-Newton step would still lower chi^2 if the model were linear: far above one at the end of a fit, it says that
+    kinks or weakly determined parameters have stopped it, and that the standard errors are only indicative.
     """
 
     covariance: Float[np.ndarray, "parameters parameters"]
     identifiable: Bool[np.ndarray, " parameters"]
     scale: float
+    further_gain: float
 
 
 def identifiable(columns: Float[np.ndarray, "residuals parameters"]) -> Bool[np.ndarray, " parameters"]:
@@ -56,9 +59,11 @@ def estimate_uncertainty(
     known = identifiable(columns)
     scale = float(residuals @ residuals / degrees_of_freedom)
     covariance = np.zeros((columns.shape[1],) * 2)
+    further_gain = 0.0
     if np.any(known):
         lengths = np.linalg.norm(columns[:, known], axis=0)
-        triangle = np.linalg.qr(columns[:, known] / lengths, mode="r")
+        basis, triangle = np.linalg.qr(columns[:, known] / lengths)
+        further_gain = float(np.sum((basis.T @ residuals) ** 2))
         inverse = np.linalg.pinv(triangle, rcond=NULL)
         covariance[np.ix_(known, known)] = scale * (inverse @ inverse.T) / np.outer(lengths, lengths)
-    return Uncertainty(covariance, known, scale)
+    return Uncertainty(covariance, known, scale, further_gain)

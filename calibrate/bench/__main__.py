@@ -1,0 +1,57 @@
+"""The command line of the benchmarks: `python -m calibrate.bench`."""
+
+import importlib.metadata
+import os
+import pathlib
+import platform
+import sys
+
+import click
+
+_CASES = ("forward", "jacobian", "batch", "fit", "cold-start")
+_PACKAGES = ("jax", "diffrax", "numba", "scipy", "casadi")
+
+
+@click.command(context_settings={"help_option_names": ["-h", "--help"]})
+@click.option("--out", type=click.Path(path_type=pathlib.Path), metavar="FILE.md", help="Also write markdown.")
+@click.option("--only", type=click.Choice(_CASES), multiple=True, help="Only this benchmark; may be repeated.")
+def main(out: pathlib.Path | None, only: tuple[str, ...]) -> None:
+    """Times this package beside what a user would write instead; about five minutes on two cores."""
+    from vgtjax import configure
+    from vgtjax.errors import InputError
+
+    configure()  # no compilation cache: the first calls are meant to compile
+    import rich.console
+
+    from .cases import CASES
+    from .table import show, to_markdown
+
+    console = rich.console.Console()
+    machine = _machine()
+    console.print(machine, highlight=False)
+    sections = []
+    try:
+        for name in only or _CASES:
+            with console.status(f"measuring {name}"):
+                sections.append(CASES[name]())
+            show(sections[-1], console)
+            if out is not None:
+                # After every benchmark, so that an interrupted run keeps what it measured.
+                out.write_text(to_markdown(sections, machine), encoding="utf-8")
+    except InputError as error:
+        click.echo(f"error: {error}", err=True)
+        sys.exit(2)
+
+
+def _machine() -> str:
+    versions = ", ".join(f"{name} {importlib.metadata.version(name)}" for name in _PACKAGES)
+    load = os.getloadavg()[0]
+    return (
+        f"{len(os.sched_getaffinity(0))} cores ({platform.machine()}, {platform.system()}), Python "
+        f"{platform.python_version()}, {versions}; load before the start {load:.1f}. Times are medians of rounds in "
+        "which all contestants take turns; a ratio above one says how many times longer than the first row it took."
+    )
+
+
+if __name__ == "__main__":
+    main(prog_name="python -m calibrate.bench")

@@ -1,0 +1,15 @@
+"""The benchmarks, one file each; every one returns a table."""
+
+from collections.abc import Callable
+
+from ..table import Section
+from . import batch, cold_start, fit, forward, jacobian
+
+CASES: dict[str, Callable[[], Section]] = {
+    "forward": forward.measure,
+    "jacobian": jacobian.measure,
+    "batch": batch.measure,
+    "fit": fit.measure,
+    "cold-start": cold_start.measure,
+}
+"""By the name on the command line, in the order in which they run."""

@@ -1,0 +1,8 @@
+"""x."""
+
+from ..table import Section
+
+
+def measure() -> Section:
+    """X."""
+    raise NotImplementedError

@@ -1,0 +1,120 @@
+"""Derivatives of five traces by 25 parameters: exact and parallel, plain forward mode, and finite differences."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+import vgtjax
+
+from .. import casadi_plant, numba_plant
+from ..data import example_traces, reference, seconds_of
+from ..plain import PlainJax
+from ..table import Section, seconds, times
+from ..timing import interleave
+from ..workloads import HELD, forward_mode
+
+ROUNDS = 5
+STEP = 1e-3
+"""Relative step of the finite differences: smaller ones measure the noise of hard switching, larger ones curvature."""
+FINE = 5e-5
+"""Step in s of the plant behind the reference derivatives."""
+COLUMNS = ("contestant", "first call", "time", "per s of trace", "ratio", "error, median", "error, 90 %")
+_OURS = "vgtjax.jacobian"
+_CASADI = "CasADi CVODES forward sensitivities"
+
+
+def measure() -> Section:
+    """Times every contestant on the example's fit traces, and CasADi on one reference trace."""
+    model, traces = vgtjax.Actuator(), example_traces()
+    short = [reference("step_80").trace]
+    selection = vgtjax.select(model, fixed=HELD)
+    sensitivities = casadi_plant.CvodesPlant(short[0]).jacobian(selection.entries)
+    differences = _Differences(model, selection)
+    with PlainJax("forward-mode") as plain:
+        contestants: dict[str, Callable[[], Any]] = {
+            _OURS: lambda: vgtjax.jacobian(model, traces, fixed=HELD),
+            "jax.jacfwd through vgtjax.simulate": forward_mode(traces),
+            "the same, plain JAX settings (only x64)": plain,
+            "numba RK4 differences, one core": lambda: differences.one_sided(traces, parallel=False),
+            "numba RK4 differences, all cores": lambda: differences.one_sided(traces, parallel=True),
+            _CASADI: lambda: sensitivities(model),
+        }
+        timings, results = interleave(contestants, ROUNDS)
+    results["the same, plain JAX settings (only x64)"] = results["jax.jacfwd through vgtjax.simulate"]
+    truth, short_truth = differences.central(traces), differences.central(short)
+    derivatives = results[_CASADI].reshape(2, -1, len(selection.entries)).transpose(1, 0, 2)
+    section = Section("Jacobian", _about(traces, selection), COLUMNS, notes=_notes(results, traces, short))
+    for name, timing in timings.items():
+        length = seconds_of(short if name == _CASADI else traces)
+        errors = _errors([derivatives], short_truth) if name == _CASADI else _errors(results[name], truth)
+        ratio = timing.ratio(timings[_OURS]) * seconds_of(traces) / length
+        scaled = " scaled" if name == _CASADI else ""
+        cells = (seconds(timing.first), seconds(timing.median), seconds(timing.median / length))
+        section.add(name, *cells, times(ratio) + scaled, f"{np.median(errors):.2%}", f"{np.quantile(errors, 0.9):.2%}")
+    return section
+
+
+def _about(traces: list[vgtjax.Trace], selection: vgtjax.Selection) -> str:
+    return (
+        f"{len(traces)} traces of {seconds_of(traces):.1f} s together at 1 kHz (the fit traces of the example), two "
+        f"signals by {len(selection.entries)} parameters at their printed values, {ROUNDS} rounds; fixed steps of "
+        f"0.5 ms, {2 * sum(len(trace.time) - 1 for trace in traces):,} in all."
+    )
+
+
+def _notes(results: dict[str, Any], traces: list[vgtjax.Trace], short: list[vgtjax.Trace]) -> list[str]:
+    plain = results["jax.jacfwd through vgtjax.simulate"]
+    gap = max(
+        np.max(np.linalg.norm(a - np.asarray(b), axis=0) / (np.linalg.norm(np.asarray(b), axis=0) + 1e-300))
+        for a, b in zip(results[_OURS], plain, strict=True)
+    )
+    return [
+        f"CasADi ran on one trace of {seconds_of(short):.1f} s only, because its reservoir pressure must be constant; "
+        f"its ratio is scaled to the {seconds_of(traces):.1f} s of the others.",
+        f"Errors are of whole columns, |J - J0| / |J0| of each signal and parameter. J0 is central differences with a "
+        f"relative step of {STEP:g} on the plant with hard switching, RK4 at {FINE * 1e3:g} ms; it is no truth below "
+        "about 1 %, since it steps over switching times.",
+        f"vgtjax.jacobian and forward mode differ by at most {gap:.0e} of a column.",
+        f"The differences are one-sided with a relative step of {STEP:g}: one run a parameter and one more.",
+    ]
+
+
+def _errors(found: list[Any], truth: list[np.ndarray]) -> np.ndarray:
+    columns = np.concatenate([np.asarray(block) for block in found])
+    exact = np.concatenate(truth)
+    size = np.linalg.norm(exact, axis=0)
+    return (np.linalg.norm(columns - exact, axis=0) / np.where(size > 0, size, np.nan))[size > 0]
+
+
+class _Differences:
+    """Finite differences of the numba plant by the chosen parameters, `(time, 2, parameters)` a trace."""
+
+    def __init__(self, model: vgtjax.Actuator, selection: vgtjax.Selection):
+        self._theta = numba_plant.pack(model)
+        self._where = [numba_plant.ENTRIES.index(entry) for entry in selection.entries]
+        self._steps = STEP * np.abs(self._theta[self._where])
+
+    def _moved(self, sign: float) -> np.ndarray:
+        thetas = np.tile(self._theta, (len(self._where), 1))
+        thetas[np.arange(len(self._where)), self._where] += sign * self._steps
+        return thetas
+
+    def one_sided(self, traces: list[vgtjax.Trace], *, parallel: bool) -> list[np.ndarray]:
+        """As a user would: the plain run and one more a parameter."""
+        found = []
+        for trace in traces:
+            seen = numba_plant.simulate(np.vstack([self._theta, self._moved(1)]), trace, parallel=parallel)
+            found.append(np.stack([(s[1:] - s[0]) / self._steps[:, None] for s in seen]).transpose(2, 0, 1))
+        return found
+
+    def central(self, traces: list[vgtjax.Trace]) -> list[np.ndarray]:
+        """Two runs a parameter with fine steps."""
+        found = []
+        for trace in traces:
+            up, down = (
+                np.stack(numba_plant.simulate(self._moved(sign), trace, parallel=True, max_step=FINE))
+                for sign in (1, -1)
+            )
+            found.append(((up - down) / (2 * self._steps[:, None])).transpose(2, 0, 1))
+        return found

@@ -1,0 +1,53 @@
+"""Running the command line inside the process of the tests, whose JAX is set up already."""
+
+import contextlib
+import dataclasses
+import io
+import json
+import pathlib
+from typing import Any
+from unittest import mock
+
+import calibrate.__main__ as command_line
+
+
+@dataclasses.dataclass(frozen=True)
+class Outcome:
+    """What a user sees of a command."""
+
+    status: int
+    out: str
+    err: str
+
+
+def run_command(*arguments: str | pathlib.Path) -> Outcome:
+    """`python -m calibrate ARGUMENTS`, without another process."""
+    out, err, status = io.StringIO(), io.StringIO(), 0
+    with (
+        mock.patch.object(command_line, "_prepare_jax"),
+        contextlib.redirect_stdout(out),
+        contextlib.redirect_stderr(err),
+    ):
+        try:
+            command_line.main([str(argument) for argument in arguments], prog_name="python -m calibrate")
+        except SystemExit as end:
+            status = int(end.code or 0)
+    return Outcome(status, out.getvalue(), err.getvalue())
+
+
+def read(path: pathlib.Path) -> Any:
+    """The content of a JSON file."""
+    return json.loads(path.read_text(encoding="utf-8"))
+
+
+def cut_example(name: str, seconds: float, folder: pathlib.Path, new_name: str | None = None) -> None:
+    """The first seconds of a trace that ships, as `folder/NEW_NAME.csv`."""
+    example = pathlib.Path(command_line.__file__).parent / "example" / f"{name}.csv"
+    lines = example.read_text(encoding="utf-8").splitlines()[: round(seconds * 1000) + 2]
+    (folder / f"{new_name or name}.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def assert_refused(outcome: Outcome, sentence: str, out: pathlib.Path) -> None:
+    """Bad input: one line that says so, exit status 2, and nothing written."""
+    assert outcome == Outcome(2, "", f"error: {sentence}\n")
+    assert not out.exists()
