@@ -6,7 +6,6 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import lineax as lx
 import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
@@ -14,6 +13,7 @@ from jaxtyping import Array, Float
 from ..devices import replicate
 from ..errors import SimulationError
 from .residuals import Problem
+from .seminormal import SeminormalEquations
 
 CHI2_TOLERANCE = 0.01
 """A fit has converged when a step lowers chi^2 by less: a move of a tenth of a standard error in any one direction."""
@@ -66,8 +66,7 @@ def _residuals(coordinates: Float[Array, " parameters"], problem: Problem) -> tu
     return problem.residuals(coordinates), None
 
 
-# A tall, thin Jacobian: QR, never the normal equations, which would square its condition number.
-_SOLVER: optx.LevenbergMarquardt = optx.LevenbergMarquardt(rtol=1e-8, atol=1e-8, linear_solver=lx.QR())
+_SOLVER: optx.LevenbergMarquardt = optx.LevenbergMarquardt(rtol=1e-8, atol=1e-8, linear_solver=SeminormalEquations())
 
 
 @eqx.filter_jit
