@@ -1,9 +1,14 @@
 """The command line: `python -m calibrate COMMAND`."""
 
+import contextlib
 import importlib
+import os
 import pathlib
+import signal
 import sys
+import types
 from collections.abc import Callable
+from typing import NoReturn
 
 import click
 
@@ -53,25 +58,33 @@ def _prepare_jax() -> None:
 
 def _run(command: str, *arguments: pathlib.Path | None) -> None:
     """Runs a command; what went wrong becomes one sentence and an exit status."""
+    previous = signal.signal(signal.SIGINT, _leave)
     try:
-        _run_or_say(command, *arguments)
-    except KeyboardInterrupt:
-        click.echo("interrupted; the same command goes on from here", err=True)
-        sys.exit(130)
+        from vgtjax.errors import InputError, SimulationError
+
+        try:
+            _prepare_jax()
+            importlib.import_module(f".{command}", __package__).run(*arguments)
+        except InputError as error:
+            click.echo(f"error: {error}", err=True)
+            sys.exit(2)
+        except SimulationError as error:
+            click.echo(f"failed: {error}", err=True)
+            sys.exit(1)
+    finally:
+        signal.signal(signal.SIGINT, previous)
 
 
-def _run_or_say(command: str, *arguments: pathlib.Path | None) -> None:
-    from vgtjax.errors import InputError, SimulationError  # loads JAX: a second, in which a user may think again
+def _leave(number: int, frame: types.FrameType | None) -> NoReturn:
+    """Ends the process at once; files are written whole, so the same command goes on from what is there.
 
-    try:
-        _prepare_jax()
-        importlib.import_module(f".{command}", __package__).run(*arguments)
-    except InputError as error:
-        click.echo(f"error: {error}", err=True)
-        sys.exit(2)
-    except SimulationError as error:
-        click.echo(f"failed: {error}", err=True)
-        sys.exit(1)
+    A `KeyboardInterrupt` got lost where Python ignores exceptions, in callbacks of imports and of garbage collection.
+    """
+    with contextlib.suppress(RuntimeError):  # interrupted while it was flushing
+        sys.stdout.flush()
+    show_cursor = "\x1b[?25h\n" if sys.stdout.isatty() else ""
+    os.write(2, f"{show_cursor}interrupted; the same command goes on from here\n".encode())
+    os._exit(130)
 
 
 if __name__ == "__main__":

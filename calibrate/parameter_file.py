@@ -43,7 +43,6 @@ def rows(calibration: Calibration) -> list[Row]:
     values = np.asarray(everything.pack(calibration.model)).tolist()
     initials = np.asarray(everything.pack(calibration.task.model)).tolist()
     free = {entry: i for i, entry in enumerate(calibration.task.selection.entries)}
-    at_bound = calibration.transform.at_bound(calibration.values)
     found = []
     for entry, value, initial in zip(everything.entries, values, initials, strict=True):
         row = vgtjax.parameters.table_row(table, entry)
@@ -61,7 +60,7 @@ def rows(calibration: Calibration) -> list[Row]:
                 free=position is not None,
                 lower=low,
                 upper=high,
-                at_bound=position is not None and bool(at_bound[position]),
+                at_bound=position is not None and bool(calibration.at_bound[position]),
                 identifiable=position is not None and bool(calibration.uncertainty.identifiable[position]),
                 assumed=row.assumed,
                 source=row.source,

@@ -8,8 +8,6 @@ import equinox as eqx
 import equinox.internal as eqxi
 import jax
 import jax.numpy as jnp
-import numpy as np
-from jaxtyping import Array
 
 from .drive import Drive
 from .errors import InputError
@@ -31,7 +29,8 @@ class FixedStep(AbstractStepping):
     """Equal steps that divide every interval between samples: the default.
 
     A duty step falls on an interval's edge, so no step ever straddles a jump; nothing depends on data, so batches
-    stay in step. `solver` is any diffrax solver; by default [`StabilisedHeun`][].
+    stay in step. `solver` is a diffrax solver, by default [`StabilisedHeun`][]; an implicit one needs a root finder
+    with tolerances of its own, as there is no step size controller to take them from.
     """
 
     max_step: float = eqx.field(static=True, default=5e-4)
@@ -55,8 +54,10 @@ class FixedStep(AbstractStepping):
         def one(carry, index):
             y, memory = carry
             begin = index * step
-            y, _, _, memory, _ = solver.step(term, begin, begin + step, y, drive, memory, made_jump=False)
-            return (y, memory), None
+            y, _, _, memory, result = solver.step(term, begin, begin + step, y, drive, memory, made_jump=False)
+            # An implicit solver that did not find its root has failed, however finite its answer is.
+            solved = result == diffrax.RESULTS.successful
+            return (jax.tree.map(lambda leaf: jnp.where(solved, leaf, jnp.nan), y), memory), None
 
         (state, _), _ = jax.lax.scan(one, (state, memory), jnp.arange(substeps, dtype=step.dtype), unroll=unroll)
         return state
@@ -101,10 +102,10 @@ def _unsuitable(adjoint: diffrax.AbstractAdjoint) -> InputError:
 
 
 class AdaptiveStep(AbstractStepping):
-    """Error-controlled steps over the whole trace by `diffrax.diffeqsolve`, told of every jump of the duty.
+    """Error-controlled steps over the whole trace by `diffrax.diffeqsolve`.
 
-    The independent check of [`FixedStep`][], and the better choice for a slowly sampled trace with few duty steps.
-    `atol` is relative to the usual size of each state.
+    The independent check of [`FixedStep`][], which is faster. Every sample is declared to the controller as a jump,
+    since the duty may step and every pressure has a kink there. `atol` is relative to the usual size of each state.
     """
 
     rtol: float = 1e-6
@@ -128,7 +129,7 @@ class AdaptiveStep(AbstractStepping):
             return jax.tree.map(jnp.divide, model.vector_field(time - starts[index], state, here), size)
 
         controller = diffrax.ClipStepSizeController(
-            diffrax.PIDController(rtol=self.rtol, atol=self.atol), jump_ts=self._jumps(starts, drive)
+            diffrax.PIDController(rtol=self.rtol, atol=self.atol), jump_ts=starts[1:-1]
         )
         solution = diffrax.diffeqsolve(
             diffrax.ODETerm(vector_field),
@@ -146,11 +147,3 @@ class AdaptiveStep(AbstractStepping):
         )
         failed = solution.result != diffrax.RESULTS.successful
         return jax.tree.map(lambda leaf, s: jnp.where(failed, jnp.nan, leaf * s), solution.ys, size)
-
-    @staticmethod
-    def _jumps(starts: Array, drive: Drive) -> Array | None:
-        """Where the duty changes; every interval's start when that can't be read off a concrete trace."""
-        if drive.pwm is None or isinstance(drive.pwm, jax.core.Tracer):
-            return starts[1:-1]
-        changed = np.flatnonzero(np.diff(np.asarray(drive.pwm))) + 1
-        return starts[changed] if len(changed) else None

@@ -8,6 +8,7 @@ set that is held by default reads the same declaration through [`parameter_table
 import dataclasses
 import difflib
 import fnmatch
+import math
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
@@ -24,9 +25,10 @@ from .errors import InputError
 class Parameter:
     """One row of the parameter table.
 
-    `positive` says that the domain is `(0, inf)`, so that a fit moves the logarithm. `held` parameters are
-    measured, or can't be told apart from others; a fit leaves them alone unless the study frees them by name.
-    `assumed` marks values that no source states.
+    `positive` says that the domain is `(0, inf)`, so that a fit moves the logarithm; `lower` is the end of the domain
+    of one that is not, and may be reached. `default` is the printed value. `held` parameters are measured, or can't be
+    told apart from others; a fit leaves them alone unless the study frees them by name. `assumed` marks values that
+    no source states.
     """
 
     symbol: str
@@ -35,6 +37,8 @@ class Parameter:
     positive: bool = True
     held: bool = False
     assumed: bool = False
+    lower: float = -math.inf
+    default: float | tuple[float, ...] = 0.0
     name: str = ""
     size: int | None = None
 
@@ -51,7 +55,7 @@ def parameter(
     symbol: str,
     unit: str | tuple[str, ...],
     source: str,
-    **row: bool,
+    **row: Any,
 ) -> Any:
     """Declares a physical parameter as a field of an equinox module.
 
@@ -59,12 +63,12 @@ def parameter(
 
     - `default`: value in `unit`; tuples of both for a vector.
     - `symbol`, `unit`, `source`: as printed in the thesis.
-    - `row`: `positive`, `held`, `assumed` of [`Parameter`][].
+    - `row`: `positive`, `lower`, `held`, `assumed` of [`Parameter`][].
     """
     return eqx.field(
         default=default,
         converter=_as_float_array,
-        metadata={"parameter": Parameter(symbol, unit, source, **row)},
+        metadata={"parameter": Parameter(symbol, unit, source, default=default, **row)},
     )
 
 
@@ -94,14 +98,14 @@ def get_parameter(model: eqx.Module, name: str) -> Array:
 
 
 def replace_parameters(model: eqx.Module, values: dict[str, Any]) -> Any:
-    """A copy of `model` with the named parameters replaced; values in the units of the table."""
+    """A copy of `model` with the named parameters replaced; values in the units of the table, precision as it was."""
     names = list(values)
     if not names:
         return model
     return eqx.tree_at(
         lambda m: [get_parameter(m, name) for name in names],
         model,
-        [_as_float_array(values[name]) for name in names],
+        [_as_float_array(values[name]).astype(get_parameter(model, name).dtype) for name in names],
     )
 
 
@@ -203,4 +207,6 @@ def table_row(table: dict[str, Parameter], entry: str) -> Parameter:
     row = table[name]
     if index is None:
         return row
-    return dataclasses.replace(row, symbol=f"{row.symbol}{index}", unit=row.unit[index], name=entry, size=None)
+    return dataclasses.replace(
+        row, symbol=f"{row.symbol}{index}", unit=row.unit[index], default=row.default[index], name=entry, size=None
+    )

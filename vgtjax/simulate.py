@@ -70,7 +70,10 @@ def simulate(
     - `throw`: whether a simulation that leaves the finite numbers raises; when false, look at `solution.result`.
       A batch under `jax.vmap` wants `throw=False`, or one bad lane raises for all.
 
-    **Raises:** `InputError` when the trace lacks a column that the model needs.
+    Under `jax.jit`, close over the trace: `jax.jit(lambda model: simulate(model, trace).x_d)`.
+
+    **Raises:** `InputError` when the trace lacks a column that the model needs; with `throw`, a `RuntimeError` of
+    equinox with the advice of `RESULTS` when the simulation leaves the finite numbers.
     """
     require(trace, model.needs)
     stepping = FixedStep() if stepping is None else stepping

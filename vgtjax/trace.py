@@ -29,7 +29,7 @@ class Trace:
     in Pa gauge, `x_d` in m, `f_vane` and `f_drive` in N, `atmosphere` in Pa. `notes` says what loading assumed or
     ignored.
 
-    **Raises:** `InputError` when the signals differ in length or time does not increase.
+    **Raises:** `InputError` when the signals differ in length or are not finite, or time does not increase.
     """
 
     time: Samples
@@ -54,6 +54,10 @@ class Trace:
                     raise InputError(
                         f"{self.name}: every signal must have one value a time stamp, but {field} has shape "
                         f"{value.shape} against {np.shape(self.time)} of time; give arrays of equal length"
+                    )
+                if not np.all(np.isfinite(value)):
+                    raise InputError(
+                        f"{self.name}: every sample must be a finite number, but {field} has others; remove them"
                     )
         if len(self.time) < 2 or not np.all(np.diff(self.time) > 0):
             raise InputError(
@@ -106,10 +110,13 @@ class Trace:
     def start(self) -> Start:
         """What the trace says about the state at its first sample."""
         first = self.time <= self.time[0] + START_WINDOW
+        # What the first duty step has moved already says nothing about the rest before it.
+        still = first if self.pwm is None else first & np.logical_and.accumulate(self.pwm == self.pwm[0])
         pressure = 0.0 if self.p_act is None else float(np.mean(self.p_act[first]))
         position = 0.0 if self.x_d is None else float(np.mean(self.x_d[first]))
         off = self.pwm is None or self.pwm[0] == 0.0
-        vented = self.p_act is None or abs(pressure - self.atmosphere) <= SENSOR_PRESSURE_OFFSET
+        before = self.atmosphere if self.p_act is None else float(np.mean(self.p_act[still]))
+        vented = abs(before - self.atmosphere) <= SENSOR_PRESSURE_OFFSET
         driven = self.f_drive is not None
         return Start(
             at_rest=np.asarray(off and vented and not driven),

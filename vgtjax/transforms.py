@@ -1,58 +1,56 @@
-"""The map between physical parameters and the unconstrained coordinates that an optimiser moves.
+"""The map between physical parameters and the coordinates that an optimiser moves, and the box that holds them.
 
-Positive parameters move by their logarithm, bounded ones by a logistic, the rest by their start value as scale,
-so that a step of one in any coordinate is a large but sane change of that parameter.
+Positive parameters move by their logarithm, the rest by their start value as scale, so that a step of one in any
+coordinate is a large but sane change of that parameter. Bounds are ends of the coordinates, reached exactly; a
+transform that only tends to its bound (a logistic) would keep a fit creeping towards it forever.
 """
 
 from collections.abc import Sequence
 
 import equinox as eqx
-import jax.nn as jnn
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from .errors import InputError
 from .parameters import Parameter, table_row
 
 
 class Transform(eqx.Module):
-    """Entrywise bijection from `R` onto `(lower, upper)`, either of which may be infinite.
+    """Entrywise bijection between physical values and coordinates; all arrays have shape `(parameters,)`.
 
-    All three arrays have shape `(parameters,)` and physical units.
+    `positive` entries move by their logarithm, the others in units of `scale`; `lower` and `upper` are bounds of the
+    coordinates, infinite where there is none.
     """
 
+    positive: Bool[np.ndarray, " parameters"] = eqx.field(converter=np.asarray)
+    scale: Float[np.ndarray, " parameters"] = eqx.field(converter=np.asarray)
     lower: Float[np.ndarray, " parameters"] = eqx.field(converter=np.asarray)
     upper: Float[np.ndarray, " parameters"] = eqx.field(converter=np.asarray)
-    scale: Float[np.ndarray, " parameters"] = eqx.field(converter=np.asarray)
 
     def to_physical(self, coordinates: Float[Array, " parameters"]) -> Float[Array, " parameters"]:
-        """Physical values of unconstrained coordinates."""
-        below, above, lower, upper = self._ends()
-        grown = jnp.exp(coordinates)
-        one_sided = jnp.where(below, lower + grown, upper - grown)
-        boxed = lower + (upper - lower) * jnn.sigmoid(coordinates)
-        return jnp.where(below & above, boxed, jnp.where(below | above, one_sided, self.scale * coordinates))
+        """Physical values of coordinates."""
+        exponent = jnp.where(self.positive, coordinates, 0.0)
+        return jnp.where(self.positive, jnp.exp(exponent), self.scale * coordinates)
 
-    def to_unconstrained(self, values: Float[Array, " parameters"]) -> Float[Array, " parameters"]:
-        """Unconstrained coordinates of physical values strictly inside the bounds."""
-        below, above, lower, upper = self._ends()
-        to_lower = jnp.where(below, values - lower, 1.0)
-        to_upper = jnp.where(above, upper - values, 1.0)
-        logs = jnp.log(to_lower) - jnp.log(to_upper)
-        one_sided = jnp.where(below, logs, -logs)
-        return jnp.where(below & above, logs, jnp.where(below | above, one_sided, values / self.scale))
+    def to_coordinates(self, values: Float[Array, " parameters"]) -> Float[Array, " parameters"]:
+        """Coordinates of physical values inside the domain."""
+        logarithm = jnp.log(jnp.where(self.positive, values, 1.0))
+        return jnp.where(self.positive, logarithm, values / self.scale)
 
-    def _ends(self) -> tuple[Array, Array, Array, Array]:
-        """Which ends exist, and the ends with zero where there is none."""
-        below, above = jnp.isfinite(self.lower), jnp.isfinite(self.upper)
-        return below, above, jnp.where(below, self.lower, 0.0), jnp.where(above, self.upper, 0.0)
+    def clip(self, coordinates: Float[Array, " parameters"]) -> Float[Array, " parameters"]:
+        """The nearest coordinates inside the bounds."""
+        return jnp.clip(coordinates, self.lower, self.upper)
 
-    def at_bound(self, values: Float[np.ndarray, " parameters"]) -> np.ndarray:
-        """Whether a value has come to within 0.1 % of a user's two-sided range of one of its ends."""
-        width = np.where(np.isfinite(self.upper - self.lower), self.upper - self.lower, np.inf)
-        room = np.minimum(values - self.lower, self.upper - values)
-        return np.isfinite(width) & (room < 1e-3 * width)
+    def pinned(
+        self, coordinates: Float[Array, " parameters"], gradient: Float[Array, " parameters"]
+    ) -> Bool[Array, " parameters"]:
+        """Which coordinates lie on a bound that the cost, of this gradient, would push them through."""
+        return ((coordinates <= self.lower) & (gradient > 0)) | ((coordinates >= self.upper) & (gradient < 0))
+
+    def at_bound(self, coordinates: Float[Array, " parameters"]) -> Bool[Array, " parameters"]:
+        """Which coordinates lie on a bound."""
+        return (coordinates <= self.lower) | (coordinates >= self.upper)
 
 
 def build_transform(
@@ -61,20 +59,35 @@ def build_transform(
     start: Float[np.ndarray, " parameters"],
     bounds: dict[str, tuple[float | None, float | None]],
 ) -> Transform:
-    """The transform of the given entries: the table's domain narrowed by the user's bounds.
+    """The transform of the given entries: the table's domain and the user's bounds.
 
-    **Raises:** `InputError` when a start value is not strictly inside its bounds.
+    **Raises:** `InputError` when a start value is outside its domain or its bounds.
     """
-    lower, upper = [], []
-    for entry, value in zip(entries, start, strict=True):
-        low, high = bounds.get(entry, (None, None))
-        floor = 0.0 if table_row(table, entry).positive else -np.inf
-        lower.append(max(floor, -np.inf if low is None else low))
-        upper.append(np.inf if high is None else high)
-        if not lower[-1] < value < upper[-1]:
-            raise InputError(
-                f"the start value of '{entry}' must lie strictly between {lower[-1]:g} and {upper[-1]:g}, "
-                f"but it is {value:g}; change the value or the bounds under [parameters], or hold it with fixed"
-            )
-    scale = np.where(start == 0, 1.0, np.abs(start))
-    return Transform(np.asarray(lower), np.asarray(upper), scale)
+    rows = [table_row(table, entry) for entry in entries]
+    positive = np.array([row.positive for row in rows], dtype=bool)
+    usual = np.array([abs(row.default) for row in rows])
+    size = np.where(start != 0, np.abs(start), np.where(usual > 0, usual, 1.0))
+    low, high = np.full(len(rows), -np.inf), np.full(len(rows), np.inf)
+    for position, (entry, row) in enumerate(zip(entries, rows, strict=True)):
+        lower, upper = bounds.get(entry, (None, None))
+        low[position] = max(row.lower, -np.inf if lower is None else lower)
+        high[position] = np.inf if upper is None else upper
+        _check_start(entry, start[position], row, low[position], high[position])
+    with np.errstate(divide="ignore"):  # a lower bound of zero is no bound of a logarithm
+        ends = [
+            np.where(positive, np.log(np.where(positive, np.maximum(end, 0.0), 1.0)), end / size) for end in (low, high)
+        ]
+    return Transform(positive, size, *ends)
+
+
+def _check_start(entry: str, value: float, row: Parameter, lower: float, upper: float) -> None:
+    if row.positive and value <= 0:
+        raise InputError(
+            f"the start value of '{entry}' must be positive to be fitted, but it is {value:g}; change it under "
+            "[parameters], or hold it with fixed"
+        )
+    if not lower <= value <= upper:
+        raise InputError(
+            f"the start value of '{entry}' must lie between {lower:g} and {upper:g}, but it is {value:g}; change the "
+            "value or the bounds under [parameters], or hold it with fixed"
+        )

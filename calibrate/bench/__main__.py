@@ -5,6 +5,7 @@ import os
 import pathlib
 import platform
 import sys
+import tempfile
 
 import click
 
@@ -20,27 +21,34 @@ def main(out: pathlib.Path | None, only: tuple[str, ...]) -> None:
     from vgtjax import configure
     from vgtjax.errors import InputError
 
-    configure()  # no compilation cache: the first calls are meant to compile
+    with tempfile.TemporaryDirectory() as cache:
+        # A new one: first calls compile as they should, and a second fit finds what the command line would find.
+        configure(cache=cache)
+        try:
+            _measure(only or _CASES, out)
+        except InputError as error:
+            click.echo(f"error: {error}", err=True)
+            sys.exit(2)
+
+
+def _measure(names: tuple[str, ...], out: pathlib.Path | None) -> None:
     import rich.console
 
     from .cases import CASES
     from .table import show, to_markdown
 
-    console = rich.console.Console()
+    # Without a terminal rich assumes 80 columns, which would cut the tables.
+    console = rich.console.Console(width=None if sys.stdout.isatty() else 150)
     machine = _machine()
     console.print(machine, highlight=False)
     sections = []
-    try:
-        for name in only or _CASES:
-            with console.status(f"measuring {name}"):
-                sections.append(CASES[name]())
-            show(sections[-1], console)
-            if out is not None:
-                # After every benchmark, so that an interrupted run keeps what it measured.
-                out.write_text(to_markdown(sections, machine), encoding="utf-8")
-    except InputError as error:
-        click.echo(f"error: {error}", err=True)
-        sys.exit(2)
+    for name in names:
+        with console.status(f"measuring {name}"):
+            sections.append(CASES[name]())
+        show(sections[-1], console)
+        if out is not None:
+            # After every benchmark, so that an interrupted run keeps what it measured.
+            out.write_text(to_markdown(sections, machine), encoding="utf-8")
 
 
 def _machine() -> str:

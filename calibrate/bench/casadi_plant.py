@@ -10,7 +10,9 @@ import casadi as ca
 import numpy as np
 
 import vgtjax
+from vgtjax.errors import InputError
 
+from .data import inputs
 from .numba_plant import ENTRIES, pack
 from .scipy_plant import begin, stretches
 
@@ -87,20 +89,20 @@ class CvodesPlant:
     """
 
     def __init__(self, trace: vgtjax.Trace, *, rtol: float = 1e-6, atol: float = 1e-8):
-        assert trace.pwm is not None and trace.p_res is not None
-        if np.ptp(trace.p_res) > 0:
-            raise ValueError(f"{trace.name}: this plant takes one reservoir pressure; give a trace that has one")
+        pwm, p_res = inputs(trace)
+        if np.ptp(p_res) > 0:
+            raise InputError(f"{trace.name}: this plant takes one reservoir pressure; give a trace that has one")
         self._trace = trace
         y, theta, duty = ca.SX.sym("y", 7), ca.SX.sym("theta", len(ENTRIES)), ca.SX.sym("duty")
         named = dict(zip(ENTRIES, ca.vertsplit(theta), strict=True))
-        rates = _rates(named, y, duty, float(trace.p_res[0]))
+        rates = _rates(named, y, duty, ca.SX(p_res[0]))
         problem = {"x": y, "p": ca.vertcat(theta, duty), "ode": rates}
         options = {"reltol": rtol, "abstol": atol, "max_num_steps": 1_000_000}
         self._stretches = []
         for first, last in stretches(trace):
             times = (trace.time[first + 1 : last + 1] - trace.time[first]).tolist()
             plant = ca.integrator("plant", "cvodes", problem, 0.0, times, options)
-            self._stretches.append((plant, trace.pwm[first]))
+            self._stretches.append((plant, pwm[first]))
 
     def simulate(self, model: vgtjax.Actuator) -> tuple[np.ndarray, np.ndarray]:
         """Position and pressure at the samples."""

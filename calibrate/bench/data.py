@@ -48,15 +48,25 @@ def reference(name: str) -> Reference:
     return Reference(trace, stored["x_d"], stored["p_act"])
 
 
+def inputs(trace: vgtjax.Trace) -> tuple[np.ndarray, np.ndarray]:
+    """Duty and reservoir pressure of a trace that begins at rest.
+
+    **Raises:** `InputError` for any other, which the plants beside this package can't start.
+    """
+    if trace.pwm is None or trace.p_res is None or not trace.start().at_rest:
+        raise InputError(f"{trace.name}: a benchmark's trace must begin at rest and hold pwm and p_res; choose another")
+    return trace.pwm, trace.p_res
+
+
 def lengthened(trace: vgtjax.Trace, seconds: float) -> vgtjax.Trace:
     """The trace's inputs repeated or cut to a length, at its sampling rate."""
-    assert trace.pwm is not None and trace.p_res is not None
+    pwm, p_res = inputs(trace)
     interval = trace.longest_interval
     count = round(seconds / interval) + 1
     return vgtjax.Trace(
         np.arange(count) * interval,
-        pwm=np.resize(trace.pwm, count),
-        p_res=np.resize(trace.p_res, count),
+        pwm=np.resize(pwm, count),
+        p_res=np.resize(p_res, count),
         name=f"{trace.name}, {seconds:g} s",
     )
 

@@ -13,6 +13,8 @@ from numba.np.unsafe.ndarray import to_fixed_tuple
 
 import vgtjax
 
+from .data import inputs
+
 ENTRIES = (
     *(f"converter.{name}" for name in ("plunger_mass", "membrane_stiffness", "return_spring_stiffness")),
     *(f"converter.{name}" for name in ("plunger_damping", "actuator_area", "atmosphere_area", "reservoir_area")),
@@ -32,7 +34,7 @@ COUNT = 40
 """Constants of the right side; numba unrolls the tuple of them, so it must be a literal."""
 
 
-def pack(model: vgtjax.Actuator) -> np.ndarray:
+def pack(model: vgtjax.AbstractModel) -> np.ndarray:
     """The parameters of a model as the plant takes them."""
     return np.asarray(vgtjax.Selection(ENTRIES).pack(model), dtype=np.float64)
 
@@ -173,10 +175,9 @@ def simulate(
     thetas: np.ndarray, trace: vgtjax.Trace, *, parallel: bool = False, max_step: float = 5e-4
 ) -> tuple[np.ndarray, np.ndarray]:
     """Position and pressure `(runs, time)` for parameters `(runs, parameters)`."""
-    if not trace.start().at_rest or trace.pwm is None or trace.p_res is None:
-        raise ValueError(f"{trace.name}: this plant starts at rest and needs pwm and p_res; give such a trace")
+    pwm, p_res = inputs(trace)
     rows = constants(np.atleast_2d(thetas))
     x_d, p_act = np.empty((2, len(rows), len(trace.time)))
     loop = run_each_parallel if parallel else run_each
-    loop(rows, trace.time, trace.pwm, trace.p_res, max_step, x_d, p_act)
+    loop(rows, trace.time, pwm, p_res, max_step, x_d, p_act)
     return x_d, p_act

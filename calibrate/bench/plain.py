@@ -36,7 +36,8 @@ class PlainJax:
 
     def __call__(self) -> None:
         """Runs the workload once; waking the other process takes some 50 us."""
-        assert self._process.stdin is not None and self._process.stdout is not None
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
         self._process.stdin.write("\n")
         self._process.stdin.flush()
         if not self._process.stdout.readline():

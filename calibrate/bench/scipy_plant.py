@@ -1,11 +1,14 @@
 """What a user would write next: SciPy's LSODA on the numba right side, restarted where the duty jumps."""
 
+import itertools
+
 import numpy as np
 import scipy.integrate
 from numba.np.unsafe.ndarray import to_fixed_tuple
 
 import vgtjax
 
+from .data import inputs
 from .numba_plant import COUNT, at_rest, compiled, constants, pull, rates
 
 _TYPICAL = np.array([1e-3, 0.1, 1e-2, 0.1, 1e-4, 3e2, 1e5])
@@ -29,23 +32,20 @@ def _begin(row, pwm, reservoir):
 
 def begin(theta: np.ndarray, trace: vgtjax.Trace) -> np.ndarray:
     """State `(x_p, v_p, x_d, v_d, z, T_act, p_act)` at the first sample of a trace that begins at rest."""
-    assert trace.pwm is not None and trace.p_res is not None
-    return _begin(constants(theta), trace.pwm[0], trace.p_res[0])
+    pwm, p_res = inputs(trace)
+    return _begin(constants(theta), pwm[0], p_res[0])
 
 
 def stretches(trace: vgtjax.Trace) -> list[tuple[int, int]]:
     """First and last sample of every stretch of constant duty; each begins where the one before it ends."""
-    assert trace.pwm is not None
-    jumps = np.flatnonzero(np.diff(trace.pwm[:-1])) + 1
+    jumps = np.flatnonzero(np.diff(inputs(trace)[0][:-1])) + 1
     edges = [0, *jumps.tolist(), len(trace.time) - 1]
-    return list(zip(edges[:-1], edges[1:], strict=True))
+    return list(itertools.pairwise(edges))
 
 
-def simulate(
-    theta: np.ndarray, trace: vgtjax.Trace, *, rtol: float = 1e-6
-) -> tuple[np.ndarray, np.ndarray, int]:
+def simulate(theta: np.ndarray, trace: vgtjax.Trace, *, rtol: float = 1e-6) -> tuple[np.ndarray, np.ndarray, int]:
     """Position and pressure at the samples of an evenly sampled trace that begins at rest, and right sides taken."""
-    assert trace.pwm is not None and trace.p_res is not None
+    pwm, p_res = inputs(trace)
     row = constants(theta)
     interval = trace.longest_interval
     y = begin(theta, trace)
@@ -58,7 +58,7 @@ def simulate(
             y,
             method="LSODA",
             t_eval=elapsed,
-            args=(pull(row, trace.pwm[first]), first, interval, trace.p_res, row),
+            args=(pull(row, pwm[first]), first, interval, p_res, row),
             rtol=rtol,
             atol=rtol * 1e-2 * _TYPICAL,
         )

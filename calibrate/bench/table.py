@@ -38,7 +38,9 @@ def times(value: float) -> str:
 def show(section: Section, console: rich.console.Console) -> None:
     """Prints a section."""
     console.print(f"\n[bold]{section.title}[/bold]\n{section.about}", highlight=False)
-    table = rich.table.Table(*section.columns)
+    table = rich.table.Table()
+    for number, column in enumerate(section.columns):
+        table.add_column(column, no_wrap=number == 0, justify="left" if number == 0 else "right")
     for row in section.rows:
         table.add_row(*row)
     console.print(table)

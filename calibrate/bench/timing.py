@@ -33,9 +33,7 @@ def once(function: Callable[[], Any]) -> tuple[float, Any]:
     return time.perf_counter() - began, found
 
 
-def interleave(
-    contestants: Mapping[str, Callable[[], Any]], rounds: int
-) -> tuple[dict[str, Timing], dict[str, Any]]:
+def interleave(contestants: Mapping[str, Callable[[], Any]], rounds: int) -> tuple[dict[str, Timing], dict[str, Any]]:
     """Times all contestants once to warm up, then in turn A B A B.
 
     **Returns:** a timing and the last result of each.

@@ -1,11 +1,12 @@
-"""A folder with a good trace and a good study, to be spoilt."""
+"""A folder with a good trace and a good study, to be spoilt; and a small fit that many tests look at."""
 
+import dataclasses
 import pathlib
 from collections.abc import Callable
 
 import pytest
 from bad_traces import text
-from commands import Outcome, run_command
+from commands import Outcome, cut_example, run_command
 
 STUDY = '[[trace]]\nfile = "bench.csv"\n'
 
@@ -25,3 +26,50 @@ def fit(folder) -> Callable[..., Outcome]:
         return run_command("fit", folder / "study.toml", "--out", folder / "out", *map(str, arguments))
 
     return fit
+
+
+FREE = ("converter.magnetic_force[2]", "diaphragm.preload", "diaphragm.stiffness", "friction.viscous_damping")
+SMALL_STUDY = f"""name = "small & quick"
+
+[[trace]]
+file = "step_80.csv"
+
+[[trace]]
+file = "step_50.csv"
+use = "validate"
+atmosphere = 101100
+
+[fit]
+free = {list(FREE)}
+
+[parameters]
+"diaphragm.stiffness" = {{value = 11500, lower = 8000, upper = 16000}}
+"""
+
+
+@dataclasses.dataclass(frozen=True)
+class Fitted:
+    """A study, the folder that a fit of it wrote, and what the user saw."""
+
+    study: pathlib.Path
+    out: pathlib.Path
+    outcome: Outcome
+
+
+@pytest.fixture(scope="session")
+def fitted(tmp_path_factory) -> Fitted:
+    """A small study, fitted: four parameters to the first 1.2 s of a step."""
+    folder = tmp_path_factory.mktemp("small")
+    for name in ("step_80", "step_50"):
+        cut_example(name, 1.2, folder)
+    (folder / "study.toml").write_text(SMALL_STUDY)
+    outcome = run_command("fit", folder / "study.toml", "--out", folder / "out")
+    return Fitted(folder / "study.toml", folder / "out", outcome)
+
+
+@pytest.fixture
+def small(fitted, tmp_path) -> pathlib.Path:
+    """A copy of the small study and its traces, not fitted yet."""
+    for path in (fitted.study, *fitted.study.parent.glob("*.csv")):
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    return tmp_path / "study.toml"

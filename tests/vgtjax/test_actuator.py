@@ -145,6 +145,17 @@ def test_start_in_mid_run_comes_from_the_signals(actuator):
     assert run.x_d[0] == pytest.approx(np.mean(states["x_d"][3000:3051]))
 
 
+def test_a_step_within_the_first_50_ms_still_starts_at_rest(actuator):
+    """Only what comes before the step tells whether the chamber was vented."""
+    trace = duty_trace((0, 0.005), (80, 0.5), p_res=2.0e4)
+    run = simulate(actuator, trace)
+    recorded = vgtjax.Trace(
+        time=trace.time, pwm=trace.pwm, p_res=trace.p_res, p_act=np.asarray(run.p_act), x_d=np.asarray(run.x_d)
+    )
+    assert recorded.start().at_rest
+    np.testing.assert_array_equal(simulate(actuator, recorded).x_d, run.x_d)
+
+
 def test_start_without_pressure_or_position_is_the_balance(actuator):
     trace = duty_trace((60, 0.2), p_res=2.0e4)
     run = simulate(actuator, trace)

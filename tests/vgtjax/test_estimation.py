@@ -93,7 +93,7 @@ def test_uncertainty_of_a_straight_line_is_the_textbook_one():
     x = np.linspace(0, 1, 50)
     columns = np.stack([np.ones_like(x), x], axis=1)
     residuals = np.random.default_rng(0).normal(size=50)
-    found = estimate_uncertainty(residuals, columns, 48)
+    found = estimate_uncertainty(residuals, columns, 50)
     scale = residuals @ residuals / 48
     np.testing.assert_allclose(found.covariance, scale * np.linalg.inv(columns.T @ columns), rtol=1e-12)
     assert found.scale == pytest.approx(scale)
@@ -107,14 +107,25 @@ def test_null_directions_make_exactly_their_parameters_unidentifiable():
     assert identifiable(columns).tolist() == [True] * 4
     twins = np.column_stack([columns, 5 * columns[:, 1], np.zeros(200)])
     assert identifiable(twins).tolist() == [True, False, True, True, False, False]
-    found = estimate_uncertainty(rng.normal(size=200), twins, 194)
-    assert np.all(found.covariance[5] == 0)
+
+
+def test_a_null_direction_leaves_the_errors_of_the_others_as_they_are():
+    rng = np.random.default_rng(0)
+    first = rng.normal(size=300)
+    second = 0.9 * first + 0.3 * rng.normal(size=300)
+    residuals = rng.normal(size=300)
+    alone = estimate_uncertainty(residuals, np.stack([first, second], axis=1), 300)
+    twice = estimate_uncertainty(residuals, np.stack([first, first, second, 0 * first], axis=1), 300)
+    assert twice.identifiable.tolist() == [False, False, True, False]
+    assert twice.covariance[2, 2] == pytest.approx(alone.covariance[1, 1], rel=1e-9)
+    assert twice.scale == pytest.approx(alone.scale, rel=1e-12)
+    assert np.all(twice.covariance[[0, 1, 3]] == 0)
 
 
 def test_an_engineer_is_told_before_the_fit_what_the_traces_do_not_determine():
     """Of the two dampings only the sum acts (erratum 11), and the closed stop is never touched."""
     free = ["diaphragm.stiffness", "diaphragm.damping", "friction.viscous_damping", "diaphragm.travel"]
-    values = {"diaphragm.damping": 1.0}  # positive, or its logarithm has no start
+    values = {"diaphragm.damping": 1.0}  # off its bound, which alone would hold it
     calibrator = start_calibration(plan_task(vgtjax.Actuator(), [bench(0)], free=free, values=values))
     unseen = set(calibrator.unidentifiable())
     assert unseen == {"diaphragm.damping", "friction.viscous_damping", "diaphragm.travel"}
@@ -124,8 +135,24 @@ def test_bounds_are_respected_and_reported():
     task = plan_task(vgtjax.Actuator(), [bench(0)], free=FREE, bounds={"diaphragm.stiffness": (11000.0, 12200.0)})
     run = calibrate(task)
     index = run.task.selection.entries.index("diaphragm.stiffness")
-    assert 11000 < run.values[index] <= 12200
-    assert run.transform.at_bound(run.values)[index]
+    assert run.values[index] == pytest.approx(12200.0, rel=1e-12)  # the truth lies beyond
+    assert run.at_bound.tolist() == [i == index for i in range(3)]
+    assert not np.isfinite(run.std_errors[index])
+    held = calibrate(
+        plan_task(
+            vgtjax.Actuator(),
+            [bench(0)],
+            free=FREE,
+            fixed=["diaphragm.stiffness"],
+            values={"diaphragm.stiffness": 12200.0},
+        )
+    )
+    others = np.arange(3) != index
+    assert run.progress.converged
+    assert run.progress.iteration < 20
+    # On the bound, the others are where they are with that one held there, errors included.
+    np.testing.assert_allclose(run.values[others], held.values, rtol=1e-6)
+    np.testing.assert_allclose(run.std_errors[others], held.std_errors, rtol=1e-3)
 
 
 def test_a_trial_whose_simulation_fails_is_rejected_and_shortened():
@@ -134,9 +161,9 @@ def test_a_trial_whose_simulation_fails_is_rejected_and_shortened():
     task = plan_task(vgtjax.Actuator(), [bench(0)], free=["chamber.volume"], values=values)
     problem = start_calibration(task).minimiser.problem
     transform = build_transform(vgtjax.parameter_table(task.model), ["chamber.volume"], np.array([3.2e-5]), {})
-    broken = float(transform.to_unconstrained(jnp.asarray([1e-6]))[0])
+    broken = float(transform.to_coordinates(jnp.asarray([1e-6]))[0])
     assert not np.any(np.isfinite(problem.residuals(jnp.asarray([broken]))))  # never zero, never NaN
-    minimiser = LevenbergMarquardt(problem, np.asarray(transform.to_unconstrained(jnp.asarray([3.2e-5]))))
+    minimiser = LevenbergMarquardt(problem, np.asarray(transform.to_coordinates(jnp.asarray([3.2e-5]))))
     minimiser._state = dataclasses.replace(minimiser._state, y_eval=jnp.asarray([broken]))
     progress = minimiser.step()
     assert progress.failed == 1
@@ -169,7 +196,7 @@ def test_an_interrupted_fit_goes_on_exactly_where_it_was(fitted):
 def test_residuals_carry_the_segment_parallel_jacobian():
     task = plan_task(vgtjax.Actuator(), [bench(0)], free=FREE)
     problem = start_calibration(task).minimiser.problem
-    start = problem.transform.to_unconstrained(problem.selection.pack(problem.model))
+    start = problem.transform.to_coordinates(problem.selection.pack(problem.model))
     tangent = jnp.asarray([0.3, -0.2, 0.5])
     values, pushed = jax.jvp(problem.residuals, (start,), (tangent,))
     h = 1e-5
@@ -190,6 +217,12 @@ def test_a_trace_with_one_channel_is_fitted_on_it():
     run = calibrate(plan_task(vgtjax.Actuator(), [dataclasses.replace(both, x_d=None)], free=["chamber.volume"]))
     assert set(run.traces[0].rmse) == {"p_act"}
     assert run.progress.converged
+
+
+def test_a_fit_in_single_precision_is_refused():
+    single = jax.tree.map(lambda leaf: leaf.astype(jnp.float32), vgtjax.Actuator())
+    with pytest.raises(vgtjax.InputError, match="a fit needs double precision"):
+        start_calibration(plan_task(single, [bench(0)], free=FREE))
 
 
 def test_a_fit_without_traces_is_refused():

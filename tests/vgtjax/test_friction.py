@@ -40,3 +40,11 @@ def test_relaxation_is_minus_the_derivative_of_the_state():
 def test_damping_is_the_slope_of_the_force_while_the_bristles_stick():
     slope = jax.grad(lambda v: FRICTION(v, Bristle(jnp.asarray(0.0)), v)[0])(1e-12)
     assert FRICTION.damping() == pytest.approx(float(slope), rel=1e-9)
+
+
+def test_no_friction_at_all_is_no_division_by_zero():
+    nothing = LuGre(static_force=0.0, coulomb_force=0.0)
+    still = jnp.asarray(0.0)
+    slopes = jax.grad(lambda v: nothing(v, Bristle(jnp.asarray(0.0)), v)[0])(0.01)
+    assert np.isfinite(slopes)
+    assert nothing(still, Bristle(still), still)[0] == 0.0

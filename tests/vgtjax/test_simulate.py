@@ -152,6 +152,13 @@ def test_any_diffrax_solver_can_take_the_steps(actuator):
     np.testing.assert_allclose(ours.x_d, heun.x_d, atol=1e-15)
 
 
+def test_an_implicit_solver_that_finds_no_root_has_failed(actuator):
+    hopeless = diffrax.ImplicitEuler(root_finder=diffrax.VeryChord(rtol=1e-14, atol=1e-14))
+    trace = duty_trace((0, 0.05), (75, 0.3), p_res=2.0e4)
+    solution = simulate(actuator, trace, stepping=FixedStep(max_step=5e-3, solver=hopeless), throw=False)
+    assert solution.result == vgtjax.RESULTS.diverged
+
+
 def test_slow_sampling_gives_the_same_trajectory(actuator):
     fast = duty_trace((0, 0.1), (75, 0.4), p_res=2.0e4)
     slow = duty_trace((0, 0.1), (75, 0.4), p_res=2.0e4, interval=1e-2)

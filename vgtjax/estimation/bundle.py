@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..drive import Drive, Start
+from ..errors import InputError
 from ..integrate import FixedStep
 from ..model import AbstractModel
 from ..simulate import model_dtype
@@ -77,9 +78,13 @@ def _stack(arrays: Sequence[np.ndarray], length: int, fill: float | None) -> np.
 def bundle_traces(model: AbstractModel, traces: Sequence[Trace], stepping: FixedStep | None = None) -> list[Bundle]:
     """Bundles of traces that can run side by side: same steps an interval, same kind of input.
 
-    **Raises:** `InputError` when a trace lacks a column that the model needs.
+    **Raises:** `InputError` when a trace lacks a column that the model needs, or steps are not fixed.
     """
     stepping = FixedStep() if stepping is None else stepping
+    if not isinstance(stepping, FixedStep):
+        raise InputError(
+            f"exact Jacobians need fixed steps, but stepping is {type(stepping).__name__}; use FixedStep(max_step=...)"
+        )
     groups: dict[tuple[int, Any], list[int]] = {}
     for index, trace in enumerate(traces):
         require(trace, model.needs)

@@ -6,12 +6,13 @@ from typing import Any
 
 import jax
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from ..errors import InputError
 from ..integrate import FixedStep
 from ..model import AbstractModel
 from ..parameters import Selection, match_entries, parameter_table, replace_parameters, select
+from ..simulate import model_dtype
 from ..trace import Trace
 from ..transforms import Transform, build_transform
 from .bundle import CHANNELS, bundle_traces
@@ -101,6 +102,11 @@ class Calibration:
     """Number of measurements fitted."""
 
     @property
+    def at_bound(self) -> Bool[np.ndarray, " parameters"]:
+        """Which values lie on a bound."""
+        return np.asarray(self.transform.at_bound(np.asarray(self.progress.coordinates)))
+
+    @property
     def std_errors(self) -> Float[np.ndarray, " parameters"]:
         """Standard errors; NaN where the data say nothing."""
         return np.where(self.uncertainty.identifiable, np.sqrt(np.diag(self.covariance)), np.nan)
@@ -123,8 +129,7 @@ class Calibrator:
         """What came of it: values, covariance, and every trace simulated with them."""
         residuals, columns = self.minimiser.linearisation()
         problem, progress = self.minimiser.problem, self.minimiser.progress
-        freedom = max(problem.count - problem.offsets - columns.shape[1], 1)
-        uncertainty = estimate_uncertainty(residuals, columns, freedom)
+        uncertainty = estimate_uncertainty(residuals, columns, problem.count - problem.offsets)
         coordinates = np.asarray(progress.coordinates)
         values = np.asarray(self.transform.to_physical(coordinates))
         slope = np.asarray(jax.jvp(self.transform.to_physical, (coordinates,), (np.ones_like(coordinates),))[1])
@@ -149,13 +154,18 @@ def start_calibration(task: Task, resume: Progress | None = None) -> Calibrator:
 
     **Raises:** `InputError` for start values outside their bounds; `SimulationError` when the start fails.
     """
+    if model_dtype(task.model) != np.float64:
+        raise InputError(
+            "a fit needs double precision, but the model's parameters are single; call vgtjax.configure() before "
+            "anything else, or set jax_enable_x64"
+        )
     start = np.asarray(task.selection.pack(task.model))
     transform = build_transform(parameter_table(task.model), task.selection.entries, start, task.bounds)
     problem = build_problem(
         task.model, task.selection, transform, task.fit, channels=task.channels, stepping=task.stepping
     )
     if resume is None:
-        minimiser = LevenbergMarquardt(problem, np.asarray(transform.to_unconstrained(start)))
+        minimiser = LevenbergMarquardt(problem, np.asarray(transform.to_coordinates(start)))
     else:
         minimiser = LevenbergMarquardt(problem, resume)
     return Calibrator(task, transform, minimiser)

@@ -26,7 +26,7 @@ MAX_ITERATIONS = 100
 class Progress:
     """Where a fit stands after a step; enough to resume it exactly.
 
-    `coordinates` are the accepted unconstrained coordinates, `step_size` is the inverse of the damping, `history`
+    `coordinates` are the accepted coordinates of the transform, `step_size` is the inverse of the damping, `history`
     the cost after every iteration, the start first (half the mean squared residual in units of the noise). `failed`
     counts trial steps whose simulation failed.
     """
@@ -72,6 +72,8 @@ _SOLVER: optx.LevenbergMarquardt = optx.LevenbergMarquardt(rtol=1e-8, atol=1e-8,
 @eqx.filter_jit
 def _step(problem: Problem, coordinates: Array, state: Any) -> tuple[Array, Any, Array]:
     coordinates, state, _ = _SOLVER.step(_residuals, coordinates, problem, {}, state, frozenset())
+    # A trial outside the bounds goes to the nearest point inside; what it then gains is judged by that move.
+    state = eqx.tree_at(lambda s: s.y_eval, state, problem.transform.clip(state.y_eval))
     return replicate((coordinates, state, 0.5 * jnp.sum(state.f_info.residual**2)))
 
 
@@ -86,7 +88,7 @@ class LevenbergMarquardt:
     A trial step whose simulation fails has infinite residuals: it is rejected and the step shortened, like any step
     that does not lower the cost.
 
-    **Arguments:** `start`: unconstrained coordinates, or the last progress of an interrupted fit.
+    **Arguments:** `start`: coordinates of the transform, or the last progress of an interrupted fit.
 
     **Raises:** `SimulationError` when the start itself can't be simulated.
     """

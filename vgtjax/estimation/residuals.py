@@ -102,7 +102,7 @@ class Problem(eqx.Module):
     """Number of eliminated sensor offsets."""
 
     def at(self, coordinates: Float[Array, " parameters"]) -> Any:
-        """The model at unconstrained coordinates."""
+        """The model at coordinates of the transform."""
         return self.selection.unpack(self.model, self.transform.to_physical(coordinates))
 
     def residuals(self, coordinates: Float[Array, " parameters"]) -> Float[Array, " residuals"]:
@@ -115,7 +115,11 @@ class Problem(eqx.Module):
     def residuals_and_jacobian(
         self, coordinates: Float[Array, " parameters"]
     ) -> tuple[Float[Array, " residuals"], Float[Array, "residuals parameters"]]:
-        """Residuals and their derivatives by the unconstrained coordinates."""
+        """Residuals and their derivatives by the coordinates.
+
+        The column of a parameter that lies on a bound, and would be pushed through it, is zero: a step of the
+        optimiser then moves the others as if it were held.
+        """
         model = self.at(coordinates)
         slope = jax.jvp(self.transform.to_physical, (coordinates,), (jnp.ones_like(coordinates),))[1]
         blocks, columns = [], []
@@ -124,7 +128,9 @@ class Problem(eqx.Module):
             blocks.append(_residual_block(measured, observed))
             columns.append(_jacobian_block(measured, derivatives))
         scale = 1 / np.sqrt(self.count)
-        return jnp.concatenate(blocks) * scale, jnp.concatenate(columns) * (scale * slope)[None, :]
+        residuals, jacobian = jnp.concatenate(blocks) * scale, jnp.concatenate(columns) * (scale * slope)[None, :]
+        held = self.transform.pinned(coordinates, residuals @ jacobian)
+        return residuals, jnp.where(held[None, :], 0.0, jacobian)
 
 
 @eqx.filter_custom_jvp

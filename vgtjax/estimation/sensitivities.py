@@ -80,9 +80,13 @@ def observe_with_jacobian(model: AbstractModel, selection: Selection, bundle: Bu
     """`observe`, and its derivatives by the selected parameters in the units of the table."""
     first, observed = _nominal(model, bundle)
     first, lane_drive = spread((first, bundle.lane_drive))
-    tangents, by_start, by_parameter = _push_lanes(model, selection, first, lane_drive, bundle)
-    at_start = _chain(model, selection, bundle, tangents)
-    return replicate((observed, by_parameter + jnp.einsum("lkcs,lsp->lkcp", by_start, at_start)))
+    ends, by_start, by_parameter = _push_lanes(model, selection, first, lane_drive, bundle)
+    at_start = _chain(model, selection, bundle, ends)
+    # A sum of products over seven states, lanes innermost: one fused loop, where a dot would transpose everything.
+    total = by_parameter
+    for state in range(at_start.shape[1]):
+        total = total + by_start[:, state, None] * at_start[:, state].T[None, :, None]
+    return replicate((observed, jnp.transpose(total, (3, 0, 2, 1))))
 
 
 def _nominal(model: AbstractModel, bundle: Bundle) -> tuple[State, Lanes]:
@@ -104,7 +108,7 @@ def _push_lanes(
     """Tangents through every lane for its start states and for the parameters.
 
     **Returns:** tangents of the end states `(lanes, states, tangents)`, and those of what is observed, split into
-    `(lanes, sample, channel, states)` and `(lanes, sample, channel, parameters)`.
+    `(sample, states, channel, lanes)` and `(sample, parameters, channel, lanes)`.
     """
     theta = selection.pack(model)
     leaves, shape = jax.tree.flatten(first)
@@ -137,8 +141,7 @@ def _push_lanes(
     start = (first, jax.tree.unflatten(shape, state_tangents))
     (_, ends), seen = jax.lax.scan(interval, start, lane_drive)
     end_tangents = jnp.transpose(jnp.stack(jax.tree.leaves(ends)), (2, 0, 1))
-    seen = jnp.transpose(seen, (3, 0, 2, 1))  # (sample, tangent, channel, lane) -> lane, sample, channel, tangent
-    return end_tangents, seen[..., :states], seen[..., states:]
+    return end_tangents, seen[:, :states], seen[:, states:]
 
 
 def _chain(

@@ -48,22 +48,27 @@ def identifiable(columns: Float[np.ndarray, "residuals parameters"]) -> Bool[np.
 
 
 def estimate_uncertainty(
-    residuals: Float[np.ndarray, " residuals"],
-    columns: Float[np.ndarray, "residuals parameters"],
-    degrees_of_freedom: int,
+    residuals: Float[np.ndarray, " residuals"], columns: Float[np.ndarray, "residuals parameters"], count: int
 ) -> Uncertainty:
     """Covariance `s^2 (J^T J)^-1` at a least-squares minimum, by QR and a pseudo-inverse.
 
-    **Arguments:** residuals in units of the assumed noise, and their Jacobian.
+    Null directions take no part, and what the data do determine keeps the error that it has without them.
+
+    **Arguments:** residuals in units of the assumed noise, their Jacobian, and the number of independent
+    measurements (padding and eliminated offsets don't count).
     """
     known = identifiable(columns)
-    scale = float(residuals @ residuals / degrees_of_freedom)
     covariance = np.zeros((columns.shape[1],) * 2)
-    further_gain = 0.0
-    if np.any(known):
-        lengths = np.linalg.norm(columns[:, known], axis=0)
-        basis, triangle = np.linalg.qr(columns[:, known] / lengths)
-        further_gain = float(np.sum((basis.T @ residuals) ** 2))
-        inverse = np.linalg.pinv(triangle, rcond=NULL)
-        covariance[np.ix_(known, known)] = scale * (inverse @ inverse.T) / np.outer(lengths, lengths)
-    return Uncertainty(covariance, known, scale, further_gain)
+    further_gain, rank = 0.0, 0
+    lengths = np.linalg.norm(columns, axis=0)
+    alive = lengths > 0
+    if np.any(alive):
+        basis, triangle = np.linalg.qr(columns[:, alive] / lengths[alive])
+        rotation, singular, directions = np.linalg.svd(triangle)
+        rank = int(np.sum(singular > NULL * singular[0]))
+        further_gain = float(np.sum((rotation[:, :rank].T @ (basis.T @ residuals)) ** 2))
+        inverse = directions[:rank].T / singular[:rank] / lengths[alive][:, None]
+        covariance[np.ix_(alive, alive)] = inverse @ inverse.T
+    scale = float(residuals @ residuals / max(count - rank, 1))
+    covariance[~known], covariance[:, ~known] = 0.0, 0.0
+    return Uncertainty(scale * covariance, known, scale, further_gain)

@@ -35,7 +35,8 @@ class LuGre(AbstractFriction):
     def stribeck(self, velocity: Scalar) -> Scalar:
         """Steady sliding force without its viscous part in N: `F_c + (F_s - F_c) exp(-|v|/v_s)` [3.7]."""
         falling = jnp.exp(-jnp.abs(velocity) / self.stribeck_velocity)
-        return self.coulomb_force + (self.static_force - self.coulomb_force) * falling
+        # A rod without friction has bristles all the same: they give way at once, but not at zero over zero.
+        return jnp.maximum(self.coulomb_force + (self.static_force - self.coulomb_force) * falling, 1e-9)
 
     def relaxation(self, velocity: Scalar) -> Bristle:
         """`sigma_0 |v| / g(v)`."""

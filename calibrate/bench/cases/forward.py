@@ -70,7 +70,6 @@ _NOTES = [
 
 
 def _about(trace: vgtjax.Trace) -> str:
-    assert trace.pwm is not None
     jumps = len(scipy_plant.stretches(trace)) - 1
     return (
         f"One {SECONDS:g} s trace at 1 kHz with {jumps} duty jumps, printed parameters, 7 states, double precision, "

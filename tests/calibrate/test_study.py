@@ -1,0 +1,177 @@
+"""Good studies: what they say is what is prepared."""
+
+import json
+import math
+import pathlib
+
+import numpy as np
+import pytest
+from bad_traces import text
+
+import vgtjax
+from calibrate.job import prepare
+from calibrate.study import EXAMPLE
+
+WHOLE = """
+name = "unit A, cold bench"
+model = "full"
+
+[components]
+friction = "lugre"
+vane_force = "none"
+line = "none"
+magnetic_force = "static"
+chamber = "adiabatic"
+
+[[trace]]
+file = "bench.csv"
+use = "fit"
+name = "first"
+unit = "unit_a"
+atmosphere = 101300
+window = [0.002, 0.008]
+
+[[trace]]
+file = "unit_b_*.csv"
+use = "validate"
+unit = "{stem:6}"
+
+[fit]
+free = ["diaphragm.*", "friction.*"]
+fixed = ["diaphragm.area"]
+
+[parameters]
+"diaphragm.stiffness" = {value = 11500, lower = 8000, upper = 16000}
+"converter.atmosphere_orifice" = {value = [1e-8, 1e-4, 0.3], lower = [0, 0, 0], upper = [inf, 1, 1]}
+"converter.magnetic_force[3]" = {value = -4e-5, upper = 0}
+"""
+
+
+def prepared(folder: pathlib.Path, study: str, parameters: pathlib.Path | None = None):
+    (folder / "study.toml").write_text(study)
+    return prepare(folder / "study.toml", parameters)
+
+
+@pytest.fixture
+def whole(folder):
+    for name in ("unit_b_2", "unit_b_10"):
+        (folder / f"{name}.csv").write_text(text())
+    return prepared(folder, WHOLE)
+
+
+def test_units_and_their_traces(whole):
+    seen = {unit.name: [(use, trace.name) for use, trace in unit.traces] for unit in whole.units}
+    assert seen == {"unit_a": [("fit", "first")], "unit_b": [("validate", "unit_b_10"), ("validate", "unit_b_2")]}
+
+
+def test_window_and_atmosphere_belong_to_their_trace(whole):
+    (_, first), (_, other) = (unit.traces[0] for unit in whole.units)
+    np.testing.assert_allclose(first.time, np.arange(2, 9) / 1000)
+    assert (first.atmosphere, other.atmosphere) == (101300.0, 101013.0)
+    assert first.p_res[0] - other.p_res[0] == pytest.approx(287.0)
+    assert len(other.time) == 12
+
+
+def test_start_values_and_bounds(whole):
+    unit = whole.units[0]
+    assert float(unit.model.diaphragm.stiffness) == 11500.0
+    np.testing.assert_array_equal(unit.model.converter.atmosphere_orifice, [1e-8, 1e-4, 0.3])
+    np.testing.assert_allclose(unit.model.converter.magnetic_force, [0.021731, 0.0022634, 0.0039, -4e-5, 9.1355e-8])
+    assert unit.bounds == {
+        "diaphragm.stiffness": (8000.0, 16000.0),
+        "converter.atmosphere_orifice[0]": (0.0, None),
+        "converter.atmosphere_orifice[1]": (0.0, 1.0),
+        "converter.atmosphere_orifice[2]": (0.0, 1.0),
+        "converter.magnetic_force[3]": (None, 0.0),
+    }
+
+
+def test_a_study_may_say_no_more_than_its_trace(folder):
+    job = prepared(folder, '[[trace]]\nfile = "bench.csv"\n')
+    (unit,) = job.units
+    assert (job.study.name, job.study.model, unit.name, unit.bounds) == ("study", "full", None, {})
+    assert [(use, trace.name) for use, trace in unit.traces] == [("fit", "bench")]
+    assert (job.study.fit.free, job.study.fit.fixed) == (None, [])
+
+
+def test_a_byte_order_mark_is_no_part_of_a_study(folder):
+    (folder / "study.toml").write_text('\ufeff[[trace]]\nfile = "bench.csv"\n', encoding="utf-8")
+    assert prepare(folder / "study.toml", None).text.startswith("[[trace]]")
+
+
+def test_traces_may_lie_elsewhere(folder, tmp_path_factory):
+    elsewhere = tmp_path_factory.mktemp("elsewhere")
+    (elsewhere / "below").mkdir()
+    (elsewhere / "below" / "far.csv").write_text(text())
+    job = prepared(
+        folder, f'[[trace]]\nfile = "{elsewhere}/**/*.csv"\n[[trace]]\nfile = "../{folder.name}/bench.csv"\n'
+    )
+    assert [trace.name for _, trace in job.units[0].traces] == ["far", "bench"]
+
+
+@pytest.mark.parametrize("unit", ["{stem:5}", "{stem}", "no_{stem:3}"])
+def test_a_unit_may_be_made_of_the_stem(folder, unit):
+    job = prepared(folder, f'[[trace]]\nfile = "*.csv"\nunit = "{unit}"\n')
+    assert [u.name for u in job.units] == ["no_ben" if unit.startswith("no") else "bench"]
+
+
+def test_the_same_name_may_be_used_in_two_units(folder):
+    trace = '[[trace]]\nfile = "bench.csv"\nname = "step"\nunit = "{}"\n'
+    assert len(prepared(folder, trace.format("a") + trace.format("b")).units) == 2
+
+
+def test_a_longer_travel_lets_the_trace_go_further(folder):
+    (folder / "bench.csv").write_text(text().replace("1.10", "12.10"))
+    trace = '[[trace]]\nfile = "bench.csv"\n[parameters]\n"diaphragm.travel" = {'
+    for travel in ("value = 0.0118", "upper = 0.0118", "value = inf"):
+        assert prepared(folder, f"{trace}{travel}}}\n").units[0].traces[0][1].x_d[-1] == pytest.approx(12.1e-3)
+    with pytest.raises(
+        vgtjax.InputError, match=r"^bench\.csv, line 13, column x_d: 12\.1 \[mm\] is outside what sensor"
+    ):
+        prepared(folder, f"{trace}value = 0.0115}}\n")
+
+
+def test_what_the_study_states_goes_before_an_earlier_fit(folder):
+    parameters = {"chamber.volume": {"value": 5e-5}, "diaphragm.mass": {"value": 0.5}}
+    (folder / "p.json").write_text(json.dumps({"model": "full", "parameters": parameters}))
+    study = '[[trace]]\nfile = "bench.csv"\n[parameters]\n"diaphragm.mass" = {value = 0.7}\n'
+    model = prepared(folder, study, folder / "p.json").units[0].model
+    assert (float(model.chamber.volume), float(model.diaphragm.mass)) == (5e-5, 0.7)
+
+
+def test_an_earlier_fit_must_keep_to_the_bounds_too(folder):
+    (folder / "p.json").write_text(json.dumps({"model": "full", "parameters": {"diaphragm.mass": {"value": 0.5}}}))
+    study = '[[trace]]\nfile = "bench.csv"\n[parameters]\n"diaphragm.mass" = {lower = 0.6}\n'
+    with pytest.raises(
+        vgtjax.InputError, match=r"^'diaphragm\.mass' must be at least 0\.6, but it is 0\.5; change one"
+    ):
+        prepared(folder, study, folder / "p.json")
+
+
+def test_an_endless_travel_in_parameters_is_null(folder):
+    (folder / "p.json").write_text(json.dumps({"model": "full", "parameters": {"diaphragm.travel": {"value": None}}}))
+    model = prepared(folder, '[[trace]]\nfile = "bench.csv"\n', folder / "p.json").units[0].model
+    assert math.isinf(model.diaphragm.travel)
+
+
+def test_the_fingerprint_sees_the_study_its_traces_and_the_parameters(folder):
+    study = '[[trace]]\nfile = "bench.csv"\n'
+    (folder / "p.json").write_text(json.dumps({"model": "full", "parameters": {"diaphragm.mass": {"value": 0.5}}}))
+    seen = [
+        prepared(folder, study),
+        prepared(folder, f'name = "other"\n{study}'),
+        prepared(folder, study, folder / "p.json"),
+    ]
+    (folder / "bench.csv").write_text(text().replace("0.10", "0.11"))
+    seen.append(prepared(folder, study))
+    assert len({job.fingerprint for job in seen}) == 4
+    (folder / "bench.csv").write_text(text())
+    assert prepared(folder, f"# a remark\n{study}").fingerprint == seen[0].fingerprint
+
+
+def test_the_example_that_ships_is_a_good_study():
+    job = prepare(None, None)
+    assert job.text == EXAMPLE.read_text(encoding="utf-8")
+    (unit,) = job.units
+    assert {use for use, _ in unit.traces} == {"fit", "validate"}
+    assert all(trace.notes == () for _, trace in unit.traces)

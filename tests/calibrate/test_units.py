@@ -1,0 +1,138 @@
+"""Several actuators in one study: a folder each, and the whole on top."""
+
+import json
+
+import pytest
+from commands import cut_example, read, run_command
+
+import calibrate.fit
+
+STUDY = """
+[[trace]]
+file = "unit_0*_a.csv"
+unit = "{stem:7}"
+name = "{stem}"
+
+[[trace]]
+file = "unit_0*_b.csv"
+unit = "{stem:7}"
+use = "validate"
+
+[fit]
+free = ["converter.magnetic_force[2]", "diaphragm.preload", "diaphragm.stiffness", "friction.viscous_damping"]
+
+[parameters]
+"diaphragm.stiffness" = {lower = 8000, upper = 16000}
+"""
+FILES = {"parameters.json", "summary.json", "report.html"}
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    """Two units of the same trace; the first has another one to validate on."""
+    folder = tmp_path_factory.mktemp("fleet")
+    for new_name, name in (("unit_01_a", "step_80"), ("unit_01_b", "step_50"), ("unit_02_a", "step_80")):
+        cut_example(name, 1.2, folder, new_name)
+    (folder / "study.toml").write_text(STUDY)
+    return folder / "study.toml"
+
+
+@pytest.fixture(scope="module")
+def fleet(study):
+    """The folder of a fit of both units, and what the user saw."""
+    out = study.parent / "out"
+    return out, run_command("fit", study, "--out", out)
+
+
+def test_every_unit_has_its_folder_and_the_whole_is_on_top(fleet):
+    out, outcome = fleet
+    assert (outcome.status, outcome.err) == (0, "")
+    assert {path.name for path in out.iterdir()} == {".study.json", "summary.json", "report.html", "unit_01", "unit_02"}
+    for unit in ("unit_01", "unit_02"):
+        assert {path.name for path in (out / unit).iterdir()} == FILES
+
+
+def test_the_summary_of_the_whole_is_keyed_by_units(fleet):
+    out, _ = fleet
+    whole = read(out / "summary.json")
+    assert whole == {"units": {unit: read(out / unit / "summary.json") for unit in ("unit_01", "unit_02")}}
+    assert set(whole["units"]["unit_01"]["traces"]) == {"unit_01_a", "unit_01_b"}
+    assert set(whole["units"]["unit_02"]["traces"]) == {"unit_02_a"}
+
+
+def test_the_report_of_the_whole_has_both_units(fleet):
+    out, _ = fleet
+    whole = (out / "report.html").read_text(encoding="utf-8")
+    for unit in ("unit_01", "unit_02"):
+        assert f'<a href="#{unit}">' in whole
+        assert f'<h1 id="{unit}">' in whole
+    assert "unit_02" not in (out / "unit_01" / "report.html").read_text(encoding="utf-8").partition("To repeat")[0]
+
+
+def test_a_unit_is_fitted_as_if_alone(fleet, fitted):
+    out, _ = fleet
+    alone, among = read(fitted.out / "parameters.json"), read(out / "unit_02" / "parameters.json")
+    assert among["parameters"].keys() == alone["parameters"].keys()
+    for name, fields in among["parameters"].items():
+        if fields["free"] is True:
+            # The same trace from another start: both stop within a small part of a standard error of the minimum.
+            assert fields["value"] == pytest.approx(alone["parameters"][name]["value"], abs=0.1 * fields["std_error"])
+
+
+def test_a_second_run_does_nothing(fleet, study):
+    out, _ = fleet
+    before = {path: path.stat().st_mtime_ns for path in out.rglob("*")}
+    outcome = run_command("fit", study, "--out", out)
+    assert outcome.status == 0
+    assert outcome.out.startswith("nothing to do")
+    assert {path: path.stat().st_mtime_ns for path in out.rglob("*")} == before
+
+
+def test_simulate_takes_the_folder_of_a_fit(fleet, study, tmp_path):
+    out, _ = fleet
+    outcome = run_command("simulate", study, "--parameters", out, "--out", tmp_path / "simulated")
+    assert (outcome.status, outcome.err) == (0, "")
+    assert sorted(path.relative_to(tmp_path / "simulated").as_posix() for path in tmp_path.rglob("*.csv")) == [
+        "unit_01/unit_01_a.csv",
+        "unit_01/unit_01_b.csv",
+        "unit_02/unit_02_a.csv",
+    ]
+
+
+def test_a_unit_that_fails_leaves_the_others_alone(fleet, study, tmp_path):
+    out, _ = fleet
+    for unit in ("unit_01", "unit_02"):
+        content = read(out / unit / "parameters.json")
+        if unit == "unit_01":
+            content["parameters"]["chamber.volume"]["value"] = 1e-6  # smaller than what the diaphragm displaces
+        (tmp_path / "start" / unit).mkdir(parents=True)
+        (tmp_path / "start" / unit / "parameters.json").write_text(json.dumps(content))
+    again = tmp_path / "out"
+    outcome = run_command("fit", study, "--parameters", tmp_path / "start", "--out", again)
+    assert outcome.status == 1
+    assert outcome.err.startswith("failed: unit_01: the simulation with the start values fails")
+    assert outcome.err.count("\n") == 1
+    assert {path.name for path in (again / "unit_01").iterdir()} == {"summary.json"}
+    assert {path.name for path in (again / "unit_02").iterdir()} == FILES
+    whole = read(again / "summary.json")["units"]
+    assert (whole["unit_01"]["converged"], whole["unit_02"]["converged"]) == (False, True)
+
+
+def test_a_crash_between_units_keeps_the_finished_one(fleet, study, tmp_path, monkeypatch):
+    def crash(unit, task, folder):
+        if unit.name == "unit_02":
+            raise MemoryError("no more")
+        return fit(unit, task, folder)
+
+    fit, again = calibrate.fit._fit, tmp_path / "out"
+    with monkeypatch.context() as patch:
+        patch.setattr(calibrate.fit, "_fit", crash)
+        with pytest.raises(MemoryError, match="no more"):
+            run_command("fit", study, "--out", again)
+    iterations = read(again / "unit_01" / "summary.json")["iterations"]
+    outcome = run_command("fit", study, "--out", again)
+    assert outcome.status == 0
+    assert outcome.out.startswith(f"resuming after step {iterations}\n")  # which was the last
+    for unit in ("unit_01", "unit_02"):
+        assert read(again / unit / "parameters.json") == read(fleet[0] / unit / "parameters.json")
+        assert {path.name for path in (again / unit).iterdir()} == FILES
