@@ -71,6 +71,9 @@ def _run(command: str, *arguments: pathlib.Path | None) -> None:
         except SimulationError as error:
             click.echo(f"failed: {error}", err=True)
             sys.exit(1)
+        except OSError as error:
+            click.echo(f"failed: {error.filename or 'a file'} can't be written ({error.strerror}); make room", err=True)
+            sys.exit(1)
     finally:
         signal.signal(signal.SIGINT, previous)
 

@@ -122,9 +122,7 @@ def loop_figure(result: TraceResult) -> go.Figure:
 def convergence_figure(progress: Progress) -> go.Figure:
     """Cost after every step."""
     cost = 2 * np.asarray(progress.history)
-    figure = go.Figure(
-        go.Scatter(x=np.arange(len(cost)), y=cost, mode="lines+markers", line={"color": SIMULATED})
-    )
+    figure = go.Figure(go.Scatter(x=np.arange(len(cost)), y=cost, mode="lines+markers", line={"color": SIMULATED}))
     figure.update_yaxes(type="log", title_text="chi^2 / N", exponentformat="power")
     figure.update_xaxes(title_text="step")
     return _styled(figure, 300)

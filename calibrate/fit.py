@@ -91,12 +91,12 @@ def _plan(job: Job, unit: Unit) -> vgtjax.estimation.Task:
 def _fit(unit: Unit, task: vgtjax.estimation.Task, folder: pathlib.Path) -> tuple[Calibration, float, list[str]]:
     """Fits one unit, keeping its progress on disk; also the seconds it took, and what it could not see."""
     saved = folder / PROGRESS
-    earlier = read_json(saved) if saved.exists() else None
-    began = time.monotonic() - (earlier["seconds"] if earlier else 0.0)
-    resume = _to_progress(earlier["progress"]) if earlier else None
+    earlier, resume, unseen = _load_progress(saved)
+    began = time.monotonic() - earlier
     with FitDisplay(unit.name or "fit") as display:
         calibrator = start_calibration(task, resume)
-        unseen = earlier["unseen"] if earlier else calibrator.unidentifiable()
+        if resume is None:
+            unseen = calibrator.unidentifiable()
         if unseen:
             console.print(f"warning: these traces do not determine {', '.join(unseen)}; hold or excite them")
         progress = calibrator.minimiser.progress
@@ -114,8 +114,18 @@ def _fit(unit: Unit, task: vgtjax.estimation.Task, folder: pathlib.Path) -> tupl
         return calibration, time.monotonic() - began, unseen
 
 
-def _to_progress(saved: dict[str, Any]) -> Progress:
-    return Progress(**{**saved, "coordinates": tuple(saved["coordinates"]), "history": tuple(saved["history"])})
+def _load_progress(saved: pathlib.Path) -> tuple[float, Progress | None, list[str]]:
+    """Seconds already spent, where the fit was, and what its start could not see; nothing where nothing is saved."""
+    if not saved.exists():
+        return 0.0, None, []
+    try:
+        content = read_json(saved)
+        progress = content["progress"]
+        lists = {"coordinates": tuple(progress["coordinates"]), "history": tuple(progress["history"])}
+        return float(content["seconds"]), Progress(**{**progress, **lists}), list(content["unseen"])
+    except (InputError, KeyError, TypeError, ValueError):
+        console.print(f"note: {saved} can't be read, so the fit begins anew")
+        return 0.0, None, []
 
 
 def _failure(error: SimulationError, seconds: float, job: Job) -> dict[str, Any]:

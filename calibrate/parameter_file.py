@@ -69,6 +69,16 @@ def rows(calibration: Calibration) -> list[Row]:
     return found
 
 
+def start_as_study(calibration: Calibration) -> str:
+    """The start values of a fit, exact to the last digit, as the `[parameters]` table of a study."""
+    model = calibration.task.model
+    lines = [
+        f'"{name}" = {{value = {np.asarray(vgtjax.get_parameter(model, name)).tolist()!r}}}'
+        for name in vgtjax.parameter_table(model)
+    ]
+    return "\n".join(["[parameters]", *lines])
+
+
 _FIELDS = ("value", "unit", "free", "std_error", "initial", "lower", "upper", "at_bound", "identifiable")
 
 

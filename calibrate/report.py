@@ -15,7 +15,7 @@ from vgtjax.estimation import Calibration, TraceResult
 
 from . import figures
 from .job import Job
-from .parameter_file import Row
+from .parameter_file import Row, start_as_study
 
 _PACKAGES = ("vgtjax", "jax", "jaxlib", "equinox", "diffrax", "optimistix", "lineax", "numpy")
 
@@ -67,6 +67,7 @@ def _sections(unit: UnitReport) -> dict[str, Any]:
         "seconds": unit.seconds,
         "unseen": unit.unseen,
         "rows": unit.rows,
+        "start": start_as_study(calibration),
         "traces": [_trace(result) for result in calibration.traces],
         "convergence": _html(figures.convergence_figure(calibration.progress)),
         "autocorrelation": _html(figures.autocorrelation_figure(calibration.traces)),

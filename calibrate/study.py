@@ -3,6 +3,7 @@
 import difflib
 import glob
 import hashlib
+import importlib.metadata
 import pathlib
 import re
 import tomllib
@@ -212,9 +213,11 @@ def _check_names(sources: list[TraceSource]) -> None:
 
 
 def fingerprint(study: Study, sources: list[TraceSource], parameters: dict[str | None, dict[str, Any]]) -> str:
-    """SHA-256 over everything that a result depends on: the study, its traces' bytes, and given parameters."""
-    digest = hashlib.sha256(study.model_dump_json().encode())
+    """SHA-256 over all that a result depends on: version, study, names and bytes of its traces, given parameters."""
+    digest = hashlib.sha256(importlib.metadata.version("vgtjax").encode())
+    digest.update(study.model_dump_json().encode())
     for source in sources:
+        digest.update(repr((source.name, source.unit, source.use)).encode())
         digest.update(source.path.read_bytes())
     digest.update(repr(parameters).encode())
     return digest.hexdigest()

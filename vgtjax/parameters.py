@@ -205,7 +205,7 @@ def table_row(table: dict[str, Parameter], entry: str) -> Parameter:
     """The row of an entry such as `converter.magnetic_force[2]`, with that entry's unit."""
     name, index = _split(entry)
     row = table[name]
-    if index is None:
+    if index is None or not isinstance(row.default, tuple):
         return row
     return dataclasses.replace(
         row, symbol=f"{row.symbol}{index}", unit=row.unit[index], default=row.default[index], name=entry, size=None

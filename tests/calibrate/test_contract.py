@@ -1,0 +1,70 @@
+"""The study that the file format's documentation prints, and the promise that nothing is compiled twice."""
+
+import os
+import shutil
+import subprocess
+import sys
+import tomllib
+
+import pytest
+from support import EXAMPLE
+
+import vgtjax
+from calibrate.models import build_model, start_values
+from calibrate.study import Study
+from vgtjax.estimation import plan_task
+from vgtjax.transforms import build_transform
+
+PRINTED = """
+name = "unit A, cold bench"
+model = "full"
+[components]
+friction = "lugre"
+vane_force = "none"
+line = "none"
+magnetic_force = "static"
+chamber = "adiabatic"
+[[trace]]
+file = "levels_1.csv"
+use = "fit"
+name = "levels_1"
+unit = "unit_a"
+atmosphere = 101013
+window = [0.0, 12.0]
+[fit]
+free = ["diaphragm.*", "friction.*"]
+fixed = ["diaphragm.area"]
+[parameters]
+"diaphragm.stiffness" = {value = 11500, lower = 8000, upper = 16000}
+"""
+
+
+def test_the_printed_study_is_a_task():
+    """It frees `diaphragm.damping` too, which starts at zero."""
+    study = Study.model_validate(tomllib.loads(PRINTED))
+    model = build_model(study)
+    values, bounds = start_values(model, study)
+    trace = vgtjax.load_trace(EXAMPLE / "levels_1.csv").window(*study.trace[0].window)
+    task = plan_task(model, [trace], free=study.fit.free, fixed=study.fit.fixed, values=values, bounds=bounds)
+    assert "diaphragm.damping" in task.selection.entries
+    assert "diaphragm.area" not in task.selection.entries
+    start = task.selection.pack(task.model)
+    assert build_transform(vgtjax.parameter_table(model), task.selection.entries, start, task.bounds)
+
+
+@pytest.mark.parametrize("command", ["simulate"])
+def test_a_second_run_compiles_nothing(command, tmp_path):
+    """The second process finds every program in the cache and adds none."""
+    study = tmp_path / "study.toml"
+    shutil.copy(EXAMPLE / "step_50.csv", tmp_path)
+    study.write_text('[[trace]]\nfile = "step_50.csv"\nwindow = [0.0, 0.4]\n')
+    environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path / "cache")}
+
+    def programs(out):
+        arguments = [sys.executable, "-m", "calibrate", command, str(study), "--out", str(tmp_path / out)]
+        subprocess.run(arguments, env=environment, check=True, capture_output=True)
+        return {file.name for file in (tmp_path / "cache").rglob("*-cache")}
+
+    first = programs("first")
+    assert first
+    assert programs("second") == first
