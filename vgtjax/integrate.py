@@ -8,6 +8,7 @@ import equinox as eqx
 import equinox.internal as eqxi
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array, Int
 
 from .drive import Drive
 from .errors import InputError
@@ -20,9 +21,19 @@ class AbstractStepping(eqx.Module):
 
     @abc.abstractmethod
     def run(
-        self, model: AbstractModel, state: State, drive: Drive, substeps: int, adjoint: diffrax.AbstractAdjoint
+        self,
+        model: AbstractModel,
+        state: State,
+        drive: Drive,
+        substeps: int,
+        adjoint: diffrax.AbstractAdjoint,
+        jumps: Int[Array, " jumps"] | None = None,
     ) -> State:
-        """States at the start of every interval of `drive`, beginning with `state`."""
+        """States at the start of every interval of `drive`, beginning with `state`.
+
+        `substeps` is how often fixed steps divide an interval; `jumps` are the intervals at whose start the duty jumps,
+        any of them where it is `None`.
+        """
 
 
 class FixedStep(AbstractStepping):
@@ -63,7 +74,13 @@ class FixedStep(AbstractStepping):
         return state
 
     def run(
-        self, model: AbstractModel, state: State, drive: Drive, substeps: int, adjoint: diffrax.AbstractAdjoint
+        self,
+        model: AbstractModel,
+        state: State,
+        drive: Drive,
+        substeps: int,
+        adjoint: diffrax.AbstractAdjoint,
+        jumps: Int[Array, " jumps"] | None = None,
     ) -> State:
         """See the base class. Reverse mode checkpoints the march over intervals."""
 
@@ -102,10 +119,9 @@ def _unsuitable(adjoint: diffrax.AbstractAdjoint) -> InputError:
 
 
 class AdaptiveStep(AbstractStepping):
-    """Error-controlled steps over the whole trace by `diffrax.diffeqsolve`.
+    """Error-controlled steps over the whole trace by `diffrax.diffeqsolve`, told of every jump of the duty.
 
-    The independent check of [`FixedStep`][], which is faster. Every sample is declared to the controller as a jump,
-    since the duty may step and every pressure has a kink there. `atol` is relative to the usual size of each state.
+    The independent check of [`FixedStep`][], which is faster. `atol` is relative to the usual size of each state.
     """
 
     rtol: float = 1e-6
@@ -114,7 +130,13 @@ class AdaptiveStep(AbstractStepping):
     max_steps: int = eqx.field(static=True, default=1_000_000)
 
     def run(
-        self, model: AbstractModel, state: State, drive: Drive, substeps: int, adjoint: diffrax.AbstractAdjoint
+        self,
+        model: AbstractModel,
+        state: State,
+        drive: Drive,
+        substeps: int,
+        adjoint: diffrax.AbstractAdjoint,
+        jumps: Int[Array, " jumps"] | None = None,
     ) -> State:
         """See the base class."""
         starts = jnp.concatenate([jnp.zeros(1, drive.duration.dtype), jnp.cumsum(drive.duration)[:-1]])
@@ -129,7 +151,8 @@ class AdaptiveStep(AbstractStepping):
             return jax.tree.map(jnp.divide, model.vector_field(time - starts[index], state, here), size)
 
         controller = diffrax.ClipStepSizeController(
-            diffrax.PIDController(rtol=self.rtol, atol=self.atol), jump_ts=starts[1:-1]
+            diffrax.PIDController(rtol=self.rtol, atol=self.atol),
+            jump_ts=starts[1:-1] if jumps is None else starts[jumps],
         )
         solution = diffrax.diffeqsolve(
             diffrax.ODETerm(vector_field),

@@ -81,7 +81,8 @@ def simulate(
     dtype = model_dtype(model)
     drive, start = cast(trace.drive(), dtype), cast(trace.start(), dtype)
     substeps = stepping.substeps(trace.longest_interval) if isinstance(stepping, FixedStep) else 1
-    return _simulate(model, drive, start, trace.time.astype(dtype), stepping, substeps, adjoint, throw)
+    time, jumps = trace.time.astype(dtype), trace.jumps()
+    return _simulate(model, drive, start, time, jumps, stepping, substeps, adjoint, throw)
 
 
 @eqx.filter_jit
@@ -90,12 +91,13 @@ def _simulate(
     drive: Drive,
     start: Start,
     time: Array,
+    jumps: Array,
     stepping: AbstractStepping,
     substeps: int,
     adjoint: diffrax.AbstractAdjoint,
     throw: bool,
 ) -> Solution:
-    states = march(model, drive, start, stepping, substeps, adjoint)
+    states = march(model, drive, start, stepping, substeps, adjoint, jumps)
     signals = jax.vmap(model.signals)(states, drive)
     finite = jnp.all(jnp.stack([jnp.all(jnp.isfinite(leaf)) for leaf in jax.tree.leaves(states)]))
     result = RESULTS.where(finite, RESULTS.successful, RESULTS.diverged)
@@ -110,7 +112,8 @@ def march(
     stepping: AbstractStepping,
     substeps: int,
     adjoint: diffrax.AbstractAdjoint,
+    jumps: Array | None = None,
 ) -> State:
     """States at the start of every interval of `drive` (leading axis of each leaf)."""
     first = jax.tree.map(lambda leaf: leaf[0], drive)
-    return stepping.run(model, model.start(start, first), drive, substeps, adjoint)
+    return stepping.run(model, model.start(start, first), drive, substeps, adjoint, jumps)

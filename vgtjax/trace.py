@@ -4,7 +4,7 @@ import dataclasses
 
 import jax
 import numpy as np
-from jaxtyping import Float, PyTree
+from jaxtyping import Float, Int, PyTree
 
 from .drive import Drive, Ramp, Start
 from .errors import InputError
@@ -106,6 +106,10 @@ class Trace:
             chamber=ramp(self.p_act),
             force=ramp(self.f_drive),
         )
+
+    def jumps(self) -> Int[np.ndarray, " jumps"]:
+        """Samples at which the duty differs from the one before: there the vector field jumps."""
+        return np.zeros(0, int) if self.pwm is None else np.flatnonzero(np.diff(self.pwm)) + 1
 
     def start(self) -> Start:
         """What the trace says about the state at its first sample."""

@@ -159,10 +159,10 @@ START_VALUES = [
         "'diaphragm.area' must be at least 2, but it is 1; change one under [parameters]",
     ),
     bad(
-        "on its bound",
-        f'{TRACE}[parameters]\n"chamber.volume" = {{value = 5e-5, lower = 5e-5}}\n',
-        "the start value of 'chamber.volume' must lie strictly between 5e-05 and inf, but it is 5e-05; change the "
-        "value or the bounds under [parameters], or hold it with fixed",
+        "zero where only positive values have a logarithm",
+        f'{TRACE}[parameters]\n"diaphragm.mass" = {{value = 0}}\n',
+        "the start value of 'diaphragm.mass' must be positive to be fitted, but it is 0; change it under [parameters], or "
+        "hold it with fixed",
     ),
     bad(
         "bounds that fall",

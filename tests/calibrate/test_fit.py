@@ -164,12 +164,24 @@ def test_a_bound_holds_and_is_reported(small, upper):
     small.write_text(
         small.read_text().replace("value = 11500, lower = 8000, upper = 16000", f"value = 13500, {bounds}")
     )
-    _, found, _ = refit(small)
+    outcome, found, _ = refit(small)
+    assert outcome.status == 0
     stiffness = found["diaphragm.stiffness"]
-    assert 13000 <= stiffness["value"] < 13003
+    assert stiffness["value"] == pytest.approx(13000, rel=1e-12)
     assert stiffness["at_bound"] is True
     assert (stiffness["lower"], stiffness["upper"]) == (13000.0, upper)
     assert not found["diaphragm.preload"]["at_bound"]
+
+
+def test_what_starts_at_zero_may_be_free(small):
+    head, _, _ = small.read_text().partition("[fit]")
+    small.write_text(f'{head}[fit]\nfree = ["diaphragm.*", "friction.*"]\nfixed = ["diaphragm.area"]\n')
+    outcome, found, _ = refit(small)
+    assert outcome.status == 0
+    assert found["diaphragm.damping"]["initial"] == 0.0
+    assert found["diaphragm.damping"]["value"] >= 0.0
+    for name in ("diaphragm.damping", "friction.viscous_damping"):  # only their sum acts
+        assert (found[name]["free"], found[name]["identifiable"]) == (True, False)
 
 
 @pytest.mark.parametrize(("missing", "left"), [("x_d", "p_act"), ("p_act", "x_d")])

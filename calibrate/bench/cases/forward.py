@@ -62,8 +62,7 @@ _NOTES = [
     "Errors are over the 8 s of the reference: an independent plant, RK4 at 10 us, with hard switching. All JAX rows "
     "and CasADi open the leak at zero lift over a small lift, which costs most of their error.",
     "The reference starts with the plunger closed; every contestant here starts it in static balance.",
-    "LSODA and CVODES are restarted at every duty jump, and the adaptive diffrax solvers are told of the jumps. They "
-    "are run by march() with a trace that is known when compiling; see AdaptiveStep.",
+    "LSODA and CVODES are restarted at every duty jump, and the adaptive diffrax solvers are told of them.",
     "The first call compiles, except for CasADi, whose plant is built before. Of the plain settings it includes "
     "starting a process.",
 ]
@@ -100,12 +99,11 @@ def _adaptive(
 ) -> Callable[[], tuple[jax.Array, jax.Array]]:
     stepping = vgtjax.AdaptiveStep(solver=solver)
     adjoint = diffrax.ForwardMode() if adjoint is None else adjoint
-    # Constants of the compiled function, not arguments: only of those can the duty's jumps be listed.
     drive, start = jax.tree.map(jnp.asarray, (trace.drive(), trace.start()))
 
     @jax.jit
     def run(model):
-        states = march(model, drive, start, stepping, 1, adjoint)
+        states = march(model, drive, start, stepping, 1, adjoint, trace.jumps())
         return states.body.position, states.gas.pressure
 
     return lambda: run(model)
