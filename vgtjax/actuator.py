@@ -26,6 +26,7 @@ class ActuatorState(eqx.Module):
     gas: Gas
     body: Body
     friction: PyTree[Array]
+    vanes: PyTree[Array]
 
 
 class Actuator(AbstractModel):
@@ -68,6 +69,7 @@ class Actuator(AbstractModel):
             gas,
             body,
             self.friction.initial_state(),
+            self.vane_force.initial_state(),
         )
 
     def vector_field(self, time: Scalar, state: ActuatorState, drive: Drive) -> ActuatorState:
@@ -76,7 +78,7 @@ class Actuator(AbstractModel):
         plunger, gas, body = state.plunger, state.gas, state.body
         inflow, line_rate = self._inflow(state, ambient, reservoir)
         force = self._drive_force(ambient, gas.pressure)
-        vane_force = self.vane_force(body.position, body.velocity, drive.turbine(time))
+        vane_force, vane_rate = self.vane_force(body, self.diaphragm.travel, state.vanes, drive.turbine(time))
         applied = self.diaphragm.applied_force(body, force - vane_force)
         friction_force, friction_rate = self.friction(body.velocity, state.friction, applied)
         return ActuatorState(
@@ -94,6 +96,7 @@ class Actuator(AbstractModel):
             ),
             Body(body.velocity, (applied - friction_force) / self.diaphragm.mass),
             friction_rate,
+            vane_rate,
         )
 
     def relaxation(self, state: ActuatorState) -> ActuatorState:
@@ -104,6 +107,7 @@ class Actuator(AbstractModel):
             Gas(None, None),
             Body(None, self.diaphragm.damping_rate(self.friction.damping())),
             self.friction.relaxation(state.body.velocity),
+            self.vane_force.relaxation(state.body, state.vanes),
         )
 
     def observe(self, state: ActuatorState, drive: Drive) -> tuple[Scalar, Scalar]:
@@ -122,6 +126,7 @@ class Actuator(AbstractModel):
             "x_d": state.body.position,
             "v_d": state.body.velocity,
             **self.friction.signals(state.friction),
+            **self.vane_force.signals(state.vanes),
             **self.line.signals(state.line),
             "T_act": state.gas.temperature,
             "p_act": state.gas.pressure,
@@ -134,10 +139,11 @@ class Actuator(AbstractModel):
         gas = Gas(self.air.pressure, self.air.temperature)
         return ActuatorState(
             Plunger(1e-3, 0.1),
-            self.line.initial_state(gas),
+            self.line.typical_state(gas),
             gas,
             Body(1e-2, 0.1),
             self.friction.typical_state(),
+            self.vane_force.typical_state(),
         )
 
     def _ambient(self, drive: Drive) -> Scalar:
@@ -158,4 +164,4 @@ class Actuator(AbstractModel):
 
     def _inflow(self, state: ActuatorState, ambient: Scalar, reservoir: Scalar) -> tuple[Flow, PyTree[Array]]:
         source = partial(self._converter_flow, state, ambient, reservoir)
-        return self.line(state.line, source, state.gas)
+        return self.line(self.air, state.line, source, state.gas)

@@ -19,6 +19,7 @@ class MechanicalState(eqx.Module):
 
     body: Body
     friction: PyTree[Array]
+    vanes: PyTree[Array]
 
 
 class MechanicalActuator(AbstractModel):
@@ -36,23 +37,24 @@ class MechanicalActuator(AbstractModel):
 
     def start(self, start: Start, drive: Drive) -> MechanicalState:
         """At rest in static balance, or at the mean position of the first 50 ms."""
-        return MechanicalState(
-            self.diaphragm.start(start, self._drive_force(0.0, drive)), self.friction.initial_state()
-        )
+        body = self.diaphragm.start(start, self._drive_force(0.0, drive))
+        return MechanicalState(body, self.friction.initial_state(), self.vane_force.initial_state())
 
     def vector_field(self, time: Scalar, state: MechanicalState, drive: Drive) -> MechanicalState:
         """Time derivative of the state [2.34]."""
         body = state.body
-        vane_force = self.vane_force(body.position, body.velocity, drive.turbine(time))
+        vane_force, vane_rate = self.vane_force(body, self.diaphragm.travel, state.vanes, drive.turbine(time))
         applied = self.diaphragm.applied_force(body, self._drive_force(time, drive) - vane_force)
         friction_force, friction_rate = self.friction(body.velocity, state.friction, applied)
-        return MechanicalState(Body(body.velocity, (applied - friction_force) / self.diaphragm.mass), friction_rate)
+        acceleration = (applied - friction_force) / self.diaphragm.mass
+        return MechanicalState(Body(body.velocity, acceleration), friction_rate, vane_rate)
 
     def relaxation(self, state: MechanicalState) -> MechanicalState:
         """Rates of the rod and the bristles."""
         return MechanicalState(
             Body(None, self.diaphragm.damping_rate(self.friction.damping())),
             self.friction.relaxation(state.body.velocity),
+            self.vane_force.relaxation(state.body, state.vanes),
         )
 
     def observe(self, state: MechanicalState, drive: Drive) -> tuple[Scalar, Scalar]:
@@ -69,12 +71,13 @@ class MechanicalActuator(AbstractModel):
             "x_d": state.body.position,
             "v_d": state.body.velocity,
             **self.friction.signals(state.friction),
+            **self.vane_force.signals(state.vanes),
             **source,
         }
 
     def typical_state(self) -> Any:
         """A centimetre, a tenth of a metre a second."""
-        return MechanicalState(Body(1e-2, 0.1), self.friction.typical_state())
+        return MechanicalState(Body(1e-2, 0.1), self.friction.typical_state(), self.vane_force.typical_state())
 
     def _drive_force(self, time: Scalar | float, drive: Drive) -> Scalar:
         if drive.force is not None:

@@ -161,8 +161,8 @@ START_VALUES = [
     bad(
         "zero where only positive values have a logarithm",
         f'{TRACE}[parameters]\n"diaphragm.mass" = {{value = 0}}\n',
-        "the start value of 'diaphragm.mass' must be positive to be fitted, but it is 0; change it under [parameters], or "
-        "hold it with fixed",
+        "the start value of 'diaphragm.mass' must be positive to be fitted, but it is 0; change it under [parameters], "
+        "or hold it with fixed",
     ),
     bad(
         "bounds that fall",

@@ -7,7 +7,7 @@ from typing import Any
 import equinox as eqx
 from jaxtyping import Array, PyTree
 
-from ..air import Scalar
+from ..air import Air, Scalar
 from ..chamber import Gas
 from ..converter import Flow
 
@@ -20,11 +20,13 @@ class AbstractLine(eqx.Module):
         """State at rest, filled with the gas of the chamber."""
 
     @abc.abstractmethod
-    def __call__(self, state: Any, source: Callable[[Scalar, Scalar], Flow], gas: Gas) -> tuple[Flow, PyTree[Scalar]]:
+    def __call__(
+        self, air: Air, state: Any, source: Callable[[Scalar, Scalar], Flow], gas: Gas
+    ) -> tuple[Flow, PyTree[Scalar]]:
         """Flow into the chamber, and the time derivative of the state.
 
         **Arguments:** `source(pressure, temperature)` is the flow out of the converter into a volume in that
-        state (Pa absolute, K); `gas` is the state of the chamber.
+        state (Pa absolute, K); `gas` is the state of the chamber; `air` gives speed of sound and friction.
         """
 
     @abc.abstractmethod
@@ -34,3 +36,7 @@ class AbstractLine(eqx.Module):
     @abc.abstractmethod
     def signals(self, state: Any) -> dict[str, Array]:
         """The state by the names of the trace columns."""
+
+    @abc.abstractmethod
+    def typical_state(self, gas: Gas) -> PyTree[Scalar]:
+        """The usual size of each state with `gas` in the line, by which an absolute tolerance is scaled."""

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from jaxtyping import Array
 
-from ..air import Scalar
+from ..air import Air, Scalar
 from ..chamber import Gas
 from ..converter import Flow
 from .base import AbstractLine
@@ -17,7 +17,7 @@ class NoLine(AbstractLine):
         """Nothing to remember."""
         return
 
-    def __call__(self, state: None, source: Callable[[Scalar, Scalar], Flow], gas: Gas) -> tuple[Flow, None]:
+    def __call__(self, air: Air, state: None, source: Callable[[Scalar, Scalar], Flow], gas: Gas) -> tuple[Flow, None]:
         """The converter's flow into the chamber."""
         return source(gas.pressure, gas.temperature), None
 
@@ -28,3 +28,6 @@ class NoLine(AbstractLine):
     def signals(self, state: None) -> dict[str, Array]:
         """Nothing to show."""
         return {}
+
+    def typical_state(self, gas: Gas) -> None:
+        """No state, no size."""

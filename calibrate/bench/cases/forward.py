@@ -5,10 +5,8 @@ from typing import Any
 
 import diffrax
 import jax
-import jax.numpy as jnp
 
 import vgtjax
-from vgtjax.simulate import march
 
 from .. import casadi_plant, numba_plant, scipy_plant
 from ..data import reference
@@ -98,14 +96,7 @@ def _adaptive(
     adjoint: diffrax.AbstractAdjoint | None = None,
 ) -> Callable[[], tuple[jax.Array, jax.Array]]:
     stepping = vgtjax.AdaptiveStep(solver=solver)
-    adjoint = diffrax.ForwardMode() if adjoint is None else adjoint
-    drive, start = jax.tree.map(jnp.asarray, (trace.drive(), trace.start()))
-
-    @jax.jit
-    def run(model):
-        states = march(model, drive, start, stepping, 1, adjoint, trace.jumps())
-        return states.body.position, states.gas.pressure
-
+    run = jax.jit(lambda model: _seen(vgtjax.simulate(model, trace, stepping=stepping, adjoint=adjoint)))
     return lambda: run(model)
 
 
