@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..devices import replicate
 from ..integrate import FixedStep
 from ..model import AbstractModel
 from ..parameters import Selection
@@ -130,7 +131,7 @@ class Problem(eqx.Module):
         scale = 1 / np.sqrt(self.count)
         residuals, jacobian = jnp.concatenate(blocks) * scale, jnp.concatenate(columns) * (scale * slope)[None, :]
         held = self.transform.pinned(coordinates, residuals @ jacobian)
-        return residuals, jnp.where(held[None, :], 0.0, jacobian)
+        return replicate((residuals, jnp.where(held[None, :], 0.0, jacobian)))
 
 
 @eqx.filter_custom_jvp
