@@ -180,8 +180,10 @@ def test_what_starts_at_zero_may_be_free(small):
     assert outcome.status == 0
     assert found["diaphragm.damping"]["initial"] == 0.0
     assert found["diaphragm.damping"]["value"] >= 0.0
-    for name in ("diaphragm.damping", "friction.viscous_damping"):  # only their sum acts
-        assert (found[name]["free"], found[name]["identifiable"]) == (True, False)
+    # Only their sum acts; a damping that its bound holds at zero leaves the other determined, or neither is.
+    assert found["diaphragm.damping"]["free"]
+    assert not found["diaphragm.damping"]["identifiable"]
+    assert found["diaphragm.damping"]["at_bound"] or not found["friction.viscous_damping"]["identifiable"]
 
 
 @pytest.mark.parametrize(("missing", "left"), [("x_d", "p_act"), ("p_act", "x_d")])
