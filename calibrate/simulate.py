@@ -8,23 +8,11 @@ import numpy as np
 
 import vgtjax
 from vgtjax.errors import SimulationError
+from vgtjax.signals import SIGNAL_UNITS
 
 from .console import console, say_notes
 from .files import claim, write_text
 from .job import prepare
-
-SIGNAL_UNITS = {
-    "x_p": "m",
-    "v_p": "m/s",
-    "x_d": "m",
-    "v_d": "m/s",
-    "z": "m",
-    "T_act": "K",
-    "p_act": "Pa absolute",
-    "m_dot_in": "kg/s",
-    "m_dot_out": "kg/s",
-    "f_drive": "N",
-}
 
 
 def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathlib.Path) -> None:

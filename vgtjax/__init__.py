@@ -3,7 +3,7 @@
 from .actuator import Actuator as Actuator, ActuatorState as ActuatorState
 from .air import Air as Air, flow_function as flow_function, orifice_flow as orifice_flow
 from .bench_file import load_trace as load_trace
-from .chamber import AdiabaticChamber as AdiabaticChamber
+from .chamber import AbstractChamber as AbstractChamber, AdiabaticChamber as AdiabaticChamber
 from .converter import Converter as Converter
 from .diaphragm import Diaphragm as Diaphragm
 from .errors import InputError as InputError, SimulationError as SimulationError
@@ -12,6 +12,7 @@ from .friction import AbstractFriction as AbstractFriction, LuGre as LuGre
 from .heun import StabilisedHeun as StabilisedHeun
 from .integrate import AdaptiveStep as AdaptiveStep, FixedStep as FixedStep
 from .line import AbstractLine as AbstractLine, NoLine as NoLine
+from .magnetic_force import AbstractMagneticForce as AbstractMagneticForce
 from .mechanical import MechanicalActuator as MechanicalActuator
 from .model import AbstractModel as AbstractModel
 from .parameters import (
@@ -27,3 +28,4 @@ from .runtime import configure as configure
 from .simulate import RESULTS as RESULTS, Solution as Solution, simulate as simulate
 from .trace import Trace as Trace
 from .vane_force import AbstractVaneForce as AbstractVaneForce, NoVaneForce as NoVaneForce
+from .vanes import Crank as Crank

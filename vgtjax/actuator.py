@@ -1,6 +1,5 @@
 """The full actuator: duty in, chamber pressure and position out [2.58]."""
 
-from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -8,13 +7,14 @@ import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
 from .air import Air, Scalar
-from .chamber import AdiabaticChamber, Gas
+from .chamber import AbstractChamber, AdiabaticChamber, Gas
 from .converter import Converter, Flow, Plunger
-from .diaphragm import Body, Diaphragm
+from .diaphragm import Diaphragm
 from .drive import Drive, Start
 from .friction import AbstractFriction, LuGre
 from .line import AbstractLine, NoLine
 from .model import AbstractModel
+from .rod import Rod, RodState
 from .vane_force import AbstractVaneForce, NoVaneForce
 
 
@@ -22,11 +22,10 @@ class ActuatorState(eqx.Module):
     """State of the full actuator, one scalar a leaf (SI units)."""
 
     plunger: Plunger
+    magnet: PyTree[Array]
     line: PyTree[Array]
     gas: Gas
-    body: Body
-    friction: PyTree[Array]
-    vanes: PyTree[Array]
+    rod: RodState
 
 
 class Actuator(AbstractModel):
@@ -37,7 +36,7 @@ class Actuator(AbstractModel):
 
     converter: Converter = eqx.field(default_factory=Converter)
     line: AbstractLine = eqx.field(default_factory=NoLine)
-    chamber: AdiabaticChamber = eqx.field(default_factory=AdiabaticChamber)
+    chamber: AbstractChamber = eqx.field(default_factory=AdiabaticChamber)
     diaphragm: Diaphragm = eqx.field(default_factory=Diaphragm)
     friction: AbstractFriction = eqx.field(default_factory=LuGre)
     vane_force: AbstractVaneForce = eqx.field(default_factory=NoVaneForce)
@@ -60,32 +59,31 @@ class Actuator(AbstractModel):
         )
         pressure = jnp.where(start.pressure_known, start.pressure, unknown)
         pressure = jnp.where(start.at_rest, ambient, pressure)
-        body = self.diaphragm.start(start, self._drive_force(ambient, pressure))
+        rod = self._rod.start(start, self._drive_force(ambient, pressure))
         gas = Gas(pressure, jnp.broadcast_to(self.air.temperature, jnp.shape(pressure)))
         lift = self.converter.rest_position(drive.pwm, ambient, reservoir, pressure)
         return ActuatorState(
             Plunger(lift, jnp.zeros_like(lift)),
-            self.line.initial_state(gas),
+            self.converter.magnet.initial_state(drive.pwm),
+            self.line.initial_state(self.air, gas),
             gas,
-            body,
-            self.friction.initial_state(),
-            self.vane_force.initial_state(),
+            rod,
         )
 
     def vector_field(self, time: Scalar, state: ActuatorState, drive: Drive) -> ActuatorState:
         """Time derivative of the state [2.58]."""
         ambient, reservoir = self._ambient(drive), self._reservoir(time, drive)
-        plunger, gas, body = state.plunger, state.gas, state.body
-        inflow, line_rate = self._inflow(state, ambient, reservoir)
-        force = self._drive_force(ambient, gas.pressure)
-        vane_force, vane_rate = self.vane_force(body, self.diaphragm.travel, state.vanes, drive.turbine(time))
-        applied = self.diaphragm.applied_force(body, force - vane_force)
-        friction_force, friction_rate = self.friction(body.velocity, state.friction, applied)
+        plunger, gas, body = state.plunger, state.gas, state.rod.body
+        upstream = self.line.upstream(state.line, gas)
+        entering = self._converter_flow(plunger, ambient, reservoir, upstream)
+        inflow, line_rate = self.line(self.air, state.line, entering, gas)
+        pull, magnet_rate = self.converter.magnet(drive.pwm, plunger.position, plunger.velocity, state.magnet)
         return ActuatorState(
             Plunger(
                 plunger.velocity,
-                self.converter.acceleration(plunger, drive.pwm, ambient, reservoir, gas.pressure),
+                self.converter.acceleration(plunger, pull, ambient, reservoir, upstream.pressure),
             ),
+            magnet_rate,
             line_rate,
             self.chamber.rates(
                 self.air,
@@ -94,39 +92,40 @@ class Actuator(AbstractModel):
                 self.diaphragm.displaced_volume(body.position),
                 self.diaphragm.displaced_volume(body.velocity),
             ),
-            Body(body.velocity, (applied - friction_force) / self.diaphragm.mass),
-            friction_rate,
-            vane_rate,
+            self._rod.rates(state.rod, self._drive_force(ambient, gas.pressure), drive.turbine(time)),
         )
 
-    def relaxation(self, state: ActuatorState) -> ActuatorState:
-        """Rates of the plunger, the rod and the bristles; the gas is slow."""
+    def relaxation(self, time: Scalar, state: ActuatorState, drive: Drive) -> ActuatorState:
+        """Rates of the plunger, the rod and what else has fast states."""
+        displaced = self.diaphragm.displaced_volume(state.rod.body.position)
         return ActuatorState(
             Plunger(None, self.converter.damping_rate()),
-            self.line.relaxation(state.line),
-            Gas(None, None),
-            Body(None, self.diaphragm.damping_rate(self.friction.damping())),
-            self.friction.relaxation(state.body.velocity),
-            self.vane_force.relaxation(state.body, state.vanes),
+            self.converter.magnet.relaxation(state.plunger.position, state.magnet),
+            self.line.relaxation(self.air, state.line, state.gas),
+            self.chamber.relaxation(self.air, state.gas, displaced),
+            self._rod.relaxation(state.rod, drive.turbine(time)),
         )
+
+    @property
+    def longest_step(self) -> float:
+        """What the line resolves; everything else is resolved by the default."""
+        return self.line.longest_step
 
     def observe(self, state: ActuatorState, drive: Drive) -> tuple[Scalar, Scalar]:
         """Position and chamber pressure."""
-        return state.body.position, state.gas.pressure
+        return state.rod.body.position, state.gas.pressure
 
     def signals(self, state: ActuatorState, drive: Drive) -> dict[str, Array]:
         """States and flows; `m_dot_in` comes from the atmosphere, `m_dot_out` goes to the reservoir."""
-        flow = self._converter_flow(
-            state, self._ambient(drive), self._reservoir(0.0, drive), state.gas.pressure, state.gas.temperature
-        ).mass_flow
-        evacuating = state.plunger.position < 0
+        plunger = state.plunger
+        upstream = self.line.upstream(state.line, state.gas)
+        flow = self._converter_flow(plunger, self._ambient(drive), self._reservoir(0.0, drive), upstream).mass_flow
+        evacuating = plunger.position < 0
         return {
-            "x_p": state.plunger.position,
-            "v_p": state.plunger.velocity,
-            "x_d": state.body.position,
-            "v_d": state.body.velocity,
-            **self.friction.signals(state.friction),
-            **self.vane_force.signals(state.vanes),
+            "x_p": plunger.position,
+            "v_p": plunger.velocity,
+            **self.converter.magnet.signals(state.magnet),
+            **self._rod.signals(state.rod, drive.turbine(0.0)),
             **self.line.signals(state.line),
             "T_act": state.gas.temperature,
             "p_act": state.gas.pressure,
@@ -139,12 +138,15 @@ class Actuator(AbstractModel):
         gas = Gas(self.air.pressure, self.air.temperature)
         return ActuatorState(
             Plunger(1e-3, 0.1),
+            self.converter.magnet.typical_state(),
             self.line.typical_state(gas),
             gas,
-            Body(1e-2, 0.1),
-            self.friction.typical_state(),
-            self.vane_force.typical_state(),
+            self._rod.typical_state(),
         )
+
+    @property
+    def _rod(self) -> Rod:
+        return Rod(self.diaphragm, self.friction, self.vane_force)
 
     def _ambient(self, drive: Drive) -> Scalar:
         return self.air.pressure + drive.ambient_shift
@@ -156,12 +158,5 @@ class Actuator(AbstractModel):
     def _drive_force(self, ambient: Scalar, pressure: Scalar) -> Scalar:
         return (ambient - pressure) * self.diaphragm.area
 
-    def _converter_flow(
-        self, state: ActuatorState, ambient: Scalar, reservoir: Scalar, pressure: Scalar, temperature: Scalar
-    ) -> Flow:
-        lift = state.plunger.position
-        return self.converter.flow(self.air, lift, ambient, reservoir, pressure, temperature)
-
-    def _inflow(self, state: ActuatorState, ambient: Scalar, reservoir: Scalar) -> tuple[Flow, PyTree[Array]]:
-        source = partial(self._converter_flow, state, ambient, reservoir)
-        return self.line(self.air, state.line, source, state.gas)
+    def _converter_flow(self, plunger: Plunger, ambient: Scalar, reservoir: Scalar, into: Gas) -> Flow:
+        return self.converter.flow(self.air, plunger.position, ambient, reservoir, into.pressure, into.temperature)

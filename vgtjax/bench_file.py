@@ -16,6 +16,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from .errors import InputError
+from .signals import SIGNAL_UNITS
 from .trace import ASSUMED_RESERVOIR, SENSOR_PRESSURE_OFFSET, STANDARD_ATMOSPHERE, Samples, Trace
 
 PRESSURES = ("p_act", "p_res", "p_trb")
@@ -32,7 +33,7 @@ UNITS: dict[str, tuple[str, ...]] = {
 }
 """The units that each column may have; pressures are followed by `gauge` or `absolute`."""
 SI = {"time": "s", "pwm": "percent", "p_act": "Pa", "p_res": "Pa", "p_trb": "Pa", "x_d": "m"}
-SIMULATED_ONLY = {"x_p", "v_p", "v_d", "z", "T_act", "m_dot_in", "m_dot_out"}
+SIMULATED_ONLY = set(SIGNAL_UNITS) - set(UNITS)
 """Columns that a simulation writes and that are no input: ignored, not misspelt."""
 TRAVEL = 10.13e-3
 """m; the printed `diaphragm.travel`, for a caller who knows no better."""

@@ -5,7 +5,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .air import Air, Scalar, orifice_flow
+from .magnetic_force import AbstractMagneticForce, StaticForce
 from .parameters import parameter
+
+REST_ITERATIONS = 30
+"""Each brings a plunger nearer its rest by the ratio of magnetic to spring stiffness, which is below one."""
 
 
 class Plunger(eqx.Module):
@@ -32,7 +36,7 @@ class Converter(eqx.Module):
     actuator_area: Scalar = parameter(1.7425e-4, symbol="A_act", unit="m2", source="B.1", held=True)
     atmosphere_area: Scalar = parameter(1.7652e-4, symbol="A_atm", unit="m2", source="B.1", held=True)
     reservoir_area: Scalar = parameter(3.1416e-6, symbol="A_res", unit="m2", source="B.1", held=True)
-    magnetic_force: Float[Array, " 5"] = parameter(
+    magnetic_force: Float[Array, " 5"] | AbstractMagneticForce = parameter(
         (0.021731, 0.0022634, 0.0039, -3.5733e-5, 9.1355e-8),
         symbol="c",
         unit=("N", "N/%", "N/%^2", "N/%^3", "N/%^4"),
@@ -51,27 +55,26 @@ class Converter(eqx.Module):
     lies above zero: one across zero opens both orifices at once.
     """
 
-    def magnetic_pull(self, pwm: Scalar) -> Scalar:
-        """Magnetic force in N at a duty in percent [2.9 with the digits of B.1]; it pulls down."""
-        c0, c1, c2, c3, c4 = (self.magnetic_force[k] for k in range(5))
-        return (((c4 * pwm + c3) * pwm + c2) * pwm + c1) * pwm + c0
+    @property
+    def magnet(self) -> AbstractMagneticForce:
+        """The static quartic of the coefficients `magnetic_force` [2.9], or the coil that stands in their place."""
+        given = self.magnetic_force
+        return given if isinstance(given, AbstractMagneticForce) else StaticForce(given)
 
-    def static_force(self, pwm: Scalar, ambient: Scalar, reservoir: Scalar, pressure: Scalar) -> Scalar:
-        """Force in N on a closed plunger at rest: pressures (Pa absolute) on its three areas, and the magnet."""
-        return (
-            ambient * self.atmosphere_area
-            - reservoir * self.reservoir_area
-            - self.magnetic_pull(pwm)
-            - pressure * self.actuator_area
-        )
+    def static_force(self, pull: Scalar, ambient: Scalar, reservoir: Scalar, pressure: Scalar) -> Scalar:
+        """Force in N on a closed plunger at rest: pressures (Pa absolute) on its three areas, and the magnet's pull."""
+        return ambient * self.atmosphere_area - reservoir * self.reservoir_area - pull - pressure * self.actuator_area
 
     def acceleration(
-        self, plunger: Plunger, pwm: Scalar, ambient: Scalar, reservoir: Scalar, pressure: Scalar
+        self, plunger: Plunger, pull: Scalar, ambient: Scalar, reservoir: Scalar, pressure: Scalar
     ) -> Scalar:
-        """Acceleration of the plunger in m/s2 [2.7]. The return spring acts only above zero (erratum 6)."""
+        """Acceleration of the plunger in m/s2 [2.7] under the magnet's pull in N.
+
+        The return spring acts only above zero (erratum 6).
+        """
         position = plunger.position
         force = (
-            self.static_force(pwm, ambient, reservoir, pressure)
+            self.static_force(pull, ambient, reservoir, pressure)
             - self.membrane_stiffness * position
             - self.return_spring_stiffness * jnp.maximum(position, 0.0)
             - self.plunger_damping * plunger.velocity
@@ -80,13 +83,19 @@ class Converter(eqx.Module):
 
     def rest_position(self, pwm: Scalar, ambient: Scalar, reservoir: Scalar, pressure: Scalar) -> Scalar:
         """Position in m at which [2.7] balances at rest."""
-        force = self.static_force(pwm, ambient, reservoir, pressure)
-        stiffness = self.membrane_stiffness + jnp.where(force > 0, self.return_spring_stiffness, 0.0)
-        return force / stiffness
+        position = jnp.zeros_like(pressure)
+        # A magnet whose pull depends on the position needs repetition; the quartic is done after the first.
+        for _ in range(REST_ITERATIONS if isinstance(self.magnetic_force, AbstractMagneticForce) else 1):
+            pull = self.magnet.steady_pull(pwm, position)
+            force = self.static_force(pull, ambient, reservoir, pressure)
+            stiffness = self.membrane_stiffness + jnp.where(force > 0, self.return_spring_stiffness, 0.0)
+            position = force / stiffness
+        return position
 
     def working_pressure(self, pwm: Scalar, ambient: Scalar, reservoir: Scalar) -> Scalar:
         """Chamber pressure in Pa at which the plunger rests closed, between reservoir and atmosphere [2.8]."""
-        balance = self.static_force(pwm, ambient, reservoir, jnp.zeros_like(pwm)) / self.actuator_area
+        pull = self.magnet.steady_pull(pwm, jnp.zeros_like(pwm))
+        balance = self.static_force(pull, ambient, reservoir, jnp.zeros_like(pwm)) / self.actuator_area
         return jnp.clip(balance, reservoir, ambient)
 
     def damping_rate(self) -> Scalar:

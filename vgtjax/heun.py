@@ -24,8 +24,8 @@ class StabilisedHeun(diffrax.AbstractSolver):
     rational variant of the whole rate 1.0 um. So only the excess is treated that way.
     """
 
-    relaxation: Callable[[Any], Any]
-    """Rates in 1/s shaped like the state, `None` where a state is slow."""
+    relaxation: Callable[[Any, Any, Any], Any]
+    """Rates in 1/s of `(t, y, args)`, shaped like the state, `None` where a state is slow."""
     limit: float = 1.5
 
     term_structure: ClassVar = diffrax.AbstractTerm
@@ -56,7 +56,7 @@ class StabilisedHeun(diffrax.AbstractSolver):
         """One step from `t0` to `t1`, with the difference to Euler's step as error estimate."""
         h = terms.contr(t0, t1)
         # `None` is a leaf of the rates where the state has a number, so the state's structure leads.
-        excess = jax.tree.map(lambda y, rate: _Excess(h, rate, self.limit), y0, self.relaxation(y0))
+        excess = jax.tree.map(lambda y, rate: _Excess(h, rate, self.limit), y0, self.relaxation(t0, y0, args))
         slope0 = terms.vf(t0, y0, args)
         euler = jax.tree.map(lambda y, k, e: e.predict(y, h * k), y0, slope0, excess)
         slope1 = terms.vf(t1, euler, args)

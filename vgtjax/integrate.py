@@ -51,9 +51,10 @@ class FixedStep(AbstractStepping):
         if not 0 < self.max_step < math.inf:
             raise InputError(f"max_step must be a positive number of seconds, but it is {self.max_step}; use e.g. 5e-4")
 
-    def substeps(self, longest_interval: float) -> int:
-        """Steps an interval, such that the longest interval is cut finely enough."""
-        return max(1, math.ceil(longest_interval / self.max_step * (1 - 1e-9)))
+    def substeps(self, model: AbstractModel, longest_interval: float) -> int:
+        """Steps an interval, such that the longest interval is cut finely enough, also for the model."""
+        step = min(self.max_step, model.longest_step)
+        return max(1, math.ceil(longest_interval / step * (1 - 1e-9)))
 
     def advance(self, model: AbstractModel, state: State, drive: Drive, substeps: int, unroll: int = 1) -> State:
         """State at the end of one interval; `unroll` steps are compiled side by side, see `jax.lax.scan`."""

@@ -27,7 +27,7 @@ class AbstractModel(eqx.Module):
         """Time derivative of the state, `time` seconds after the start of the interval `drive`."""
 
     @abc.abstractmethod
-    def relaxation(self, state: Any) -> Any:
+    def relaxation(self, time: Scalar, state: Any, drive: Drive) -> Any:
         """Rate in 1/s at which each state forgets itself, shaped like the state, `None` where it is slow."""
 
     @abc.abstractmethod
@@ -41,6 +41,11 @@ class AbstractModel(eqx.Module):
     @abc.abstractmethod
     def typical_state(self) -> Any:
         """The usual size of each state, by which an absolute tolerance is scaled."""
+
+    @property
+    @abc.abstractmethod
+    def longest_step(self) -> float:
+        """Longest step in s that resolves the model's own dynamics, infinite where the default does."""
 
     @property
     @abc.abstractmethod

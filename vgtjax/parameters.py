@@ -43,7 +43,9 @@ class Parameter:
     size: int | None = None
 
 
-def _as_float_array(value: Any) -> Array:
+def _as_float_array(value: Any) -> Any:
+    if isinstance(value, eqx.Module):  # a component that stands in the place of plain numbers
+        return value
     if hasattr(value, "dtype") and jnp.issubdtype(value.dtype, jnp.inexact):
         return jnp.asarray(value)
     return jnp.asarray(value, dtype=float)
@@ -75,10 +77,10 @@ def parameter(
 def _walk(module: eqx.Module, prefix: str) -> Iterator[tuple[str, Parameter, Array]]:
     for field in dataclasses.fields(module):
         value = getattr(module, field.name)
-        if "parameter" in field.metadata:
-            yield prefix + field.name, field.metadata["parameter"], value
-        elif isinstance(value, eqx.Module):
+        if isinstance(value, eqx.Module):
             yield from _walk(value, f"{prefix}{field.name}.")
+        elif "parameter" in field.metadata:
+            yield prefix + field.name, field.metadata["parameter"], value
 
 
 def parameter_table(model: eqx.Module) -> dict[str, Parameter]:
@@ -205,8 +207,9 @@ def table_row(table: dict[str, Parameter], entry: str) -> Parameter:
     """The row of an entry such as `converter.magnetic_force[2]`, with that entry's unit."""
     name, index = _split(entry)
     row = table[name]
-    if index is None or not isinstance(row.default, tuple):
+    if index is None:
         return row
-    return dataclasses.replace(
-        row, symbol=f"{row.symbol}{index}", unit=row.unit[index], default=row.default[index], name=entry, size=None
-    )
+    unit = row.unit if isinstance(row.unit, str) else row.unit[index]
+    # A table may have more entries than the one that is printed.
+    default = row.default[index] if isinstance(row.default, tuple) and index < len(row.default) else 0.0
+    return dataclasses.replace(row, symbol=f"{row.symbol}{index}", unit=unit, default=default, name=entry, size=None)

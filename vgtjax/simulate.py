@@ -80,7 +80,7 @@ def simulate(
     adjoint = diffrax.ForwardMode() if adjoint is None else adjoint
     dtype = model_dtype(model)
     drive, start = cast(trace.drive(), dtype), cast(trace.start(), dtype)
-    substeps = stepping.substeps(trace.longest_interval) if isinstance(stepping, FixedStep) else 1
+    substeps = stepping.substeps(model, trace.longest_interval) if isinstance(stepping, FixedStep) else 1
     time, jumps = trace.time.astype(dtype), trace.jumps()
     return _simulate(model, drive, start, time, jumps, stepping, substeps, adjoint, throw)
 

@@ -24,7 +24,7 @@ class Relaxing(eqx.Module):
 
 
 def solve(system, steps, solver=None):
-    solver = StabilisedHeun(lambda y: system.rate) if solver is None else solver
+    solver = StabilisedHeun(lambda t, y, args: system.rate) if solver is None else solver
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(system.field),
         solver,
@@ -51,7 +51,7 @@ def test_without_excess_it_is_exactly_heun():
 def test_second_order_with_and_without_excess(limit):
     """Halving the step quarters the error, both of Heun's method and of the part that takes the excess."""
     moderate = system(3.0)
-    solver = StabilisedHeun(lambda y: jnp.asarray(5.0), limit=limit)
+    solver = StabilisedHeun(lambda t, y, args: jnp.asarray(5.0), limit=limit)
     errors = [abs(float(solve(moderate, n, solver) - moderate.exact(1.0))) for n in (50, 100, 200)]
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.35)
     assert errors[1] / errors[2] == pytest.approx(4.0, rel=0.35)
@@ -83,7 +83,7 @@ def test_error_estimate_lets_an_adaptive_controller_steer():
     smooth = system(5.0)
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(smooth.field),
-        StabilisedHeun(lambda y: smooth.rate),
+        StabilisedHeun(lambda t, y, args: smooth.rate),
         t0=0.0,
         t1=1.0,
         dt0=None,

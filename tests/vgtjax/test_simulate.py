@@ -126,7 +126,7 @@ def test_agrees_with_an_integrator_that_shares_no_code(actuator):
         )
         flat = solved.y[:, -1]
     ours = simulate(model, trace, stepping=FixedStep(max_step=2e-5))
-    assert ours.x_d[-1] == pytest.approx(float(restore(jnp.asarray(flat)).body.position), abs=2e-8)
+    assert ours.x_d[-1] == pytest.approx(float(restore(jnp.asarray(flat)).rod.body.position), abs=2e-8)
     assert ours.p_act[-1] == pytest.approx(float(restore(jnp.asarray(flat)).gas.pressure), abs=0.2)
 
 

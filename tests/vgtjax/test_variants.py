@@ -21,13 +21,14 @@ class LaggingVanes(vgtjax.AbstractVaneForce):
     def initial_state(self):
         return jnp.zeros_like(self.area)
 
-    def __call__(self, body, travel, state, turbine_pressure):
-        return state, self.rate * (self.area * turbine_pressure * (1 - body.position / travel) - state)
+    def __call__(self, vanes, velocity, state):
+        push = self.area * vanes.turbine_pressure * vanes.opening / 10e-3
+        return state, self.rate * (push - state)
 
-    def relaxation(self, body, state):
+    def relaxation(self, vanes, velocity, state):
         return self.rate
 
-    def signals(self, state):
+    def signals(self, vanes, velocity, state):
         return {"f_vane": state}
 
     def typical_state(self):
@@ -39,15 +40,21 @@ class LaggingLine(vgtjax.AbstractLine):
 
     rate: jnp.ndarray = parameter(300.0, symbol="b", unit="1/s", source="toy")
 
-    def initial_state(self, gas):
+    def initial_state(self, air, gas):
         return jnp.zeros_like(self.rate)
 
-    def __call__(self, air, state, source, gas):
-        entering = source(gas.pressure, gas.temperature)
+    def upstream(self, state, gas):
+        return gas
+
+    def __call__(self, air, state, entering, gas):
         return Flow(state, entering.temperature), self.rate * (entering.mass_flow - state)
 
-    def relaxation(self, state):
+    def relaxation(self, air, state, gas):
         return self.rate
+
+    @property
+    def longest_step(self):
+        return 1e-3
 
     def signals(self, state):
         return {"m_dot_line": state}

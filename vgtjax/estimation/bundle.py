@@ -88,7 +88,7 @@ def bundle_traces(model: AbstractModel, traces: Sequence[Trace], stepping: Fixed
     groups: dict[tuple[int, Any], list[int]] = {}
     for index, trace in enumerate(traces):
         require(trace, model.needs)
-        key = (stepping.substeps(trace.longest_interval), jax.tree.structure(trace.drive()))
+        key = (stepping.substeps(model, trace.longest_interval), jax.tree.structure(trace.drive()))
         groups.setdefault(key, []).append(index)
     return [_bundle(model, [traces[i] for i in indices], indices, key[0], stepping) for key, indices in groups.items()]
 

@@ -6,7 +6,7 @@ from jaxtyping import Array
 
 from ..air import Scalar
 from ..parameters import parameter
-from .base import AbstractFriction
+from .base import AbstractFriction, Contact
 
 
 class Bristle(eqx.Module):
@@ -38,16 +38,17 @@ class LuGre(AbstractFriction):
         # A rod without friction has bristles all the same: they give way at once, but not at zero over zero.
         return jnp.maximum(self.coulomb_force + (self.static_force - self.coulomb_force) * falling, 1e-9)
 
-    def relaxation(self, velocity: Scalar) -> Bristle:
+    def relaxation(self, contact: Contact, state: Bristle) -> Bristle:
         """`sigma_0 |v| / g(v)`."""
-        return Bristle(self.bristle_stiffness * jnp.abs(velocity) / self.stribeck(velocity))
+        return Bristle(self.bristle_stiffness * jnp.abs(contact.velocity) / self.stribeck(contact.velocity))
 
-    def damping(self) -> Scalar:
+    def damping(self, contact: Contact) -> Scalar:
         """`sigma_1 + sigma_2`, the slope while the bristles stick."""
         return self.bristle_damping + self.viscous_damping
 
-    def __call__(self, velocity: Scalar, state: Bristle, applied_force: Scalar) -> tuple[Scalar, Bristle]:
+    def __call__(self, contact: Contact, state: Bristle, applied_force: Scalar) -> tuple[Scalar, Bristle]:
         """Force [3.6]; the applied force plays no part."""
+        velocity = contact.velocity
         sliding = self.bristle_stiffness * jnp.abs(velocity) * state.deflection / self.stribeck(velocity)
         rate = velocity - sliding
         force = (

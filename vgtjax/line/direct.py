@@ -1,10 +1,10 @@
 """No line: the converter sits on the chamber."""
 
-from collections.abc import Callable
+import math
 
 from jaxtyping import Array
 
-from ..air import Air, Scalar
+from ..air import Air
 from ..chamber import Gas
 from ..converter import Flow
 from .base import AbstractLine
@@ -13,17 +13,24 @@ from .base import AbstractLine
 class NoLine(AbstractLine):
     """The converter sees the chamber's pressure, and the chamber gets the converter's flow."""
 
-    def initial_state(self, gas: Gas) -> None:
+    def initial_state(self, air: Air, gas: Gas) -> None:
         """Nothing to remember."""
-        return
 
-    def __call__(self, air: Air, state: None, source: Callable[[Scalar, Scalar], Flow], gas: Gas) -> tuple[Flow, None]:
+    def upstream(self, state: None, gas: Gas) -> Gas:
+        """The chamber."""
+        return gas
+
+    def __call__(self, air: Air, state: None, entering: Flow, gas: Gas) -> tuple[Flow, None]:
         """The converter's flow into the chamber."""
-        return source(gas.pressure, gas.temperature), None
+        return entering, None
 
-    def relaxation(self, state: None) -> None:
+    def relaxation(self, air: Air, state: None, gas: Gas) -> None:
         """No state, no rate."""
-        return
+
+    @property
+    def longest_step(self) -> float:
+        """Any."""
+        return math.inf
 
     def signals(self, state: None) -> dict[str, Array]:
         """Nothing to show."""

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..air import Scalar
-from ..diaphragm import Body
+from ..vanes import Vanes
 from .base import AbstractVaneForce
 
 
@@ -14,14 +14,14 @@ class NoVaneForce(AbstractVaneForce):
     def initial_state(self) -> None:
         """Nothing to remember."""
 
-    def __call__(self, body: Body, travel: Scalar, state: None, turbine_pressure: Scalar) -> tuple[Scalar, None]:
+    def __call__(self, vanes: Vanes, velocity: Scalar, state: None) -> tuple[Scalar, None]:
         """Zero."""
-        return jnp.zeros_like(body.position), None
+        return jnp.zeros_like(velocity), None
 
-    def relaxation(self, body: Body, state: None) -> None:
+    def relaxation(self, vanes: Vanes, velocity: Scalar, state: None) -> None:
         """No state, no rate."""
 
-    def signals(self, state: None) -> dict[str, Array]:
+    def signals(self, vanes: Vanes, velocity: Scalar, state: None) -> dict[str, Array]:
         """Nothing to show."""
         return {}
 

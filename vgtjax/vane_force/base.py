@@ -7,7 +7,7 @@ import equinox as eqx
 from jaxtyping import Array, PyTree
 
 from ..air import Scalar
-from ..diaphragm import Body
+from ..vanes import Vanes
 
 
 class AbstractVaneForce(eqx.Module):
@@ -18,22 +18,19 @@ class AbstractVaneForce(eqx.Module):
         """State at rest."""
 
     @abc.abstractmethod
-    def __call__(
-        self, body: Body, travel: Scalar, state: Any, turbine_pressure: Scalar
-    ) -> tuple[Scalar, PyTree[Scalar]]:
+    def __call__(self, vanes: Vanes, velocity: Scalar, state: Any) -> tuple[Scalar, PyTree[Scalar]]:
         """Force in N, and the time derivative of the state.
 
-        **Arguments:** the rod, its travel in m (the crank angle counts from the closed stop [3.14]), and the turbine
-        inlet pressure in Pa gauge.
+        **Arguments:** where the vanes are and the turbine pressure; `velocity` of the rod in m/s.
         """
 
     @abc.abstractmethod
-    def relaxation(self, body: Body, state: Any) -> PyTree[Scalar]:
+    def relaxation(self, vanes: Vanes, velocity: Scalar, state: Any) -> PyTree[Scalar]:
         """Rate in 1/s, one for each state, at which it forgets itself; `None` where it is slow."""
 
     @abc.abstractmethod
-    def signals(self, state: Any) -> dict[str, Array]:
-        """The state by the names of the trace columns."""
+    def signals(self, vanes: Vanes, velocity: Scalar, state: Any) -> dict[str, Array]:
+        """The force as `f_vane` in N, where there is one."""
 
     @abc.abstractmethod
     def typical_state(self) -> PyTree[Scalar]:

@@ -1,0 +1,4 @@
+"""Magnetic force on the converter's plunger, on one interface."""
+
+from .base import AbstractMagneticForce as AbstractMagneticForce
+from .static import StaticForce as StaticForce
