@@ -47,6 +47,19 @@ def fit(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
     _run("fit", study, parameters, out)
 
 
+@main.command()
+@click.option("--out", type=PATH, required=True, metavar="DIR", help="Folder for the results.")
+def reproduce(out: pathlib.Path) -> None:
+    """Checks the numbers of the thesis's chapters 2 and 3 against this model."""
+    _run("reproduce", out)
+
+
+@_study_command
+def identify(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathlib.Path) -> None:
+    """Identifies part by part from STUDY, as its traces allow (a TOML file; a small example if omitted)."""
+    _run("identify", study, parameters, out)
+
+
 def _prepare_jax() -> None:
     """Fast settings and a persistent cache, before anything compiles. Here, so that --help needs no JAX."""
     import platformdirs

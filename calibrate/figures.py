@@ -40,7 +40,8 @@ def _line(time: np.ndarray, values: np.ndarray, color: str, name: str, **style: 
     )
 
 
-def _styled(figure: go.Figure, height: int) -> go.Figure:
+def styled(figure: go.Figure, height: int) -> go.Figure:
+    """The look that all figures of a report share."""
     figure.update_layout(
         template="plotly_white",
         height=height,
@@ -89,7 +90,7 @@ def trace_figure(result: TraceResult) -> go.Figure:
         figure.add_trace(_line(trace.time, trace.pwm, DUTY, "duty", line_shape="hv", showlegend=False), row=rows, col=1)
         figure.update_yaxes(title_text="duty, %", row=rows, col=1)
     figure.update_xaxes(title_text="time, s", row=rows, col=1)
-    return _styled(figure, round(75 * sum(heights)))
+    return styled(figure, round(75 * sum(heights)))
 
 
 def loop_figure(result: TraceResult) -> go.Figure:
@@ -116,7 +117,7 @@ def loop_figure(result: TraceResult) -> go.Figure:
         )
     figure.update_xaxes(title_text=LABEL["p_act"])
     figure.update_yaxes(title_text=LABEL["x_d"])
-    return _styled(figure, 420).update_layout(hovermode="closest")
+    return styled(figure, 420).update_layout(hovermode="closest")
 
 
 def convergence_figure(progress: Progress) -> go.Figure:
@@ -125,7 +126,7 @@ def convergence_figure(progress: Progress) -> go.Figure:
     figure = go.Figure(go.Scatter(x=np.arange(len(cost)), y=cost, mode="lines+markers", line={"color": SIMULATED}))
     figure.update_yaxes(type="log", title_text="chi^2 / N", exponentformat="power")
     figure.update_xaxes(title_text="step")
-    return _styled(figure, 300)
+    return styled(figure, 300)
 
 
 def autocorrelation_figure(results: list[TraceResult]) -> go.Figure:
@@ -154,7 +155,7 @@ def autocorrelation_figure(results: list[TraceResult]) -> go.Figure:
         figure.add_hrect(-bound, bound, fillcolor="#94a3b8", opacity=0.2, line_width=0, row=1, col=column)
         figure.update_xaxes(title_text="lag, samples", row=1, col=column)
     figure.update_yaxes(title_text="autocorrelation", row=1, col=1)
-    return _styled(figure, 340).update_layout(margin={"t": 70})
+    return styled(figure, 340).update_layout(margin={"t": 70})
 
 
 def autocorrelation(residual: np.ndarray, lag: int) -> float:
@@ -179,6 +180,6 @@ def correlation_figure(entries: list[str], covariance: np.ndarray) -> go.Figure:
         )
     )
     figure.update_yaxes(autorange="reversed")
-    return _styled(figure, 260 + 18 * len(entries)).update_layout(
+    return styled(figure, 260 + 18 * len(entries)).update_layout(
         hovermode="closest", margin={"l": 240, "b": 220, "t": 20}
     )

@@ -15,9 +15,11 @@ from vgtjax.transforms import build_transform
 
 from .console import FitDisplay, console, say_notes
 from .files import PROGRESS, claim, read_json, write_json, write_text
+from .hysteresis import loop_widths
 from .job import Job, Unit, check_fit, prepare
+from .models import passivity_note
 from .parameter_file import rows, to_json
-from .report import UnitReport, render
+from .report import UnitReport, render, render_overview
 
 
 def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathlib.Path) -> None:
@@ -38,35 +40,45 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
         _verdict({unit.name: read_json(unit.folder(out) / "summary.json") for unit in job.units})
         return
     summaries: dict[str | None, dict[str, Any]] = {}
-    reports: list[UnitReport] = []
     for unit, task in zip(job.units, tasks, strict=True):
         folder = unit.folder(out)
         folder.mkdir(exist_ok=True)
-        say_notes(trace for _, trace in unit.traces)
-        began = time.monotonic()
-        try:
-            calibration, seconds, unseen = _fit(unit, task, folder)
-        except SimulationError as error:
-            summaries[unit.name] = _failure(error, time.monotonic() - began, job)
-            write_json(folder / "summary.json", summaries[unit.name])
-            continue
-        found = rows(calibration)
-        summaries[unit.name] = _summary(calibration, seconds, unseen, job)
-        write_json(folder / "parameters.json", to_json(job.study, found))
-        write_json(folder / "summary.json", summaries[unit.name])
-        report = UnitReport(unit.name, calibration, found, seconds, unseen)
-        if unit.name is not None:
-            write_text(folder / "report.html", render(job, [report]))
-        reports.append(report)
+        if (folder / "report.html").exists():
+            console.print(f"{unit.name}: {folder} holds its results")
+        else:
+            _fit_unit(job, unit, task, folder)
+        summaries[unit.name] = read_json(folder / "summary.json")
     if job.units[0].name is not None:
         write_json(out / "summary.json", {"units": summaries})
-    if reports:
-        write_text(out / "report.html", render(job, reports))
+        write_text(out / "report.html", render_overview(job, summaries, _population(job, out)))
+    if (out / "report.html").exists():
         console.print(f"report: {(out / 'report.html').resolve()}")
-    # Only now: until the whole is written, a finished unit's progress saves it from being fitted again.
-    for unit in job.units:
-        (unit.folder(out) / PROGRESS).unlink(missing_ok=True)
     _verdict(summaries)
+
+
+def _fit_unit(job: Job, unit: Unit, task: vgtjax.estimation.Task, folder: pathlib.Path) -> None:
+    """Fits one unit and writes its files, the report last; what can't be simulated leaves a summary that says so."""
+    say_notes(trace for _, trace in unit.traces)
+    began = time.monotonic()
+    try:
+        calibration, seconds, unseen = _fit(unit, task, folder)
+    except SimulationError as error:
+        write_json(folder / "summary.json", _failure(error, time.monotonic() - began, job))
+        return
+    note = passivity_note(calibration.model)
+    if note is not None:
+        console.print(f"warning: {note}")
+    found = rows(calibration)
+    write_json(folder / "parameters.json", to_json(job.study, found))
+    write_json(folder / "summary.json", _summary(calibration, seconds, unseen, job))
+    write_text(folder / "report.html", render(job, UnitReport(unit.name, calibration, found, seconds, unseen)))
+    (folder / PROGRESS).unlink(missing_ok=True)
+
+
+def _population(job: Job, out: pathlib.Path) -> dict[str, dict[str, Any]]:
+    """Content of `parameters.json` by unit, of those that have one."""
+    files = {unit.name: unit.folder(out) / "parameters.json" for unit in job.units}
+    return {name: read_json(file)["parameters"] for name, file in files.items() if name and file.exists()}
 
 
 def _plan(job: Job, unit: Unit) -> vgtjax.estimation.Task:
@@ -141,7 +153,7 @@ def _failure(error: SimulationError, seconds: float, job: Job) -> dict[str, Any]
 
 def _summary(calibration: Calibration, seconds: float, unseen: list[str], job: Job) -> dict[str, Any]:
     progress = calibration.progress
-    traces = {result.trace.name: _trace_summary(result) for result in calibration.traces}
+    traces = {result.trace.name: trace_summary(result) for result in calibration.traces}
     failed = [name for name, entry in traces.items() if None in entry["rmse"].values()]
     trouble = f"the simulation of {', '.join(failed)} with the fitted values left the finite numbers"
     return {
@@ -155,21 +167,26 @@ def _summary(calibration: Calibration, seconds: float, unseen: list[str], job: J
         "chi2_per_degree_of_freedom": calibration.uncertainty.scale,
         "chi2_gain_of_a_further_linear_step": calibration.uncertainty.further_gain,
         "unidentifiable_at_start": unseen,
+        "friction_is_passive": passivity_note(calibration.model) is None,
         "study_sha256": job.fingerprint,
         "traces": traces,
         **({"error": trouble} if failed else {}),
     }
 
 
-def _trace_summary(result: TraceResult) -> dict[str, Any]:
+def trace_summary(result: TraceResult) -> dict[str, Any]:
+    """How a model meets one trace, in SI units, as summaries state it."""
+
     def finite(values: dict[str, float]) -> dict[str, float | None]:
         return {channel: value if math.isfinite(value) else None for channel, value in values.items()}
 
+    widths = loop_widths(result)
     return {
         "use": result.use,
         "rmse": finite(result.rmse),
         "offset": finite(result.offset),
         "noise": result.noise,
+        **({} if widths is None else {"loop_width": widths}),
         "notes": list(result.trace.notes),
     }
 

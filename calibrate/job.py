@@ -10,7 +10,7 @@ from vgtjax.errors import InputError
 from vgtjax.estimation.calibration import Bounds
 from vgtjax.trace import STANDARD_ATMOSPHERE
 
-from .models import build_model, check_bounds, start_values
+from .models import build_model, check_bounds, on_given_knots, start_values
 from .parameter_file import load_values
 from .study import EXAMPLE, Study, TraceSource, expand_traces, fingerprint, load_study
 
@@ -54,7 +54,8 @@ def prepare(path: pathlib.Path | None, parameters: pathlib.Path | None, needs: t
     """
     path = EXAMPLE if path is None else path
     study = load_study(path)
-    model = build_model(study)
+    stated_values = {name: given.value for name, given in study.parameters.items()}
+    model = on_given_knots(build_model(study), stated_values)
     start_values(model, study)
     sources = expand_traces(study, path.parent)
     names = sorted({source.unit for source in sources}, key=str)
@@ -64,7 +65,7 @@ def prepare(path: pathlib.Path | None, parameters: pathlib.Path | None, needs: t
         values: dict[str, Any] = {} if parameters is None else load_values(parameters, name, study, model)
         given[name] = values
         # An earlier fit is the start; what the study states itself goes before it.
-        start = vgtjax.replace_parameters(model, values)
+        start = vgtjax.replace_parameters(on_given_knots(model, values), values)
         stated, bounds = start_values(start, study)
         start = vgtjax.replace_parameters(start, stated)
         check_bounds(start, bounds)

@@ -1,8 +1,12 @@
 """From the names in a study to a model with its start values."""
 
+import functools
 import math
+import operator
 from typing import Any
 
+import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 
 import vgtjax
@@ -12,46 +16,70 @@ from vgtjax.parameters import entry_names, match_entries, unknown_name
 
 from .study import Components, Study
 
-FRICTION = {"lugre": vgtjax.LuGre}
-VANE_FORCE = {"none": vgtjax.NoVaneForce}
-LINE = {"none": vgtjax.NoLine}
-CHAMBER = {"adiabatic": vgtjax.AdiabaticChamber}
-MAGNETIC_FORCE = {"static": None}
-LATER = {
-    "friction": ("coulomb", "karnopp", "dahl"),
-    "vane_force": ("polynomial", "map"),
-    "line": ("delay", "wave"),
-    "chamber": ("wall", "isothermal"),
-    "magnetic_force": ("coil",),
+FRICTION = {
+    "lugre": vgtjax.LuGre,
+    "lugre-squared": functools.partial(vgtjax.LuGre, stribeck_exponent=2),
+    "lugre-passive": vgtjax.PassiveLuGre,
+    "adaptive-lugre": vgtjax.AdaptiveLuGre,
+    "dahl": vgtjax.Dahl,
+    "karnopp": vgtjax.Karnopp,
+    "coulomb": vgtjax.Coulomb,
 }
-"""Names that the study format knows and this version does not have yet."""
+VANE_FORCE = {"none": vgtjax.NoVaneForce, "polynomial": vgtjax.ForcePolynomial, "map": vgtjax.HysteresisMap}
+LINE = {"none": vgtjax.NoLine, "delay": vgtjax.DelayLine, "wave": vgtjax.WaveLine}
+CHAMBER = {
+    "adiabatic": vgtjax.AdiabaticChamber,
+    "wall": vgtjax.WallChamber,
+    "isothermal": vgtjax.IsothermalChamber,
+}
+MAGNETIC_FORCE: dict[str, Any] = {
+    "static": vgtjax.Converter,
+    "coil": lambda: vgtjax.Converter(magnetic_force=vgtjax.Coil()),
+}
 
 
 def _choose(kind: str, name: str, available: dict[str, Any]) -> Any:
     if name in available:
         return available[name]
-    if name in LATER[kind]:
-        raise InputError(f"{kind} = '{name}' is not available in this version; use {' or '.join(map(repr, available))}")
-    raise unknown_name(f"{kind} =", name, [*available, *LATER[kind]])
+    raise unknown_name(f"{kind} =", name, available)
 
 
 def build_model(study: Study) -> vgtjax.AbstractModel:
     """The model that a study names, with printed parameters.
 
-    **Raises:** `InputError` for a model or component that is unknown or not available.
+    **Raises:** `InputError` for a component that is unknown, or a model that this version does not have.
     """
     chosen: Components = study.components
     friction = _choose("friction", chosen.friction, FRICTION)()
     vane_force = _choose("vane_force", chosen.vane_force, VANE_FORCE)()
     line = _choose("line", chosen.line, LINE)()
     chamber = _choose("chamber", chosen.chamber, CHAMBER)()
-    _choose("magnetic_force", chosen.magnetic_force, MAGNETIC_FORCE)
+    converter = _choose("magnetic_force", chosen.magnetic_force, MAGNETIC_FORCE)()
     match study.model:
         case "full":
-            return vgtjax.Actuator(friction=friction, vane_force=vane_force, line=line, chamber=chamber)
+            return vgtjax.Actuator(
+                converter=converter, friction=friction, vane_force=vane_force, line=line, chamber=chamber
+            )
         case "mechanical":
             return vgtjax.MechanicalActuator(friction=friction, vane_force=vane_force)
     raise InputError(f"model = '{study.model}' is not available in this version; use 'full' or 'mechanical'")
+
+
+def on_given_knots(model: vgtjax.AbstractModel, values: dict[str, Any]) -> Any:
+    """`model` with its tables at the knots that `values` names, if it does, so that tables of that size fit in.
+
+    **Raises:** `InputError` for knots that don't increase.
+    """
+    for part in ("vane_force", "friction"):
+        component = getattr(model, part)
+        if not isinstance(component, vgtjax.HysteresisMap | vgtjax.AdaptiveLuGre):
+            continue
+        given = [values.get(f"{part}.{knots}") for knots in ("turbine_pressure", "crank_angle")]
+        if any(isinstance(knots, list) for knots in given):
+            old = (component.turbine_pressure, component.crank_angle)
+            new = [o if g is None else jnp.asarray(g, float) for o, g in zip(old, given, strict=True)]
+            model = eqx.tree_at(operator.attrgetter(part), model, component.on_knots(*new))
+    return model
 
 
 def start_values(model: vgtjax.AbstractModel, study: Study) -> tuple[dict[str, Any], Bounds]:
@@ -122,10 +150,25 @@ def check_value(model: vgtjax.AbstractModel, name: str, value: Any) -> None:
     _check_length(name, "value", value, entry_names({name: row}))
     numbers = value if isinstance(value, list) else [value]
     infinite = name == "diaphragm.travel"
+    lowest = 0.0 if row.positive else row.lower
     for number in numbers:
-        if math.isnan(number) or (math.isinf(number) and not infinite) or (row.positive and number < 0):
-            rule = "finite and not negative" if row.positive else "finite"
+        if math.isnan(number) or (math.isinf(number) and not infinite) or number < lowest:
+            rule = "finite" if lowest < 0 else "finite and not negative"
             raise InputError(f"'{name}' must be {rule}, but it is {number:g}; correct it")
+
+
+def passivity_note(model: vgtjax.AbstractModel) -> str | None:
+    """A sentence where the friction of a model could give out energy, or `None`."""
+    friction = getattr(model, "friction", None)
+    if not isinstance(friction, vgtjax.LuGre):
+        return None
+    bound, damping = float(friction.passivity_bound()), float(friction.viscous_damping)
+    if damping > bound:
+        return None
+    return (
+        f"friction is not passive: friction.viscous_damping is {damping:.4g} N s/m, and must exceed {bound:.4g} for "
+        "LuGre never to give out energy; friction = 'lugre-passive' holds a fit to that"
+    )
 
 
 def check_bounds(model: vgtjax.AbstractModel, bounds: Bounds) -> None:

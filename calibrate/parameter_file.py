@@ -10,10 +10,11 @@ import numpy as np
 import vgtjax
 from vgtjax.errors import InputError
 from vgtjax.estimation import Calibration
+from vgtjax.estimation.calibration import Bounds
 from vgtjax.parameters import entry_names, unknown_name
 
 from .files import read_json
-from .models import check_value
+from .models import check_value, on_given_knots
 from .study import Study
 
 
@@ -36,19 +37,33 @@ class Row:
     source: str
 
 
-def rows(calibration: Calibration) -> list[Row]:
-    """Every scalar entry of the fitted model, free and held."""
-    table = vgtjax.parameter_table(calibration.model)
-    everything = vgtjax.select(calibration.model, free=["*"])
-    values = np.asarray(everything.pack(calibration.model)).tolist()
-    initials = np.asarray(everything.pack(calibration.task.model)).tolist()
-    free = {entry: i for i, entry in enumerate(calibration.task.selection.entries)}
+@dataclasses.dataclass(frozen=True)
+class Estimate:
+    """What is known of one estimated entry, in the unit of the table; `std_error` is NaN where the data say nothing."""
+
+    std_error: float
+    at_bound: bool = False
+    identifiable: bool = True
+
+
+def tabulate(
+    start: vgtjax.AbstractModel, model: vgtjax.AbstractModel, estimates: dict[str, Estimate], bounds: Bounds
+) -> list[Row]:
+    """Every scalar entry of a model beside its start, the estimated ones and the others.
+
+    A table that was moved to other knots starts from its old force at the new ones.
+    """
+    table = vgtjax.parameter_table(model)
+    everything = vgtjax.select(model, free=["*"])
+    values = np.asarray(everything.pack(model)).tolist()
+    knots = {name: np.asarray(vgtjax.get_parameter(model, name)).tolist() for name in table}
+    initials = np.asarray(everything.pack(on_given_knots(start, knots))).tolist()
     found = []
     for entry, value, initial in zip(everything.entries, values, initials, strict=True):
         row = vgtjax.parameters.table_row(table, entry)
-        position = free.get(entry)
-        error = math.nan if position is None else float(calibration.std_errors[position])
-        low, high = calibration.task.bounds.get(entry, (None, None))
+        estimate = estimates.get(entry)
+        error = math.nan if estimate is None else estimate.std_error
+        low, high = bounds.get(entry, (None, None))
         found.append(
             Row(
                 entry=entry,
@@ -57,16 +72,25 @@ def rows(calibration: Calibration) -> list[Row]:
                 value=value,
                 initial=initial,
                 std_error=error if math.isfinite(error) else None,
-                free=position is not None,
+                free=estimate is not None,
                 lower=low,
                 upper=high,
-                at_bound=position is not None and bool(calibration.at_bound[position]),
-                identifiable=position is not None and bool(calibration.uncertainty.identifiable[position]),
+                at_bound=estimate is not None and estimate.at_bound,
+                identifiable=estimate is not None and estimate.identifiable,
                 assumed=row.assumed,
                 source=row.source,
             )
         )
     return found
+
+
+def rows(calibration: Calibration) -> list[Row]:
+    """Every scalar entry of the fitted model, free and held."""
+    entries = calibration.task.selection.entries
+    known = calibration.uncertainty.identifiable.tolist()
+    errors, ends = calibration.std_errors.tolist(), calibration.at_bound.tolist()
+    estimates = {entry: Estimate(*found) for entry, *found in zip(entries, errors, ends, known, strict=True)}
+    return tabulate(calibration.task.model, calibration.model, estimates, calibration.task.bounds)
 
 
 def start_as_study(calibration: Calibration) -> str:
@@ -135,7 +159,9 @@ def load_values(path: pathlib.Path, unit: str | None, study: Study, model: vgtja
             raise InputError(f"{path.name}: the parameter '{name}' has no value; add it")
         values[name] = math.inf if fields["value"] is None else fields["value"]
         _check_numbers(path, name, values[name])
-        check_value(model, name, values[name])
+    model = on_given_knots(model, values)
+    for name, value in values.items():
+        check_value(model, name, value)
     return values
 
 

@@ -3,16 +3,35 @@
 from .actuator import Actuator as Actuator, ActuatorState as ActuatorState
 from .air import Air as Air, flow_function as flow_function, orifice_flow as orifice_flow
 from .bench_file import load_trace as load_trace
-from .chamber import AbstractChamber as AbstractChamber, AdiabaticChamber as AdiabaticChamber
+from .chamber import (
+    AbstractChamber as AbstractChamber,
+    AdiabaticChamber as AdiabaticChamber,
+    IsothermalChamber as IsothermalChamber,
+    WallChamber as WallChamber,
+)
 from .converter import Converter as Converter
 from .diaphragm import Diaphragm as Diaphragm
 from .errors import InputError as InputError, SimulationError as SimulationError
 from .estimation import jacobian as jacobian
-from .friction import AbstractFriction as AbstractFriction, LuGre as LuGre
+from .friction import (
+    AbstractFriction as AbstractFriction,
+    AdaptiveLuGre as AdaptiveLuGre,
+    Coulomb as Coulomb,
+    Dahl as Dahl,
+    Karnopp as Karnopp,
+    LuGre as LuGre,
+    PassiveLuGre as PassiveLuGre,
+    PassivityWarning as PassivityWarning,
+)
 from .heun import StabilisedHeun as StabilisedHeun
 from .integrate import AdaptiveStep as AdaptiveStep, FixedStep as FixedStep
-from .line import AbstractLine as AbstractLine, NoLine as NoLine
-from .magnetic_force import AbstractMagneticForce as AbstractMagneticForce
+from .line import (
+    AbstractLine as AbstractLine,
+    DelayLine as DelayLine,
+    NoLine as NoLine,
+    WaveLine as WaveLine,
+)
+from .magnetic_force import AbstractMagneticForce as AbstractMagneticForce, Coil as Coil
 from .mechanical import MechanicalActuator as MechanicalActuator
 from .model import AbstractModel as AbstractModel
 from .parameters import (
@@ -27,5 +46,10 @@ from .parameters import (
 from .runtime import configure as configure
 from .simulate import RESULTS as RESULTS, Solution as Solution, simulate as simulate
 from .trace import Trace as Trace
-from .vane_force import AbstractVaneForce as AbstractVaneForce, NoVaneForce as NoVaneForce
+from .vane_force import (
+    AbstractVaneForce as AbstractVaneForce,
+    ForcePolynomial as ForcePolynomial,
+    HysteresisMap as HysteresisMap,
+    NoVaneForce as NoVaneForce,
+)
 from .vanes import Crank as Crank

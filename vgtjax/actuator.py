@@ -74,8 +74,7 @@ class Actuator(AbstractModel):
         """Time derivative of the state [2.58]."""
         ambient, reservoir = self._ambient(drive), self._reservoir(time, drive)
         plunger, gas, body = state.plunger, state.gas, state.rod.body
-        upstream = self.line.upstream(state.line, gas)
-        entering = self._converter_flow(plunger, ambient, reservoir, upstream)
+        upstream, entering = self._port(state, ambient, reservoir)
         inflow, line_rate = self.line(self.air, state.line, entering, gas)
         pull, magnet_rate = self.converter.magnet(drive.pwm, plunger.position, plunger.velocity, state.magnet)
         return ActuatorState(
@@ -118,15 +117,16 @@ class Actuator(AbstractModel):
     def signals(self, state: ActuatorState, drive: Drive) -> dict[str, Array]:
         """States and flows; `m_dot_in` comes from the atmosphere, `m_dot_out` goes to the reservoir."""
         plunger = state.plunger
-        upstream = self.line.upstream(state.line, state.gas)
-        flow = self._converter_flow(plunger, self._ambient(drive), self._reservoir(0.0, drive), upstream).mass_flow
+        _, entering = self._port(state, self._ambient(drive), self._reservoir(0.0, drive))
+        inflow, _ = self.line(self.air, state.line, entering, state.gas)
+        flow = entering.mass_flow
         evacuating = plunger.position < 0
         return {
             "x_p": plunger.position,
             "v_p": plunger.velocity,
             **self.converter.magnet.signals(state.magnet),
             **self._rod.signals(state.rod, drive.turbine(0.0)),
-            **self.line.signals(state.line),
+            **self.line.signals(state.line, inflow),
             "T_act": state.gas.temperature,
             "p_act": state.gas.pressure,
             "m_dot_in": jnp.where(evacuating, 0.0, flow),
@@ -158,5 +158,11 @@ class Actuator(AbstractModel):
     def _drive_force(self, ambient: Scalar, pressure: Scalar) -> Scalar:
         return (ambient - pressure) * self.diaphragm.area
 
-    def _converter_flow(self, plunger: Plunger, ambient: Scalar, reservoir: Scalar, into: Gas) -> Flow:
-        return self.converter.flow(self.air, plunger.position, ambient, reservoir, into.pressure, into.temperature)
+    def _port(self, state: ActuatorState, ambient: Scalar, reservoir: Scalar) -> tuple[Gas, Flow]:
+        """What the converter sees, and the flow that leaves it."""
+
+        def flow(into: Gas) -> Flow:
+            lift = state.plunger.position
+            return self.converter.flow(self.air, lift, ambient, reservoir, into.pressure, into.temperature)
+
+        return self.line.port(self.air, state.line, state.gas, flow)

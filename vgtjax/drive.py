@@ -38,6 +38,8 @@ class Drive(eqx.Module):
     """Measured chamber pressure in Pa absolute, the input of the mechanical model."""
     force: Ramp | None = None
     """Measured drive along +x in N, which replaces the chamber pressure as input of the mechanical model."""
+    position: Ramp | None = None
+    """Given position of the diaphragm in m, the input of the pneumatic model."""
 
 
 class Start(eqx.Module):

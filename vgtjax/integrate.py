@@ -153,7 +153,8 @@ class AdaptiveStep(AbstractStepping):
 
         controller = diffrax.ClipStepSizeController(
             diffrax.PIDController(rtol=self.rtol, atol=self.atol),
-            jump_ts=starts[1:-1] if jumps is None else starts[jumps],
+            # An empty array of jumps is an error to the controller, which has no such thing as none of them.
+            jump_ts=starts[1:-1] if jumps is None else starts[jumps] if len(jumps) else None,
         )
         solution = diffrax.diffeqsolve(
             diffrax.ODETerm(vector_field),

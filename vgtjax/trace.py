@@ -26,7 +26,8 @@ class Trace:
     """Signals of one bench run, each of shape `(time,)` or `None` where the bench did not record it.
 
     `time` in s, `pwm` in percent (held from its sample to the next), `p_act` and `p_res` in Pa absolute, `p_trb`
-    in Pa gauge, `x_d` in m, `f_vane` and `f_drive` in N, `atmosphere` in Pa. `notes` says what loading assumed or
+    in Pa gauge, `x_d` in m, `f_vane` and `f_drive` in N, `x_drive` in m (a position that drives the pneumatic model,
+    free of the sensor's offset and noise; no file has it), `atmosphere` in Pa. `notes` says what loading assumed or
     ignored.
 
     **Raises:** `InputError` when the signals differ in length or are not finite, or time does not increase.
@@ -40,6 +41,7 @@ class Trace:
     x_d: Samples | None = None
     f_vane: Samples | None = None
     f_drive: Samples | None = None
+    x_drive: Samples | None = None
     atmosphere: float = STANDARD_ATMOSPHERE
     name: str = "trace"
     notes: tuple[str, ...] = ()
@@ -105,6 +107,7 @@ class Trace:
             reservoir=ramp(reservoir),
             chamber=ramp(self.p_act),
             force=ramp(self.f_drive),
+            position=ramp(self.x_drive),
         )
 
     def jumps(self) -> Int[np.ndarray, " jumps"]:
@@ -131,7 +134,7 @@ class Trace:
         )
 
 
-SIGNALS = ("time", "pwm", "p_act", "p_res", "p_trb", "x_d", "f_vane", "f_drive")
+SIGNALS = ("time", "pwm", "p_act", "p_res", "p_trb", "x_d", "f_vane", "f_drive", "x_drive")
 """Fields of [`Trace`][] that hold one value a sample."""
 
 

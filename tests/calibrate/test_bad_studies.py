@@ -91,16 +91,21 @@ LATER = "is not available in this version; use"
 MODELS = [
     bad("plunger map", f'model = "plunger-map"\n{TRACE}', f"model = 'plunger-map' {LATER} 'full' or 'mechanical'"),
     bad("static map", f'model = "static-map"\n{TRACE}', f"model = 'static-map' {LATER} 'full' or 'mechanical'"),
-    *(
-        bad(f"{kind} {name}", f'{TRACE}[components]\n{kind} = "{name}"\n', f"{kind} = '{name}' {LATER} '{only}'")
-        for kind, only, names in (
-            ("friction", "lugre", ("coulomb", "karnopp", "dahl")),
-            ("vane_force", "none", ("polynomial", "map")),
-            ("line", "none", ("delay", "wave")),
-            ("magnetic_force", "static", ("coil",)),
-            ("chamber", "adiabatic", ("wall", "isothermal")),
-        )
-        for name in names
+    bad(
+        "a table without order",
+        f'{TRACE}[components]\nvane_force = "map"\n[parameters]\n"vane_force.crank_angle" = {{value = [4, 3]}}\n',
+        "vane_force.crank_angle must be at least two knots that increase, in deg, but it is [4.0, 3.0]; sort them and "
+        "remove repeated ones",
+    ),
+    bad(
+        "a table of another size",
+        f'{TRACE}[components]\nvane_force = "map"\n[parameters]\n"vane_force.closing" = {{value = [1, 2]}}\n',
+        "'vane_force.closing' needs 12 numbers under value, but it has 2; give a list of 12",
+    ),
+    bad(
+        "below its least value",
+        f'{TRACE}[components]\nfriction = "lugre-passive"\n[parameters]\n"friction.excess_damping" = {{value = -1}}\n',
+        "'friction.excess_damping' must be finite and not negative, but it is -1; correct it",
     ),
     bad(
         "no such component",

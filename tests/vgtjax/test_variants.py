@@ -43,8 +43,8 @@ class LaggingLine(vgtjax.AbstractLine):
     def initial_state(self, air, gas):
         return jnp.zeros_like(self.rate)
 
-    def upstream(self, state, gas):
-        return gas
+    def port(self, air, state, gas, flow):
+        return gas, flow(gas)
 
     def __call__(self, air, state, entering, gas):
         return Flow(state, entering.temperature), self.rate * (entering.mass_flow - state)
@@ -56,8 +56,8 @@ class LaggingLine(vgtjax.AbstractLine):
     def longest_step(self):
         return 1e-3
 
-    def signals(self, state):
-        return {"m_dot_line": state}
+    def signals(self, state, inflow):
+        return {"m_dot_line": inflow.mass_flow}
 
     def typical_state(self, gas):
         return jnp.asarray(1e-4)

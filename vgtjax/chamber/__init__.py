@@ -2,3 +2,5 @@
 
 from .adiabatic import AdiabaticChamber as AdiabaticChamber
 from .base import AbstractChamber as AbstractChamber, Gas as Gas
+from .isothermal import IsothermalChamber as IsothermalChamber
+from .wall import WallChamber as WallChamber

@@ -17,6 +17,10 @@ from .seminormal import SeminormalEquations
 
 CHI2_TOLERANCE = 0.01
 """A fit has converged when a step lowers chi^2 by less: a move of a tenth of a standard error in any one direction."""
+STALL, STALL_TOLERANCE = 6, 0.1
+"""A fit has also converged when so many trials together lower chi^2 by less than this. Kinks of the model (a plunger that
+grazes its seat, a rod that sticks) leave a linear gain that no step reaches: on the slow loops of twenty actuators, the
+steps after such a stall gained 0.3 of 18000 in sum, in 20 trials."""
 MAX_REJECTED = 20
 """Rejected trials in a row, each with a quarter of the step, after which a fit stands still."""
 MAX_ITERATIONS = 100
@@ -38,6 +42,7 @@ class Progress:
     rejected_in_a_row: int = 0
     failed: int = 0
     converged: bool = False
+    stalled: bool = False
     history: tuple[float, ...] = ()
 
     @property
@@ -53,6 +58,8 @@ class Progress:
     @property
     def verdict(self) -> str:
         """Why the fit stopped, or that it has not."""
+        if self.converged and self.stalled:
+            return f"the last {STALL} trials together lowered chi^2 by less than {STALL_TOLERANCE:g}"
         if self.converged:
             return f"the last step lowered chi^2 by less than {CHI2_TOLERANCE:g}"
         if self.rejected_in_a_row >= MAX_REJECTED:
@@ -72,6 +79,18 @@ _SOLVER: optx.LevenbergMarquardt = eqx.tree_at(
     optx.LevenbergMarquardt(rtol=1e-8, atol=1e-8, linear_solver=SeminormalEquations()),
     optx.ClassicalTrustRegion(high_cutoff=0.75),
 )
+
+
+@eqx.filter_jit
+def _first_state(problem: Problem, coordinates: Array, step_size: Array) -> Any:
+    """State before anything is evaluated.
+
+    Compiled for what a second fit gains: optimistix keeps the traced residuals in its state and compares them by
+    identity, so that only a state out of the same compiled function lets `_step` be reused.
+    """
+    shape = jax.eval_shape(lambda y: _residuals(y, problem)[0], coordinates)
+    state = _SOLVER.init(_residuals, coordinates, problem, {}, shape, None, frozenset())
+    return eqx.tree_at(lambda s: s.search_state.step_size, state, step_size)
 
 
 @eqx.filter_jit
@@ -102,10 +121,7 @@ class LevenbergMarquardt:
         self.problem = problem
         self.progress = start if isinstance(start, Progress) else Progress(tuple(np.asarray(start).tolist()))
         coordinates = jnp.asarray(self.progress.coordinates, dtype=float)
-        shape = jax.eval_shape(lambda y: _residuals(y, problem)[0], coordinates)
-        state = _SOLVER.init(_residuals, coordinates, problem, {}, shape, None, frozenset())
-        step_size = jnp.asarray(self.progress.step_size, dtype=float)
-        state = eqx.tree_at(lambda s: s.search_state.step_size, state, step_size)
+        state = _first_state(problem, coordinates, jnp.asarray(self.progress.step_size, dtype=float))
         # The first step of a state accepts its start and proposes a trial; it is no iteration of the fit.
         self._coordinates, self._state, cost = _step(problem, replicate(coordinates), replicate(state))
         if not np.isfinite(float(cost)):
@@ -124,6 +140,10 @@ class LevenbergMarquardt:
         accepted = int(self._state.num_accepted_steps) > accepted_before
         failed = not accepted and not bool(_is_finite(self.problem, trial))
         gain = 2 * self.problem.count * (before.cost - float(cost))
+        history = (*before.history, float(cost))
+        recent = 2 * self.problem.count * (history[-1 - STALL :][0] - history[-1])
+        # Before the first accepted step, rejections say that the start's damping is too small.
+        stalled = before.accepted > 0 and before.iteration >= STALL and recent < STALL_TOLERANCE
         self.progress = Progress(
             coordinates=tuple(np.asarray(self._coordinates).tolist()),
             step_size=float(self._state.search_state.step_size),
@@ -131,8 +151,9 @@ class LevenbergMarquardt:
             accepted=before.accepted + accepted,
             rejected_in_a_row=0 if accepted else before.rejected_in_a_row + 1,
             failed=before.failed + failed,
-            converged=accepted and gain < CHI2_TOLERANCE,
-            history=(*before.history, float(cost)),
+            converged=(accepted and gain < CHI2_TOLERANCE) or stalled,
+            stalled=stalled,
+            history=history,
         )
         return self.progress
 

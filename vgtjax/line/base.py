@@ -1,6 +1,7 @@
 """What every model of the hose between converter and chamber answers."""
 
 import abc
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
@@ -19,15 +20,18 @@ class AbstractLine(eqx.Module):
         """State at rest, filled with the gas of the chamber."""
 
     @abc.abstractmethod
-    def upstream(self, state: Any, gas: Gas) -> Gas:
-        """What the converter sees at its port; `gas` is the state of the chamber."""
+    def port(self, air: Air, state: Any, gas: Gas, flow: Callable[[Gas], Flow]) -> tuple[Gas, Flow]:
+        """What the converter sees at its end of the line, and the flow that enters there.
+
+        **Arguments:** `gas` is the state of the chamber; `flow` is the converter's, into a gas that it sees.
+        """
 
     @abc.abstractmethod
     def __call__(self, air: Air, state: Any, entering: Flow, gas: Gas) -> tuple[Flow, PyTree[Scalar]]:
         """Flow into the chamber, and the time derivative of the state.
 
-        **Arguments:** `entering` is the flow out of the converter into what `upstream` says; `gas` is the state of
-        the chamber; `air` gives speed of sound and ambient temperature.
+        **Arguments:** `entering` is the flow that `port` says; `gas` is the state of the chamber; `air` gives speed of
+        sound and ambient temperature.
         """
 
     @abc.abstractmethod
@@ -40,8 +44,8 @@ class AbstractLine(eqx.Module):
         """Longest step in s that resolves the line, infinite where any does."""
 
     @abc.abstractmethod
-    def signals(self, state: Any) -> dict[str, Array]:
-        """The state by the names of the trace columns."""
+    def signals(self, state: Any, inflow: Flow) -> dict[str, Array]:
+        """The state and the flow into the chamber, by the names of the trace columns."""
 
     @abc.abstractmethod
     def typical_state(self, gas: Gas) -> PyTree[Scalar]:

@@ -1,6 +1,7 @@
 """No line: the converter sits on the chamber."""
 
 import math
+from collections.abc import Callable
 
 from jaxtyping import Array
 
@@ -16,9 +17,9 @@ class NoLine(AbstractLine):
     def initial_state(self, air: Air, gas: Gas) -> None:
         """Nothing to remember."""
 
-    def upstream(self, state: None, gas: Gas) -> Gas:
+    def port(self, air: Air, state: None, gas: Gas, flow: Callable[[Gas], Flow]) -> tuple[Gas, Flow]:
         """The chamber."""
-        return gas
+        return gas, flow(gas)
 
     def __call__(self, air: Air, state: None, entering: Flow, gas: Gas) -> tuple[Flow, None]:
         """The converter's flow into the chamber."""
@@ -32,8 +33,8 @@ class NoLine(AbstractLine):
         """Any."""
         return math.inf
 
-    def signals(self, state: None) -> dict[str, Array]:
-        """Nothing to show."""
+    def signals(self, state: None, inflow: Flow) -> dict[str, Array]:
+        """Nothing to show: the flow is the converter's."""
         return {}
 
     def typical_state(self, gas: Gas) -> None:

@@ -2,3 +2,5 @@
 
 from .absent import NoVaneForce as NoVaneForce
 from .base import AbstractVaneForce as AbstractVaneForce
+from .map import Direction as Direction, HysteresisMap as HysteresisMap
+from .polynomial import ForcePolynomial as ForcePolynomial

@@ -1,0 +1,62 @@
+"""A bench unit that is not the thesis's: the example that ships, where the thesis only shows pictures of its own."""
+
+import functools
+
+import numpy as np
+
+import vgtjax
+from vgtjax.estimation import plan_task, start_calibration
+
+from ..study import EXAMPLE
+from . import experiments
+
+SETTLED = 0.5
+"""s before the release in which a step is taken as settled."""
+SMOOTHED = 9
+"""Samples (ms) of the moving mean through which a measured step is read."""
+SCALE = {"pressure": ("p_act", 1 / experiments.MBAR), "position": ("x_d", 1e3)}
+"""Column and scale to mbar and mm."""
+
+
+@functools.cache
+def trace(name: str) -> vgtjax.Trace:
+    """A trace of the example."""
+    return vgtjax.load_trace(EXAMPLE.parent / f"{name}.csv")
+
+
+@functools.cache
+def fitted_actuator() -> vgtjax.Actuator:
+    """The unit's parameters, fitted to its staircase of duties alone, so that its steps stay unseen."""
+    calibrator = start_calibration(plan_task(experiments.actuator(), [trace("levels_1")], []))
+    while not calibrator.minimiser.progress.finished:
+        calibrator.minimiser.step()
+    model = calibrator.finish().model
+    assert isinstance(model, vgtjax.Actuator)
+    return model
+
+
+def _step(duty: float) -> tuple[vgtjax.Trace, float, float]:
+    """The measured step to a duty in percent, and when it begins and is released in s."""
+    measured = trace(f"step_{duty:g}")
+    begin, release = measured.time[measured.jumps()]
+    return measured, float(begin), float(release)
+
+
+def static_error(duty: float, signal: str, *, fitted: bool) -> float:
+    """Measured less simulated once a step has settled in mbar or mm, counted from the rest before it."""
+    measured, begin, release = _step(duty)
+    model = fitted_actuator() if fitted else experiments.actuator()
+    column, scale = SCALE[signal]
+    error = getattr(measured, column) - np.asarray(getattr(vgtjax.simulate(model, measured), column))
+    settled = (measured.time > release - SETTLED) & (measured.time < release)
+    return scale * float(error[settled].mean() - error[measured.time < begin].mean())
+
+
+def response(duty: float, *, released: bool = False) -> experiments.Response:
+    """What was measured after the step to a duty in percent, or its release."""
+    measured, begin, release = _step(duty)
+    window = np.full(SMOOTHED, 1 / SMOOTHED)
+    pressure, position = (np.convolve(getattr(measured, c), window, mode="valid") for c in ("p_act", "x_d"))
+    time = measured.time[SMOOTHED // 2 : -(SMOOTHED // 2)]
+    part = time >= release if released else (time >= begin) & (time < release - SMOOTHED * 1e-3)
+    return experiments.Response(time[part] - time[part][0], pressure[part], position[part])

@@ -1,0 +1,125 @@
+"""Figures of the reproduction report (plotly)."""
+
+import numpy as np
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from ..figures import DUTY, MEASURED, SIMULATED, styled, thin
+from . import air_flow, experiments, loops, responses, vanes
+
+SHADES = ("#0f766e", "#c2410c", "#4338ca", "#a16207")
+
+
+def _curve(x: np.ndarray, y: np.ndarray, name: str, color: str, **style: object) -> go.Scatter:
+    x, y = thin(x, y)
+    return go.Scatter(
+        x=x.astype(np.float32),
+        y=y.astype(np.float32),
+        mode="lines",
+        name=name,
+        legendgroup=name,
+        line={"color": color, "width": 1.4, "dash": style.pop("dash", "solid")},
+        **style,
+    )
+
+
+def flow_figure() -> go.Figure:
+    """Phi over the pressure ratio, printed and corrected [2.15, 2.58]."""
+    figure = go.Figure()
+    for name, color, (ratio, values) in zip(
+        ("corrected", "(2.15) as printed", "(2.58) as printed"),
+        (SIMULATED, DUTY, MEASURED),
+        air_flow.curves(),
+        strict=True,
+    ):
+        figure.add_trace(_curve(ratio, values, name, color, dash="solid" if name == "corrected" else "dash"))
+    figure.update_xaxes(title_text="pressure ratio, downstream over upstream")
+    figure.update_yaxes(title_text="Phi")
+    return styled(figure, 340)
+
+
+def response_figure() -> go.Figure:
+    """Steps of the duty and their release, with the printed response times."""
+    figure = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.06)
+    for duty, color in zip(experiments.DUTIES, SHADES, strict=False):
+        solution = experiments.duty_pulse(duty)
+        gauge = (solution.p_act - experiments.STANDARD_ATMOSPHERE) / experiments.MBAR
+        for row, values in enumerate((gauge, 1e3 * solution.x_d), 1):
+            figure.add_trace(
+                _curve(np.asarray(solution.time), np.asarray(values), f"{duty:g} %", color, showlegend=row == 1),
+                row=row,
+                col=1,
+            )
+    for stated in responses.STATED:
+        response = stated.response()
+        if stated.signal == "pressure":
+            row, shown = 1, (response.pressure - experiments.STANDARD_ATMOSPHERE) / experiments.MBAR
+        else:
+            row, shown = 2, 1e3 * response.position
+        marker = go.Scatter(
+            x=[stated.seconds + (experiments.HOLD if stated.released else 0.0)],
+            y=[float(np.interp(stated.seconds, response.time, shown))],
+            mode="markers",
+            name="response time as printed",
+            legendgroup="printed",
+            showlegend=stated is responses.STATED[0],
+            hovertext=f"{stated.duty:g} %: {stated.seconds:g} s",
+            marker={"symbol": "triangle-up", "size": 10, "color": "black"},
+        )
+        figure.add_trace(marker, row=row, col=1)
+    figure.update_yaxes(title_text="pressure, mbar gauge", row=1, col=1)
+    figure.update_yaxes(title_text="position, mm", row=2, col=1)
+    figure.update_xaxes(title_text="time, s", row=2, col=1)
+    return styled(figure, 520)
+
+
+def loop_figure() -> go.Figure:
+    """Position over applied pressure at three turbine pressures, with the vane force of another unit."""
+    figure = go.Figure()
+    for (pressure, run), color in zip(loops.runs().items(), SHADES, strict=False):
+        applied = (experiments.STANDARD_ATMOSPHERE - np.asarray(run.p_act)) / experiments.MBAR
+        stride = 8
+        figure.add_trace(
+            go.Scatter(
+                x=applied[::stride].astype(np.float32),
+                y=(1e3 * np.asarray(run.x_d)[::stride]).astype(np.float32),
+                mode="lines",
+                name=f"{pressure / experiments.MBAR:g} mbar",
+                line={"color": color, "width": 1.4},
+            )
+        )
+    figure.update_xaxes(title_text="applied pressure, mbar")
+    figure.update_yaxes(title_text="position, mm")
+    return styled(figure, 420).update_layout(hovermode="closest")
+
+
+def polynomial_figure() -> go.Figure:
+    """Force over crank angle as (3.15) prints it."""
+    figure = go.Figure()
+    ratios = (1.0, 1.5, 2.0, 2.5)
+    for ratio, color in zip(ratios, SHADES, strict=True):
+        figure.add_trace(_curve(vanes.ANGLES, vanes.polynomial(vanes.ANGLES, ratio), f"ratio {ratio:g}", color))
+    figure.update_xaxes(title_text="crank angle, deg (closed at 4)")
+    figure.update_yaxes(title_text="force against closing, N")
+    return styled(figure, 340)
+
+
+ALL = (
+    (
+        "Steps of the duty",
+        "Printed parameters; triangles are the printed response times.",
+        response_figure,
+    ),
+    ("Flow function", "The factor 2/(gamma-1) belongs under the root; only then is Phi continuous.", flow_figure),
+    (
+        "Loops at three turbine pressures",
+        "The printed actuator with vane forces identified from another unit; the thesis shows its own as pictures.",
+        loop_figure,
+    ),
+    (
+        "Force polynomial",
+        "Equation (3.15) with the printed coefficients, without a guard of its range, which is not printed.",
+        polynomial_figure,
+    ),
+)
+"""Title, text and function of every figure."""

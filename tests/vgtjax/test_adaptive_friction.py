@@ -1,0 +1,119 @@
+"""LuGre friction under exhaust gas."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from axis import drag
+from support import duty_trace
+
+import vgtjax
+from vgtjax import AdaptiveLuGre, LuGre
+from vgtjax.friction import Bristle, Contact
+from vgtjax.vanes import Crank, Vanes
+
+LOAD = [1.0, 2.0, 3.0, 4.0, 5.0, 10.0, 20.0, 30.0, 40.0, 50.0]
+FRICTION = AdaptiveLuGre(load=LOAD)
+
+
+def vanes(pressure, angle):
+    return Vanes(Crank().opening(jnp.asarray(angle)), jnp.asarray(pressure))
+
+
+def contact(velocity, pressure, angle=20.0):
+    return Contact(jnp.asarray(velocity), jnp.asarray(0.63), vanes(pressure, angle))
+
+
+@pytest.mark.parametrize(
+    ("pressure", "angle", "load"),
+    [
+        (0.0, 20.0, 0.0),  # no gas, no load: the row of zeros that no table needs to have
+        (-1e4, 20.0, 0.0),  # held beyond
+        (1.5e5, 4.0, 1.0),  # on knots
+        (3.0e5, 28.0, 40.0),
+        (0.75e5, 12.0, 1.0),  # half way from none to the first row
+        (2.25e5, 16.0, 13.75),  # in the middle of a cell
+        (9.0e5, 60.0, 50.0),  # held beyond
+    ],
+)
+def test_theta_is_linear_in_the_table(pressure, angle, load):
+    assert FRICTION.theta(vanes(pressure, angle)) == pytest.approx(1 + load / 2.8, rel=1e-9)
+
+
+@pytest.mark.parametrize("velocity", [0.0, 1e-4, -0.05])
+@pytest.mark.parametrize("deflection", [0.0, 5e-5])
+def test_all_of_friction_grows_and_the_bristles_move_alike(velocity, deflection):
+    state = Bristle(jnp.asarray(deflection))
+    cold, still = LuGre()(contact(velocity, 0.0), state, jnp.asarray(0.0))
+    hot, rate = FRICTION(contact(velocity, 3e5), state, jnp.asarray(0.0))
+    assert hot == pytest.approx(float(cold) * (1 + 30.0 / 2.8), rel=1e-9)
+    assert rate.deflection == still.deflection
+
+
+def test_slow_sliding_carries_the_load_on_top_of_coulomb_friction():
+    speed = np.full(4000, 5e-3)  # past the Stribeck curve, 2 mm in all
+    force = float(drag(FRICTION, speed, np.full(4000, 1e-4), 0.0)[0][-1])
+    loaded = float(drag(FRICTION, speed, np.full(4000, 1e-4), 3e5)[0][-1])
+    assert loaded - force == pytest.approx(FRICTION.theta(Vanes(jnp.asarray(5e-3), jnp.asarray(3e5))) * force - force)
+    assert loaded > force + 20.0
+
+
+def test_without_pressure_or_without_load_it_is_lugre():
+    cold = duty_trace((0, 0.03), (80, 0.1), (20, 0.1), p_res=2.0e4)
+    hot = duty_trace((0, 0.03), (80, 0.1), (20, 0.1), p_res=2.0e4, p_trb=2e5)
+    for friction, trace in ((FRICTION, cold), (AdaptiveLuGre(), hot)):
+        ours = vgtjax.simulate(vgtjax.Actuator(friction=friction), trace)
+        np.testing.assert_array_equal(ours.x_d, vgtjax.simulate(vgtjax.Actuator(), trace).x_d)
+
+
+def test_a_loop_widens_with_turbine_pressure():
+    """Section 3.4.2: the same motion against a friction that grows."""
+    place = 2e-3 * np.sin(2 * np.pi * np.arange(8001) / 4000)
+    velocity, duration = np.diff(place) / 1e-3, np.full(8000, 1e-3)
+    lost = [float(np.sum(drag(FRICTION, velocity, duration, p)[1][4000:])) for p in (0.0, 1e5, 2e5, 3e5)]
+    assert np.all(np.diff(lost) > 0)
+    assert lost[-1] > 5 * lost[0]
+
+
+def test_nothing_is_singular_where_friction_passes_through_zero():
+    """(3.20) divides by the friction itself."""
+    for velocity, deflection in ((0.0, 0.0), (1e-12, 0.0), (-1e-3, 1e-3 * (206.0 + 429.77) / 43135.0)):
+
+        def force(v, z, load, pressure, angle):
+            friction = AdaptiveLuGre(load=load)
+            return friction(Contact(v, 0.63, vanes(pressure, angle)), Bristle(z), 0.0)[0]
+
+        slopes = jax.grad(force, argnums=range(5))(velocity, deflection, jnp.asarray(LOAD), 2e5, 15.0)
+        assert all(np.all(np.isfinite(slope)) for slope in slopes)
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        (
+            {"load": [1.0] * 9},
+            "friction.load needs 10 numbers, one for each turbine pressure and crank angle, but it has 9; give 2 rows",
+        ),
+        ({"load": [-1.0] * 10}, "friction.load must not be negative, but it is -1; use 0 or more"),
+        (
+            {"crank_angle": [4.0, 12.0, 12.0, 28.0, 36.0]},
+            r"friction.crank_angle must be at least two knots that increase, in deg, but it is \[4.0, 12.0, 12.0,",
+        ),
+        (
+            {"turbine_pressure": [0.0, 3e5]},
+            "friction.turbine_pressure must be at least two knots that increase, in Pa gauge from above zero, but it",
+        ),
+    ],
+)
+def test_a_table_that_does_not_fit_is_refused(fields, message):
+    with pytest.raises(vgtjax.InputError, match=message):
+        AdaptiveLuGre(**fields)
+
+
+def test_a_table_read_at_other_knots_is_the_same_friction():
+    finer = FRICTION.on_knots([0.75e5, 1.5e5, 3e5], np.linspace(4.0, 36.0, 9))
+    assert finer.load.size == 27
+    for pressure in (0.3e5, 2e5, 4e5):
+        for angle in (5.0, 19.0, 40.0):
+            expected = float(FRICTION.theta(vanes(pressure, angle)))
+            assert finer.theta(vanes(pressure, angle)) == pytest.approx(expected, rel=1e-12)

@@ -1,0 +1,164 @@
+"""What the measured chamber pressure tells about the flow through the converter [2.33]."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..actuator import Actuator
+from ..air import orifice_flow
+from ..chamber import Gas
+from ..converter import Flow
+from ..estimation import noise_level
+from ..trace import Trace
+from .filters import Offset, Samples, Smooth, reservoir_pressure, sensor_offset, smooth
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class ChamberRecord:
+    """The gas in the chamber along one trace, each array of shape `(time,)`.
+
+    `pressure` (Pa absolute) and `position` (m) are smoothed, and free of their sensors' offsets where the trace tells
+    them. `temperature` in K. `area` is the effective area of the open orifice in m2, positive from the atmosphere and
+    negative to the reservoir, NaN where pressures are too equal to tell; `area_error` its standard deviation.
+    `per_area` (Pa/s/m2) and `per_velocity` (Pa/m) are how the pressure's rate goes with the size of that area and with
+    the diaphragm's velocity.
+    """
+
+    trace: Trace
+    pressure: Smooth
+    position: Smooth
+    reservoir: Samples
+    temperature: Samples
+    area: Samples
+    area_error: Samples
+    per_area: Samples
+    per_velocity: Samples
+    offset: Offset
+    """Of the pressure sensor."""
+
+    @property
+    def ambient(self) -> float:
+        """Atmosphere in Pa."""
+        return self.trace.atmosphere
+
+
+def usable(traces: Sequence[Trace]) -> list[Trace]:
+    """Traces that have what the pneumatic half needs: a duty and the chamber pressure."""
+    return [trace for trace in traces if trace.pwm is not None and trace.p_act is not None]
+
+
+NEEDS = "traces need the columns pwm and p_act"
+
+
+def without_position(traces: Sequence[Trace]) -> tuple[str, ...]:
+    """The sentence about traces that lack a measured position, if any."""
+    names = [trace.name for trace in usable(traces) if trace.x_d is None]
+    if not names:
+        return ()
+    return (
+        f"{', '.join(names)} without x_d: the diaphragm is taken where its spring balances the pressure, so "
+        "friction shifts the chamber's volume by percents",
+    )
+
+
+def diaphragm_motion(model: Actuator, trace: Trace, pressure: Smooth) -> Smooth:
+    """Position of the diaphragm in m, measured and smoothed, or from static balance where it was not measured."""
+    if trace.x_d is not None:
+        motion = smooth(trace.time, trace.x_d, noise_level(trace.x_d, "x_d"))
+        return dataclasses.replace(motion, value=motion.value - sensor_offset(model, trace, "x_d").value)
+    area = float(model.diaphragm.area)
+    force = (trace.atmosphere - pressure.value) * area
+    compliance = 1 / float(model.diaphragm.stiffness)
+    position = np.asarray(model.diaphragm.rest_position(force))
+    moving = (position > 0) & (position < float(model.diaphragm.travel))
+    return Smooth(
+        position,
+        np.where(moving, -pressure.rate * area * compliance, 0.0),
+        pressure.value_error * area * compliance,
+        pressure.rate_error * area * compliance,
+    )
+
+
+def read_chamber(model: Actuator, trace: Trace) -> ChamberRecord:
+    """Flow and temperature in the chamber along a trace, from its measured pressure and position.
+
+    [2.33] with errata 3 and 9: the chamber's own energy balance is solved for the flow, so the volume moves with the
+    diaphragm and heat exchange counts where the model has it. The temperature is integrated along the way, from the
+    ambient one at the start. A line between converter and chamber is not resolved.
+    """
+    assert trace.p_act is not None
+    offset = sensor_offset(model, trace, "p_act")
+    pressure = smooth(trace.time, trace.p_act, noise_level(trace.p_act, "p_act"))
+    pressure = dataclasses.replace(pressure, value=pressure.value - offset.value)
+    position = diaphragm_motion(model, trace, pressure)
+    reservoir = reservoir_pressure(trace)
+    temperature, area, per_area, per_velocity = (
+        np.asarray(signal)
+        for signal in _march(
+            model,
+            np.append(np.diff(trace.time), 0.0),
+            pressure.value,
+            pressure.rate,
+            position.value,
+            position.rate,
+            reservoir,
+            np.full_like(reservoir, trace.atmosphere),
+        )
+    )
+    error = np.hypot(pressure.rate_error, per_velocity * position.rate_error) / per_area
+    return ChamberRecord(trace, pressure, position, reservoir, temperature, area, error, per_area, per_velocity, offset)
+
+
+def flow_through(
+    model: Actuator, area: Array, pressure: Array, temperature: Array, reservoir: Array, ambient: Array
+) -> Flow:
+    """Flow into the chamber through an area in m2, from the atmosphere where positive, to the reservoir where not."""
+    source = jnp.where(area < 0, reservoir, ambient)
+    return Flow(*orifice_flow(model.air, jnp.abs(area), source, pressure, temperature))
+
+
+LEAST_SPEED = 1e-3
+"""Of the choked flow; a flow slower than this part of it does not tell an area."""
+
+
+@eqx.filter_jit
+def _march(
+    model: Actuator,
+    interval: Float[Array, " time"],
+    pressure: Float[Array, " time"],
+    pressure_rate: Float[Array, " time"],
+    position: Float[Array, " time"],
+    velocity: Float[Array, " time"],
+    reservoir: Float[Array, " time"],
+    ambient: Float[Array, " time"],
+) -> tuple[Array, Array, Array, Array]:
+    """Temperature, signed area, and how the pressure's rate depends on area and on the diaphragm's velocity."""
+    displaced = model.diaphragm.displaced_volume
+
+    def one(temperature, inputs):
+        dt, p, rate, x, v, reservoir, ambient = inputs
+        gas = Gas(p, temperature)
+
+        def pressure_rate_with(flow, velocity):
+            return model.chamber.rates(model.air, gas, flow, displaced(x), displaced(velocity)).pressure
+
+        none = Flow(jnp.zeros_like(p), temperature)
+        still = pressure_rate_with(none, v)
+        side = jnp.where(rate < still, -1.0, 1.0)
+        unit = flow_through(model, side, p, temperature, reservoir, ambient)
+        per_mass = pressure_rate_with(Flow(jnp.ones_like(p), unit.temperature), v) - still
+        mass_flow = (rate - still) / per_mass
+        told = jnp.abs(unit.mass_flow) > LEAST_SPEED * p / jnp.sqrt(model.air.gas_constant * temperature)
+        area = jnp.where(told, side * mass_flow / jnp.where(told, unit.mass_flow, 1.0), jnp.nan)
+        flow = Flow(mass_flow, unit.temperature)
+        heating = model.chamber.rates(model.air, gas, flow, displaced(x), displaced(v)).temperature
+        per_velocity = pressure_rate_with(none, v + 1.0) - still
+        return temperature + dt * heating, (temperature, area, jnp.abs(per_mass * unit.mass_flow), per_velocity)
+
+    inputs = (interval, pressure, pressure_rate, position, velocity, reservoir, ambient)
+    return jax.lax.scan(one, jnp.asarray(model.air.temperature), inputs)[1]

@@ -1,0 +1,254 @@
+"""Output-error fit of the mechanical half: measured drive in, position out, all parameters at once."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from ..errors import SimulationError
+from ..estimation import Calibration, Calibrator, calibrate, plan_task, start_calibration
+from ..estimation.bundle import CHANNELS, SEGMENT
+from ..estimation.calibration import Bounds
+from ..mechanical import MechanicalActuator
+from ..model import AbstractModel
+from ..parameters import parameter_table, select
+from ..trace import Trace
+from .motion import BLOCK, Motion, mechanical_half, read_motions
+from .regression import determined
+from .result import Curve, Identified
+
+VAGUE = 0.5
+"""Relative standard error above which a parameter counts as not seen."""
+FARTHEST = 30.0
+"""Factor by which a positive parameter may leave its start: where the data say little, it would run to infinity."""
+ROUNDS = 4
+"""Fits, each without the parameters that the one before could not tell."""
+STILL = 20.0
+"""Standard deviations of its noise over which a position must range, or the rod counts as still."""
+PLOTTED = 1500
+"""Points a curve."""
+
+NOTHING_MOVES = "no trace shows the rod move under a measured drive; record x_d together with p_act or f_drive"
+REMEDIES = {
+    "diaphragm.mass": "record duty steps at 1 kHz",
+    "diaphragm.stiffness": "let the rod move over much of its travel",
+    "diaphragm.travel": "let the rod rest at its closed stop",
+    "diaphragm.stop_stiffness": "press the rod into its stops with different forces",
+    "diaphragm.stop_damping": "let the rod hit a stop fast, at 1 kHz",
+    "friction.static_force": "record slow motion, and break-away from rest",
+    "friction.bristle_stiffness": "turn the rod round inside its travel",
+    "friction.bristle_damping": "turn the rod round inside its travel by duty steps, at 1 kHz",
+    "friction.viscous_damping": "record motion at different speeds",
+    "friction.stribeck_velocity": "record motion at different speeds below 5 mm/s",
+}
+"""What would show a parameter."""
+
+
+def mechanical_fit(model: AbstractModel, traces: Sequence[Trace]) -> Identified:
+    """All parameters of diaphragm and friction from the response of `x_d` to the measured drive [2.34, 3.6].
+
+    What follows the single tests: nonlinear least squares of the simulated position, from their values. A measured
+    pressure is freed of noise and of its sensor's offset before; standard errors contain what is left of both.
+    Parameters that the traces do not tell keep the model's value, and `unseen` names them.
+
+    **Arguments:** `model`: with start values; `traces`: with `x_d` and `p_act` or `f_drive`.
+    """
+    result = Identified(
+        "mechanical half",
+        "2.34, 3.6, 3.7",
+        "Nonlinear least squares of the position that follows from the measured drive, with exact derivatives.",
+    )
+    response = fit_response(model, read_motions(model, traces))
+    if isinstance(response, str):
+        return dataclasses.replace(result, unseen=(response,))
+    return dataclasses.replace(
+        result,
+        values=response.values,
+        std_errors=response.std_errors,
+        unseen=response.unseen,
+        figures=response_figures(response),
+        samples=response.calibration.count,
+    )
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Response:
+    """A fitted mechanical half: `values` and `std_errors` by name, and the names that keep the model's value."""
+
+    calibration: Calibration
+    values: dict[str, np.ndarray]
+    std_errors: dict[str, np.ndarray]
+    untold: tuple[str, ...]
+
+    @property
+    def model(self) -> MechanicalActuator:
+        """The model with the fitted values."""
+        return self.calibration.model
+
+    @property
+    def unseen(self) -> tuple[str, ...]:
+        """A sentence for each parameter that keeps its value."""
+        return tuple(untold(name) for name in self.untold)
+
+
+def untold(name: str) -> str:
+    """Why a parameter has no value."""
+    return f"{name}: these traces do not tell it; {REMEDIES.get(name, 'record motion that depends on it')}"
+
+
+def fit_response(model: AbstractModel, motions: Sequence[Motion]) -> Response | str:
+    """Fits what motions tell of diaphragm and friction, or says why they tell nothing.
+
+    What turns out to be untold returns to the model's value, and the rest is fitted again.
+    """
+    half = mechanical_half(model)
+    moving = [motion for motion in motions if np.ptp(motion.position) > STILL * motion.noise]
+    if not moving:
+        return NOTHING_MOVES
+    traces = [motion.trace for motion in moving]
+    entries = candidates(half)
+    free = np.ones(len(entries), dtype=bool)
+    start = half
+    try:
+        for _ in range(ROUNDS):
+            bounds = _bounds(half, start, entries, free)
+            calibration = calibrate(plan_task(start, traces, free=entries, bounds=bounds, channels=("x_d",)))
+            whole = _linearised(calibration)
+            told = _told(whole, calibration, free)
+            if np.array_equal(told, free):
+                break
+            free = told
+            kept = np.where(free, calibration.values, np.asarray(calibration.task.selection.pack(half)))
+            start = calibration.task.selection.unpack(half, kept)
+    except SimulationError as error:
+        return str(error)
+    return _response(calibration, whole, moving, free)
+
+
+def candidates(half: MechanicalActuator) -> list[str]:
+    """Entries of diaphragm and friction that a fit may move: not held by default, nor zero or infinite by choice."""
+    table = parameter_table(half)
+    names = [name for name, row in table.items() if name.startswith(("diaphragm.", "friction.")) and not row.held]
+    selection = select(half, free=names)
+    values = dict(zip(selection.entries, np.asarray(selection.pack(half)), strict=True))
+    endless = not np.isfinite(values.get("diaphragm.travel", np.inf))
+    return [
+        entry
+        for entry, value in values.items()
+        if np.isfinite(value)
+        and (value != 0 or not table[entry.partition("[")[0]].positive)
+        and not (endless and entry.startswith("diaphragm.stop_"))
+    ]
+
+
+def _bounds(half: MechanicalActuator, start: MechanicalActuator, entries: list[str], free: np.ndarray) -> Bounds:
+    """Far ends for what is free and positive; the others are held between equal ends, which compiles nothing anew."""
+    table, selection = parameter_table(half), select(half, free=entries)
+    ends: Bounds = {}
+    for entry, usual, now, moves in zip(
+        selection.entries, np.asarray(selection.pack(half)), np.asarray(selection.pack(start)), free, strict=True
+    ):
+        if not moves:
+            ends[entry] = (float(now), float(now))
+        elif table[entry.partition("[")[0]].positive:
+            ends[entry] = (float(usual / FARTHEST), float(usual * FARTHEST))
+    return ends
+
+
+def _linearised(calibration: Calibration) -> Calibrator:
+    """The problem at the fitted values with nothing held."""
+    task = calibration.task
+    return start_calibration(
+        plan_task(calibration.model, task.fit, free=task.selection.entries, channels=task.channels)
+    )
+
+
+def _told(whole: Calibrator, calibration: Calibration, free: Bool[np.ndarray, " entries"]) -> np.ndarray:
+    """Which of the free entries the traces determine, and did not drive to the far end of what they may be."""
+    table, entries = parameter_table(calibration.model), calibration.task.selection.entries
+    usual = np.array([abs(np.asarray(table[entry].default)) for entry in entries])
+    size = whole.transform.scale
+    relative = np.where(whole.transform.positive, 1.0, np.maximum(size, usual) / size)
+    scale = np.sqrt(max(calibration.uncertainty.scale, 1.0))
+    seen = determined(whole.minimiser.linearisation()[1] * relative, scale, VAGUE)
+    return free & seen & ~(calibration.at_bound & calibration.transform.positive)
+
+
+def _response(calibration: Calibration, whole: Calibrator, motions: Sequence[Motion], free: np.ndarray) -> Response:
+    entries = calibration.task.selection.entries
+    errors = np.sqrt(np.diag(_covariance(whole, motions, ~free)))
+    slope = np.where(whole.transform.positive, calibration.values, whole.transform.scale)
+    told = np.flatnonzero(free)
+    return Response(
+        calibration,
+        {entries[i]: np.asarray(calibration.values[i]) for i in told},
+        {entries[i]: np.asarray(errors[i] * slope[i]) for i in told},
+        tuple(np.array(entries)[~free]),
+    )
+
+
+def _covariance(
+    whole: Calibrator, motions: Sequence[Motion], held: Bool[np.ndarray, " entries"]
+) -> Float[np.ndarray, "entries entries"]:
+    """Covariance of the coordinates, with all that makes fitted values wrong.
+
+    Scores are summed over quarters of a second, because what is left of the pressure's noise, and what the model lacks,
+    lasts longer than a sample. The unknown offset of a pressure acts like a preload of that trace alone. Held
+    parameters may be wrong by `VAGUE`.
+    """
+    residuals, columns = whole.minimiser.linearisation()
+    owner, block = _layout(whole, motions)
+    prior = np.diag(np.where(held, 1 / VAGUE**2, 0.0))
+    bread = np.linalg.pinv(columns.T @ columns + prior, rcond=1e-15, hermitian=True)
+    scores = np.zeros((block.max() + 1, columns.shape[1]))
+    np.add.at(scores, block, columns * residuals[:, None])
+    white = columns.T @ columns * max(residuals @ residuals / whole.minimiser.problem.count, 1.0)
+    clustered = scores.T @ scores * (len(scores) / max(len(scores) - columns.shape[1], 1))
+    shifts = prior
+    if "diaphragm.preload" in (entries := list(whole.task.selection.entries)):
+        at = entries.index("diaphragm.preload")
+        per_newton = columns[:, at] / whole.transform.scale[at]
+        for number, motion in enumerate(motions):
+            shift = columns.T @ (per_newton * (owner == number)) * motion.force_error
+            shifts = shifts + np.outer(shift, shift)
+    worst = [bread @ (noise + shifts) @ bread for noise in (white, clustered)]
+    larger = np.maximum(np.diag(worst[0]), np.diag(worst[1]))
+    grow = np.sqrt(larger / np.maximum(np.diag(worst[0]), 1e-300))
+    return worst[0] * np.outer(grow, grow)
+
+
+def _layout(whole: Calibrator, motions: Sequence[Motion]) -> tuple[np.ndarray, np.ndarray]:
+    """The trace, and the stretch of `BLOCK` seconds, of every residual."""
+    owners, blocks, first = [], [], 0
+    problem, channels = whole.minimiser.problem, len(CHANNELS)
+    for bundle in problem.bundles:
+        trace = np.asarray(bundle.indices)[bundle.lane_trace]
+        interval = np.array([motion.interval for motion in motions])[trace]
+        lanes = np.maximum(np.round(BLOCK / (SEGMENT * interval)), 1.0)
+        key = np.stack([trace, np.floor(bundle.lane_segment / lanes).astype(int)])
+        number = np.unique(key, axis=1, return_inverse=True)[1].reshape(-1)
+        owners.append(np.repeat(trace, SEGMENT * channels))
+        blocks.append(np.repeat(first + number, SEGMENT * channels))
+        first += int(number.max()) + 1
+    return np.concatenate(owners), np.concatenate(blocks)
+
+
+def response_figures(response: Response) -> tuple[Curve, ...]:
+    """Measured and simulated position over time, one curve a trace."""
+    curves = []
+    for result in response.calibration.traces:
+        chosen = slice(None, None, max(1, len(result.trace.time) // PLOTTED))
+        time, measured = result.trace.time[chosen], np.asarray(result.trace.x_d)[chosen]
+        simulated = result.simulated["x_d"][chosen] + result.offset["x_d"]
+        curves.append(
+            Curve(
+                "time, s",
+                "position, mm",
+                (time, 1e3 * measured),
+                (time, 1e3 * simulated),
+                "measured and simulated position",
+                result.trace.name,
+            )
+        )
+    return tuple(curves)

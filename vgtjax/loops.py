@@ -1,0 +1,83 @@
+"""Hysteresis loops of position over chamber pressure, and how wide they are (sections 3.2.1 and 4.2)."""
+
+import dataclasses
+
+import numpy as np
+from jaxtyping import Float
+from scipy.interpolate import make_lsq_spline
+
+SPAN = (2e-3, 8e-3)
+"""m; where widths are read, clear of both stops."""
+SPACING = 0.25e-3
+"""m between the positions at which a loop is read."""
+SLOWEST = 0.5
+"""s; a branch that takes less to cross the span is a step, not a loop."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Loop:
+    """One excursion of the rod, read at the same positions while the vanes close and while they open.
+
+    `position` in m, `closing` and `opening` the chamber pressure in Pa absolute, each of shape `(positions,)`.
+    """
+
+    position: Float[np.ndarray, " positions"]
+    closing: Float[np.ndarray, " positions"]
+    opening: Float[np.ndarray, " positions"]
+
+    @property
+    def width(self) -> Float[np.ndarray, " positions"]:
+        """Difference of chamber pressure between opening and closing at the same position in Pa."""
+        return self.opening - self.closing
+
+    @property
+    def mean_width(self) -> float:
+        """Mean width over the span in Pa: the hysteresis of section 4.2."""
+        return float(np.mean(self.width))
+
+
+def find_loop(
+    time: Float[np.ndarray, " time"],
+    x_d: Float[np.ndarray, " time"],
+    p_act: Float[np.ndarray, " time"],
+    span: tuple[float, float] = SPAN,
+) -> Loop | None:
+    """Reads the loop of a slow run out and back.
+
+    **Arguments:** `time` in s, `x_d` in m, `p_act` in Pa, measured or simulated; `span`: the positions in m
+    between which it is read.
+
+    **Returns:** `None` where the run failed, or the rod does not cross the span exactly once each way, or faster than `SLOWEST`.
+    """
+    position = np.linspace(*span, round((span[1] - span[0]) / SPACING) + 1)
+    top = int(np.argmax(x_d))
+    branches = []
+    for part in (slice(0, top + 1), slice(top, None)):
+        moving = _crossing(x_d[part], span)
+        if moving is None or np.ptp(time[part][moving]) < SLOWEST:
+            return None
+        branches.append(_read(x_d[part][moving], p_act[part][moving], position))
+    return Loop(position, *branches)
+
+
+def _crossing(x_d: Float[np.ndarray, " time"], span: tuple[float, float]) -> np.ndarray | None:
+    """Which samples of one branch lie within the span and its margins, if it crosses that once."""
+    begin, end = span[0] - SPACING, span[1] + SPACING
+    if not np.all(np.isfinite(x_d)) or x_d.min() > begin or x_d.max() < end:
+        return None
+    inside = np.flatnonzero((x_d > begin) & (x_d < end))
+    # Sensor noise re-enters the ends by a few samples; a second visit would be farther away than the crossing is long.
+    if inside[-1] - inside[0] > 1.5 * len(inside):
+        return None
+    if len(inside) < 2 * (end - begin) / SPACING:
+        return None
+    return inside
+
+
+def _read(x_d: np.ndarray, p_act: np.ndarray, position: np.ndarray) -> np.ndarray:
+    """Pressure at given positions: a least-squares broken line over position, so that noise averages out."""
+    order = np.argsort(x_d, kind="stable")
+    x, p = x_d[order], p_act[order]
+    knots = np.concatenate([[x[0]], position[::2], [x[-1]]])
+    spline = make_lsq_spline(x, p, np.concatenate([knots[:1], knots, knots[-1:]]), k=1)
+    return spline(position)
