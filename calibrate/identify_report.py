@@ -17,6 +17,9 @@ from .page import figure_html, render_page
 from .parameter_file import Row
 from .report import component_sections, loop_section, trace_section
 
+FEW = 100
+"""Points below which each is worth a large mark."""
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class UnitIdentification:
@@ -79,7 +82,12 @@ def _picture(curves: list[Curve]) -> go.Figure:
     for number, curve in enumerate(curves):
         color = CURVES[number % len(CURVES)]
         name = curve.name or "identified"
-        measured = {"color": MEASURED if len(curves) == 1 else color, "size": 4, "opacity": 0.45}
+        few = len(curve.points[0]) < FEW
+        measured = {
+            "color": MEASURED if len(curves) == 1 else color,
+            "size": 9 if few else 4,
+            "opacity": 1.0 if few else 0.6,
+        }
         order = np.argsort(curve.points[0], kind="stable")
         x, y = thin(*(np.asarray(values)[order] for values in curve.points))
         figure.add_trace(

@@ -8,6 +8,7 @@ import pytest
 from support import EXAMPLE
 
 import vgtjax
+from calibrate.models import CHAMBER, FRICTION, LINE, MAGNETIC_FORCE, VANE_FORCE, build_model, start_values
 from calibrate.study import Study
 
 ROOT = pathlib.Path(__file__).parents[1]
@@ -27,9 +28,19 @@ def test_python_example_runs(monkeypatch):
     assert scope["slopes"].shape == (len(scope["trace"].time), 2, 8)
 
 
-def test_study_example_is_a_study():
-    study = Study.model_validate(tomllib.loads(blocks("toml")[0]))
-    assert study.trace[1].use == "validate"
+@pytest.mark.parametrize("text", blocks("toml"))
+def test_study_examples_are_studies(text):
+    study = Study.model_validate({"trace": [{"file": "any.csv"}]} | tomllib.loads(text))
+    model = build_model(study)
+    start_values(model, study)
+    vgtjax.select(model, study.fit.free, study.fit.fixed)
+
+
+def test_every_component_is_named():
+    listed = next(text for text in blocks("toml") if text.startswith("[components]\nfriction"))
+    for registry in (FRICTION, VANE_FORCE, LINE, MAGNETIC_FORCE, CHAMBER):
+        for name in registry:
+            assert re.search(rf"\b{name}\b", listed), name
 
 
 def test_ci_finds_both_commands():
@@ -47,4 +58,4 @@ def test_links_lead_somewhere(target):
 
 
 def test_the_example_is_small():
-    assert sum(file.stat().st_size for file in EXAMPLE.iterdir()) < 2.5e6
+    assert sum(file.stat().st_size for file in EXAMPLE.rglob("*.csv")) < 2.5e6

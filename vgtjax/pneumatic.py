@@ -133,12 +133,3 @@ class PneumaticActuator(AbstractModel):
     def _reservoir(self, time: Scalar | float, drive: Drive) -> Scalar:
         assert drive.reservoir is not None, "a trace without one gets the assumed pressure"
         return drive.reservoir(time)
-
-    def _port(self, state: PneumaticState, ambient: Scalar, reservoir: Scalar) -> tuple[Gas, Flow]:
-        """What the converter sees, and the flow that leaves it."""
-
-        def flow(into: Gas) -> Flow:
-            lift = state.plunger.position
-            return self.converter.flow(self.air, lift, ambient, reservoir, into.pressure, into.temperature)
-
-        return self.line.port(self.air, state.line, state.gas, flow)

@@ -109,10 +109,10 @@ def pressure_ramp(model: vgtjax.MechanicalActuator, top: float, turbine: float =
     return pressure_path(model, (0.0, top, 0.0), turbine)
 
 
-def loop_of(solution: vgtjax.Solution) -> Loop:
-    """The hysteresis loop of a pressure ramp."""
-    loop = find_loop(np.asarray(solution.time), np.asarray(solution.x_d), np.asarray(solution.p_act))
-    assert loop is not None, "a ramp up to 700 mbar crosses the whole travel"
+def loop_of(run: vgtjax.Solution | vgtjax.Trace) -> Loop:
+    """The hysteresis loop of a pressure ramp, simulated or measured."""
+    loop = find_loop(np.asarray(run.time), np.asarray(run.x_d), np.asarray(run.p_act))
+    assert loop is not None, "such a ramp crosses the whole travel"
     return loop
 
 

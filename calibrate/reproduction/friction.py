@@ -86,6 +86,24 @@ def _cold_width() -> Found:
     return Found(width(experiments.mechanical()), facts)
 
 
+def _dahl_curve() -> tuple[np.ndarray, np.ndarray]:
+    return loop(vgtjax.Dahl())
+
+
+def _plateau() -> float:
+    """Friction in N where its curve over position is level [3.3.2.2]."""
+    return float(np.max(_dahl_curve()[1]))
+
+
+def _slope_at_zero() -> float:
+    """Slope in N/m of friction over position where it passes zero after a turn [3.3.2.2]."""
+    position, force = _dahl_curve()
+    after = np.flatnonzero(np.diff(np.sign(force)))
+    # Position as a cubic of friction around zero; its slope there is one over the stiffness.
+    compliance = [np.polyfit(force[k - 2 : k + 4], position[k - 2 : k + 4], 3)[2] for k in after]
+    return float(1 / np.mean(compliance))
+
+
 def _least_friction() -> float:
     """Least size of LuGre friction along a path with reversals in N; zero where it changes sign."""
     force = loop(vgtjax.LuGre())[1]
@@ -136,6 +154,28 @@ ROWS = (
         ours=_cold_width,
         reason="2 F_c/A_d is {coulomb} mbar, 2 F_s/A_d {static} mbar, and a slow ramp lies between them; without "
         "friction the width is {none} mbar. The loop of Figure 3.2 is a picture only.",
+    ),
+    Row(
+        section="3.3.2.2 Dahl model identification",
+        id="dahl-slope",
+        quantity="slope of friction over position where friction is zero",
+        where="Figure 3.4",
+        printed="sigma = 42150",
+        unit="N/m",
+        rule=Near(42150.0, 420.0),
+        ours=_slope_at_zero,
+        reason="Read off the simulated curve of Dahl friction, as the thesis reads it off a figure.",
+    ),
+    Row(
+        section="3.3.2.2 Dahl model identification",
+        id="dahl-plateau",
+        quantity="friction where its curve over position is level",
+        where="Figure 3.4",
+        printed="F_c = 2.8 N",
+        unit="N",
+        rule=Near(2.8, 0.05),
+        ours=_plateau,
+        reason="Read off the same curve.",
     ),
     Row(
         section="3.4.2.1 Adaptive LuGre model",

@@ -1,14 +1,14 @@
 """Statements on hysteresis under exhaust gas [3.16, 3.17, section 3.6, section 4.2]."""
 
 import functools
-import importlib.resources
-import json
 
 import numpy as np
 
 import vgtjax
+from vgtjax.identification import identify_vane_map
 from vgtjax.loops import Loop
 
+from ..study import EXAMPLE
 from . import experiments
 from .rows import Found, Rising, Row
 
@@ -17,11 +17,19 @@ PRESSURES = (0.0, 1.5e5, 3.0e5)
 
 
 @functools.cache
+def measured() -> tuple[vgtjax.Trace, ...]:
+    """Slow loops of a unit that is not the thesis's, at each of `PRESSURES`."""
+    folder = EXAMPLE.parent / "loops"
+    return tuple(vgtjax.load_trace(path) for path in sorted(folder.glob("*.csv")))
+
+
+@functools.cache
 def bench_map() -> vgtjax.HysteresisMap:
-    """Vane force of a bench unit that is not the thesis's, whose tables are pictures."""
-    text = (importlib.resources.files(__package__) / "vane_map.json").read_text(encoding="utf-8")
-    tables = {name: json.loads(text)[f"vane_force.{name}"] for name in ("closing", "opening")}
-    return vgtjax.replace_parameters(vgtjax.HysteresisMap(), tables)
+    """Vane force identified from that unit's loops [3.16]; the thesis's own tables are pictures."""
+    blank = vgtjax.HysteresisMap()
+    found = identify_vane_map(vgtjax.Actuator(vane_force=blank), measured())
+    tables = {name: found.values[f"vane_force.{name}"] for name in ("closing", "opening")}
+    return vgtjax.replace_parameters(blank, tables)
 
 
 @functools.cache
@@ -40,7 +48,10 @@ def _mbar(pascal: float) -> float:
 
 
 def _widths() -> Found:
-    return Found(tuple(_mbar(loop.mean_width) for loop in _loops()))
+    """Mean widths in mbar, simulated and measured."""
+    own = [experiments.loop_of(trace) for trace in measured()]
+    facts = {"own": ", ".join(f"{_mbar(loop.mean_width):.1f}" for loop in own)}
+    return Found(tuple(_mbar(loop.mean_width) for loop in _loops()), facts)
 
 
 def _width_along() -> Found:
@@ -98,7 +109,7 @@ ROWS = (
         unit="mbar",
         rule=Rising(1.0),
         ours=_widths,
-        reason=_BORROWED,
+        reason=_BORROWED + " The loops of that unit measure {own} mbar.",
         missing=_TABLES,
     ),
     _row(

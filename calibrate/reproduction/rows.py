@@ -147,4 +147,6 @@ class Result:
 def shown(value: Value) -> str:
     """A value or several as a reader wants them: four digits, and as zero what no unit of the table tells from it."""
     values = value if isinstance(value, tuple) else (value,)
-    return ", ".join(f"{entry:.4g}" if abs(entry) > 1e-5 else "0" for entry in values)
+    return ", ".join(
+        f"{entry:.0f}" if abs(entry) >= 1000 else f"{entry:.4g}" if abs(entry) > 1e-5 else "0" for entry in values
+    )

@@ -5,13 +5,17 @@ import html
 import math
 import pathlib
 import re
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 from commands import Outcome, read, run_command
 
+import vgtjax
 from calibrate.files import MARKER
 from calibrate.reproduction import ROWS, Found, Row
+from calibrate.reproduction.identified import CONSTANTS
 from calibrate.reproduction.rows import Between, Near, Rising
 
 VERDICTS = {"reproduced", "differs", "not reproducible"}
@@ -144,6 +148,23 @@ def test_known_rows(reproduced, id, verdict, ours):
     entry = reproduced.table[id]
     assert entry["verdict"] == verdict
     assert entry["ours"] == pytest.approx(ours, rel=0.015, abs=1e-6)
+
+
+def test_printed_constants_are_those_of_the_model(actuator):
+    for constant in CONSTANTS:
+        entries = np.ravel(vgtjax.get_parameter(actuator, constant.name))
+        assert constant.scale * entries[constant.index] == pytest.approx(constant.value, rel=1e-12)
+
+
+def test_importing_computes_nothing():
+    code = "import calibrate.reproduction, vgtjax; vgtjax.configure()"  # which JAX refuses once it has computed
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True).returncode == 0
+
+
+def test_slow_rows_can_be_left_out():
+    assert {row.id for row in ROWS if row.slow} == {
+        row.id for row in ROWS if row.id.startswith(("identified-", "static-"))
+    }
 
 
 def test_the_report_shows_every_row_and_loads_nothing(reproduced):

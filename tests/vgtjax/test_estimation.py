@@ -228,3 +228,33 @@ def test_a_fit_in_single_precision_is_refused():
 def test_a_fit_without_traces_is_refused():
     with pytest.raises(vgtjax.InputError, match="at least one trace with use = 'fit'"):
         plan_task(vgtjax.Actuator(), [])
+
+
+def test_a_second_fit_of_equal_shapes_compiles_nothing(caplog):
+    """What a fleet gains: one compilation for twenty actuators."""
+    free = ["diaphragm.stiffness", "diaphragm.preload"]
+    first, second = (plan_task(vgtjax.Actuator(), [bench(seed)], free=free) for seed in (1, 2))
+    start_calibration(first).minimiser.step()
+    with jax.log_compiles():
+        start_calibration(second).minimiser.step()
+        assert not [record for record in caplog.records if "_step" in record.getMessage()]
+        start_calibration(plan_task(vgtjax.Actuator(), [bench(3)], free=free[:1])).minimiser.step()
+    assert [record for record in caplog.records if "_step" in record.getMessage()], "the log tells of compilations"
+
+
+def test_a_fit_that_kinks_hold_up_stops(monkeypatch):
+    """Trials that gain next to nothing together end a fit, but only after it has found its feet."""
+    stuck = start_calibration(plan_task(vgtjax.Actuator(), [bench(1)], free=["diaphragm.stiffness"])).minimiser
+    while not stuck.progress.converged:
+        stuck.step()
+    near = dataclasses.replace(
+        stuck.progress, converged=False, step_size=1e-9, history=(stuck.progress.cost,) * 8, iteration=7
+    )
+    resumed = LevenbergMarquardt(stuck.problem, near)
+    monkeypatch.setattr("vgtjax.estimation.fit.CHI2_TOLERANCE", 0.0)  # no single step may end it
+    ended = resumed.step()
+    assert ended.converged
+    assert ended.stalled
+    assert "the last 6 trials together lowered chi^2 by less than 0.1" in ended.verdict
+    fresh = LevenbergMarquardt(stuck.problem, dataclasses.replace(near, accepted=0))
+    assert not fresh.step().stalled

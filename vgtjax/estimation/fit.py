@@ -14,13 +14,21 @@ from ..devices import replicate
 from ..errors import SimulationError
 from .residuals import Problem
 from .seminormal import SeminormalEquations
+from .uncertainty import estimate_uncertainty
 
 CHI2_TOLERANCE = 0.01
 """A fit has converged when a step lowers chi^2 by less: a move of a tenth of a standard error in any one direction."""
 STALL, STALL_TOLERANCE = 6, 0.1
 """A fit has also converged when so many trials together lower chi^2 by less than this. Kinks of the model (a plunger that
-grazes its seat, a rod that sticks) leave a linear gain that no step reaches: on the slow loops of twenty actuators, the
+grazes its seat, a rod that sticks) leave a linear gain that no step reaches: on the slow loops of an actuator, the
 steps after such a stall gained 0.3 of 18000 in sum, in 20 trials."""
+STALL_SHARE = 0.01
+"""Part of chi^2 that the linear model may still promise for a stall to count: with more, a fit is lost, not finished."""
+NEAR = 2.0
+"""A start with a lower chi^2 per measurement is near the end, and the first step is nearly Gauss and Newton's."""
+NEAR_STEP_SIZE = 1e6
+"""Inverse damping of that step. Damped as a far start must be, a near one needs ten steps to lose the damping; far starts
+that begin like this are lost now and then."""
 MAX_REJECTED = 20
 """Rejected trials in a row, each with a quarter of the step, after which a fit stands still."""
 MAX_ITERATIONS = 100
@@ -131,6 +139,9 @@ class LevenbergMarquardt:
             )
         if not self.progress.history:
             self.progress = dataclasses.replace(self.progress, history=(float(cost),))
+            if 2 * float(cost) < NEAR:
+                state = _first_state(problem, coordinates, jnp.asarray(NEAR_STEP_SIZE))
+                self._coordinates, self._state, _ = _step(problem, replicate(coordinates), replicate(state))
 
     def step(self) -> Progress:
         """Tries one step, and says where the fit stands then."""
@@ -144,6 +155,7 @@ class LevenbergMarquardt:
         recent = 2 * self.problem.count * (history[-1 - STALL :][0] - history[-1])
         # Before the first accepted step, rejections say that the start's damping is too small.
         stalled = before.accepted > 0 and before.iteration >= STALL and recent < STALL_TOLERANCE
+        stalled = stalled and self._further_gain() < STALL_SHARE * 2 * self.problem.count * float(cost)
         self.progress = Progress(
             coordinates=tuple(np.asarray(self._coordinates).tolist()),
             step_size=float(self._state.search_state.step_size),
@@ -156,6 +168,11 @@ class LevenbergMarquardt:
             history=history,
         )
         return self.progress
+
+    def _further_gain(self) -> float:
+        """What a full linear step would still take off chi^2."""
+        residuals, columns = self.linearisation()
+        return estimate_uncertainty(residuals, columns, self.problem.count).further_gain
 
     def linearisation(
         self,

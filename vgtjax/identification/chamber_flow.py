@@ -1,7 +1,8 @@
 """What the measured chamber pressure tells about the flow through the converter [2.33]."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -10,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..actuator import Actuator
-from ..air import orifice_flow
+from ..air import Scalar, orifice_flow
 from ..chamber import Gas
 from ..converter import Flow
 from ..estimation import noise_level
@@ -97,18 +98,16 @@ def read_chamber(model: Actuator, trace: Trace) -> ChamberRecord:
     pressure = dataclasses.replace(pressure, value=pressure.value - offset.value)
     position = diaphragm_motion(model, trace, pressure)
     reservoir = reservoir_pressure(trace)
-    temperature, area, per_area, per_velocity = (
-        np.asarray(signal)
-        for signal in _march(
-            model,
-            np.append(np.diff(trace.time), 0.0),
-            pressure.value,
-            pressure.rate,
-            position.value,
-            position.rate,
-            reservoir,
-            np.full_like(reservoir, trace.atmosphere),
-        )
+    temperature, area, per_area, per_velocity = march(
+        _gas,
+        model,
+        np.append(np.diff(trace.time), 0.0),
+        pressure.value,
+        pressure.rate,
+        position.value,
+        position.rate,
+        reservoir,
+        np.full_like(reservoir, trace.atmosphere),
     )
     error = np.hypot(pressure.rate_error, per_velocity * position.rate_error) / per_area
     return ChamberRecord(trace, pressure, position, reservoir, temperature, area, error, per_area, per_velocity, offset)
@@ -126,8 +125,19 @@ LEAST_SPEED = 1e-3
 """Of the choked flow; a flow slower than this part of it does not tell an area."""
 
 
+BLOCK = 4000
+"""Samples; signals are padded to multiples of it, so that few programs are compiled for traces of many lengths."""
+
+
+def march(function: Callable[..., Any], model: Actuator, *signals: Samples) -> list[Samples]:
+    """What a compiled function of a model and signals `(time,)` returns, with signals held on through their padding."""
+    length = len(signals[0])
+    padded = [np.pad(signal, (0, -length % BLOCK), mode="edge") for signal in signals]
+    return [np.asarray(answer)[:length] for answer in function(model, *padded)]
+
+
 @eqx.filter_jit
-def _march(
+def _gas(
     model: Actuator,
     interval: Float[Array, " time"],
     pressure: Float[Array, " time"],
@@ -138,27 +148,42 @@ def _march(
     ambient: Float[Array, " time"],
 ) -> tuple[Array, Array, Array, Array]:
     """Temperature, signed area, and how the pressure's rate depends on area and on the diaphragm's velocity."""
-    displaced = model.diaphragm.displaced_volume
 
     def one(temperature, inputs):
-        dt, p, rate, x, v, reservoir, ambient = inputs
-        gas = Gas(p, temperature)
+        dt, here, halfway = inputs
+        heating, *read = _read_flow(model, temperature, *here)
+        between = temperature + 0.5 * dt * heating
+        return temperature + dt * _read_flow(model, between, *halfway)[0], (temperature, *read)
 
-        def pressure_rate_with(flow, velocity):
-            return model.chamber.rates(model.air, gas, flow, displaced(x), displaced(velocity)).pressure
+    signals = (pressure, pressure_rate, position, velocity, reservoir, ambient)
+    middles = tuple(0.5 * (signal + jnp.append(signal[1:], signal[-1])) for signal in signals)
+    return jax.lax.scan(one, jnp.asarray(model.air.temperature), (interval, signals, middles))[1]
 
-        none = Flow(jnp.zeros_like(p), temperature)
-        still = pressure_rate_with(none, v)
-        side = jnp.where(rate < still, -1.0, 1.0)
-        unit = flow_through(model, side, p, temperature, reservoir, ambient)
-        per_mass = pressure_rate_with(Flow(jnp.ones_like(p), unit.temperature), v) - still
-        mass_flow = (rate - still) / per_mass
-        told = jnp.abs(unit.mass_flow) > LEAST_SPEED * p / jnp.sqrt(model.air.gas_constant * temperature)
-        area = jnp.where(told, side * mass_flow / jnp.where(told, unit.mass_flow, 1.0), jnp.nan)
-        flow = Flow(mass_flow, unit.temperature)
-        heating = model.chamber.rates(model.air, gas, flow, displaced(x), displaced(v)).temperature
-        per_velocity = pressure_rate_with(none, v + 1.0) - still
-        return temperature + dt * heating, (temperature, area, jnp.abs(per_mass * unit.mass_flow), per_velocity)
 
-    inputs = (interval, pressure, pressure_rate, position, velocity, reservoir, ambient)
-    return jax.lax.scan(one, jnp.asarray(model.air.temperature), inputs)[1]
+def _read_flow(
+    model: Actuator,
+    temperature: Scalar,
+    pressure: Scalar,
+    rate: Scalar,
+    position: Scalar,
+    velocity: Scalar,
+    reservoir: Scalar,
+    ambient: Scalar,
+) -> tuple[Scalar, Scalar, Scalar, Scalar]:
+    """Rate of the temperature, and what `_gas` returns, at one time: the energy balance solved for the flow."""
+    gas, displaced = Gas(pressure, temperature), model.diaphragm.displaced_volume
+
+    def rates_with(flow: Flow, velocity: Scalar) -> Gas:
+        return model.chamber.rates(model.air, gas, flow, displaced(position), displaced(velocity))
+
+    none = Flow(jnp.zeros_like(pressure), temperature)
+    still = rates_with(none, velocity).pressure
+    side = jnp.where(rate < still, -1.0, 1.0)
+    unit = flow_through(model, side, pressure, temperature, reservoir, ambient)
+    per_mass = rates_with(Flow(jnp.ones_like(pressure), unit.temperature), velocity).pressure - still
+    mass_flow = (rate - still) / per_mass
+    told = jnp.abs(unit.mass_flow) > LEAST_SPEED * pressure / jnp.sqrt(model.air.gas_constant * temperature)
+    area = jnp.where(told, side * mass_flow / jnp.where(told, unit.mass_flow, 1.0), jnp.nan)
+    heating = rates_with(Flow(mass_flow, unit.temperature), velocity).temperature
+    per_velocity = rates_with(none, velocity + 1.0).pressure - still
+    return heating, area, jnp.abs(per_mass * unit.mass_flow), per_velocity

@@ -1,13 +1,17 @@
 """Signals for identification: smoothing that keeps corners, derivatives, sensor offsets, and stretches of one duty."""
 
 import dataclasses
+import itertools
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.signal import savgol_coeffs, savgol_filter
 
 from ..actuator import Actuator
+from ..converter import Converter
 from ..estimation import noise_level
+from ..mechanical import MechanicalActuator
+from ..model import AbstractModel
 from ..trace import Trace
 
 Samples = Float[np.ndarray, " time"]
@@ -94,21 +98,23 @@ DRIFT = 5.0
 """Standard errors by which the halves of a rest may differ before it is taken for the end of a movement."""
 
 
-def resting(model: Actuator, trace: Trace) -> Bool[np.ndarray, " time"]:
+def resting(model: AbstractModel, trace: Trace) -> Bool[np.ndarray, " time"]:
     """The samples before anything moves: duty and pressure at zero, atmosphere open.
 
-    A ramp rests too until its duty closes the plunger; half of what that takes by the model is left as margin.
+    A ramp rests too until its duty closes the plunger; half of what that takes by the model is left as margin. A model
+    without a converter is judged by the printed one.
     """
     still = np.zeros(len(trace.time), dtype=bool)
     if trace.pwm is None or trace.p_act is None or not bool(trace.start().at_rest):
         return still
     ambient = np.full_like(trace.time, trace.atmosphere)
-    pull = model.converter.magnet.steady_pull(trace.pwm, np.zeros_like(ambient))
-    opening = np.asarray(model.converter.static_force(pull, ambient, reservoir_pressure(trace), ambient))
+    converter = model.converter if isinstance(model, Actuator) else Converter()
+    pull = converter.magnet.steady_pull(trace.pwm, np.zeros_like(ambient))
+    opening = np.asarray(converter.static_force(pull, ambient, reservoir_pressure(trace), ambient))
     return np.logical_and.accumulate((trace.pwm == 0.0) | (opening > np.maximum(0.5 * opening[0], 0.0)))
 
 
-def sensor_offset(model: Actuator, trace: Trace, channel: str) -> Offset:
+def sensor_offset(model: Actuator | MechanicalActuator, trace: Trace, channel: str) -> Offset:
     """Offset of the sensor of `x_d` (m) or `p_act` (Pa) from the rest at the start of a trace.
 
     At rest the chamber is at atmosphere and the diaphragm where preload and open stop balance.
@@ -141,7 +147,7 @@ def holds(trace: Trace, shortest: float) -> list[slice]:
     edges = [0, *trace.jumps(), len(trace.time)]
     return [
         slice(begin, end)
-        for begin, end in zip(edges[:-1], edges[1:], strict=True)
+        for begin, end in itertools.pairwise(edges)
         if trace.time[end - 1] - trace.time[begin] >= shortest
     ]
 
@@ -166,7 +172,7 @@ def slow_blocks(trace: Trace, length: float, fastest: float, roughness: float) -
         return []
     edges = np.searchsorted(trace.time, np.arange(trace.time[0], trace.time[-1], length))
     blocks = []
-    for begin, end in zip(edges[:-1], edges[1:], strict=True):
+    for begin, end in itertools.pairwise(edges):
         duty, time = trace.pwm[begin:end], trace.time[begin:end]
         if end - begin < SHORTEST or duty[0] == duty[-1]:
             continue

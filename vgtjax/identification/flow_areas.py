@@ -14,10 +14,11 @@ from scipy.optimize import least_squares
 from ..actuator import Actuator
 from ..chamber import Gas
 from ..line import NoLine
+from ..magnetic_force import AbstractMagneticForce
 from ..parameters import Selection, entry_names, get_parameter, parameter_table, replace_parameters, select
 from ..trace import Trace
-from ..transforms import build_transform
-from .chamber_flow import NEEDS, ChamberRecord, flow_through, read_chamber, usable, without_position
+from ..transforms import Transform, build_transform
+from .chamber_flow import BLOCK, NEEDS, ChamberRecord, flow_through, march, read_chamber, usable, without_position
 from .filters import duty_steps
 from .regression import clustered_errors, determined, usual_factor
 from .result import Curve, Identified
@@ -30,6 +31,8 @@ LAWS = (
 )
 LEAST_LIFT = 10e-6
 """m; below, the plunger's position is no better known than to its size."""
+LIFT_ERROR = 2e-6
+"""m; how well the balance tells the position at best: offsets of the pressure's sensor, a magnetic force to 5 mN."""
 MARGIN = 2000.0
 """Pa between chamber and source; nearer, the flow depends on the pressures' difference more than on the area."""
 AFTER_STEP = 0.02
@@ -38,16 +41,19 @@ WORST = 0.3
 """Relative standard error above which a value counts as not seen, and stays what the model has."""
 OUTLIER = 3.0
 """Standard deviations beyond which a residual counts by its size instead of its square."""
-CLUSTER = 0.2
+CLUSTER = 0.5
 """s; errors of neighbouring samples are taken for independent beyond this: longer than any window of the filters."""
-PASSES = 2
-"""The temperatures depend on the volume that is looked for, though little: once more is enough."""
+EXACT = 5e-4
+"""Relative error that the method itself makes: its largest on noise-free traces of known parameters, twice."""
 SHOWN = 1500
 """Points in a picture."""
 
 
 class _Samples(eqx.Module):
-    """Samples with a significant flow, of all traces, each `(samples,)`: lift in m, pressures in Pa, and so on."""
+    """Samples with a significant flow, of all traces, each `(samples,)`: lift in m, pressures in Pa, and so on.
+
+    Padded by copies of the last one whose rate has an infinite error.
+    """
 
     lift: Array
     pressure: Array
@@ -60,7 +66,9 @@ class _Samples(eqx.Module):
     rate_error: Array
     area: Array
     group: Int[np.ndarray, " samples"]
-    stepped: bool
+    count: int = eqx.field(static=True)
+    """Samples that are no padding."""
+    stepped: bool = eqx.field(static=True)
     """Whether any trace steps the duty. A slow ramp tells the volume only through small differences of large flows."""
 
 
@@ -75,97 +83,119 @@ def identify_flow_areas(model: Actuator, traces: Sequence[Trace]) -> Identified:
     **Returns:** those of the five that the traces tell; `converter.atmosphere_orifice` has NaN as standard error
     where an entry kept the model's value.
     """
-    start, used = model, usable(traces)
-    for _ in range(PASSES):
-        samples = _gather(model, [read_chamber(model, trace) for trace in used])
-        if samples is None:
-            return Identified(
-                name="flow areas",
-                equations="2.33, B.2, B.3",
-                method="no flow was found",
-                unseen=(f"no sample with a significant flow was found: step the duty ({NEEDS})",),
-            )
-        fit = _fit(start, samples)
-        model = fit.model
-    values, errors, unseen = _by_name(start, fit)
-    line = () if isinstance(model.line, NoLine) else ("the line is not resolved: its resistance counts as orifice",)
+    used = usable(traces)
+    samples = _gather(model, used)
+    if samples is None:
+        return Identified(name="flow areas", equations="2.33, B.2, B.3", method="no flow was found", unseen=(NOTHING,))
+    # Temperatures depend, though little, on the volume that is looked for: once more with what was found.
+    samples = _gather(_fit(model, samples).model, used) or samples
+    fit = _fit(model, samples)
+    values, errors, unseen = gather_entries(
+        model, fit.model, LAWS, dict(zip(fit.selection.entries, fit.std_errors, strict=True))
+    )
     return Identified(
         name="flow areas",
         equations="2.33, B.2, B.3",
-        method=f"{len(samples.lift)} samples of {len(used)} traces with flow; areas and volume by nonlinear least "
+        method=f"{samples.count} samples of {len(used)} traces with flow; areas and volume by nonlinear least "
         "squares of the pressure's rate, with the model's springs of the plunger",
         values=values,
         std_errors=errors,
-        unseen=(*unseen, *line, *without_position(traces)),
-        figures=(_figure(model, samples),),
-        samples=len(samples.lift),
+        unseen=(*unseen, *_blind(model), *without_position(traces)),
+        figures=(_figure(fit.model, samples),),
+        samples=samples.count,
     )
+
+
+def _blind(model: Actuator) -> tuple[str, ...]:
+    """Sentences about parts of the model that are not resolved here."""
+    line = "the line is not resolved: its resistance counts as orifice"
+    coil = "the coil's current is taken as settled: what it lags counts as flow"
+    return (
+        *(() if isinstance(model.line, NoLine) else (line,)),
+        *((coil,) if isinstance(model.converter.magnetic_force, AbstractMagneticForce) else ()),
+    )
+
+
+NOTHING = f"no sample with a significant flow was found: step the duty ({NEEDS})"
 
 
 def plunger_lift(model: Actuator, record: ChamberRecord) -> Float[np.ndarray, " time"]:
     """Position of the plunger in m along a trace [2.7], from the measured pressures and the duty.
 
-    Backward differences of `b_p x' = F - k x`: the mass acts within half a millisecond only.
+    `b_p x' = F - k x` is solved exactly for a force that is linear between samples. The mass is left out: the lag is
+    `b_p / k` with it or without, and what it changes is over within a few milliseconds of a step.
     """
-    time = np.asarray(record.trace.time)
-    interval = np.append(np.diff(time), np.median(np.diff(time)))
-    return np.asarray(
-        _march_plunger(
-            model,
-            interval,
-            record.trace.pwm,
-            record.pressure.value,
-            record.reservoir,
-            np.full_like(time, record.ambient),
-        )
-    )
+    trace, pressure = record.trace, record.pressure.value
+    interval = np.append(np.diff(trace.time), 0.0)
+    ambient = np.full_like(trace.time, record.ambient)
+    assert trace.pwm is not None
+    return march(_lift, model, interval, trace.pwm, pressure, record.reservoir, ambient)[0]
 
 
 @eqx.filter_jit
-def _march_plunger(
+def _lift(
     model: Actuator, interval: Array, pwm: Array, pressure: Array, reservoir: Array, ambient: Array
-) -> Array:
+) -> tuple[Array]:
     converter = model.converter
 
     def one(lift, inputs):
-        dt, duty, p, reservoir, ambient = inputs
+        dt, duty, (p, p_next), (reservoir, reservoir_next), ambient = inputs
         pull = converter.magnet.steady_pull(duty, lift)
-        drag = converter.plunger_damping / dt
-        force = converter.static_force(pull, ambient, reservoir, p) + drag * lift
-        springs = converter.membrane_stiffness + jnp.where(force > 0, converter.return_spring_stiffness, 0.0)
-        # The lift at the end of an interval, which the next sample sees.
-        return force / (springs + drag), lift
+        begin = converter.static_force(pull, ambient, reservoir, p)
+        end = converter.static_force(pull, ambient, reservoir_next, p_next)
+        springs = converter.membrane_stiffness + jnp.where(begin + end > 0, converter.return_spring_stiffness, 0.0)
+        lag = converter.plunger_damping / springs
+        # Towards a rest that moves steadily, behind which the plunger stays by its lag.
+        rest, moved = begin / springs, (end - begin) / springs
+        behind = lag * moved / jnp.where(dt > 0, dt, 1.0)
+        return rest + moved - behind + (lift - rest + behind) * jnp.exp(-dt / lag), lift
+
+    def ends(signal):
+        return signal, jnp.append(signal[1:], signal[-1])
 
     first = converter.rest_position(pwm[0], ambient[0], reservoir[0], pressure[0])
-    return jax.lax.scan(one, first, (interval, pwm, pressure, reservoir, ambient))[1]
+    return (jax.lax.scan(one, first, (interval, pwm, ends(pressure), ends(reservoir), ambient))[1],)
 
 
-def _gather(model: Actuator, records: list[ChamberRecord]) -> _Samples | None:
-    parts, clusters = [], 0
-    for record in records:
+def _gather(model: Actuator, traces: list[Trace]) -> _Samples | None:
+    parts: list[dict[str, np.ndarray]] = []
+    clusters = 0
+    for trace in traces:
+        record = read_chamber(model, trace)
         lift = plunger_lift(model, record)
-        flows = _flows(record, lift)
-        time = record.trace.time
-        group = clusters + ((time - time[0]) / CLUSTER).astype(int)
+        group = clusters + ((trace.time - trace.time[0]) / CLUSTER).astype(int)
         clusters = int(group[-1]) + 1
-        signals = (
-            lift,
-            record.pressure.value,
-            record.temperature,
-            record.position.value,
-            record.position.rate,
-            record.reservoir,
-            np.full_like(time, record.ambient),
-            record.pressure.rate,
-            record.area_error * record.per_area,
-            record.area,
-            group,
-        )
-        parts.append([signal[flows] for signal in signals])
-    if not any(len(part[0]) for part in parts):
+        signals = {
+            "lift": lift,
+            "pressure": record.pressure.value,
+            "temperature": record.temperature,
+            "position": record.position.value,
+            "velocity": record.position.rate,
+            "reservoir": record.reservoir,
+            "ambient": np.full_like(lift, record.ambient),
+            "rate": record.pressure.rate,
+            "rate_error": record.per_area * np.hypot(record.area_error, _area_uncertainty(model, lift)),
+            "area": record.area,
+            "group": group,
+        }
+        flows = _flows(record, lift)
+        parts.append({name: signal[flows] for name, signal in signals.items()})
+    if not any(len(part["lift"]) for part in parts):
         return None
-    stepped = any(len(duty_steps(record.trace)) for record in records)
-    return _Samples(*(np.concatenate(signal) for signal in zip(*parts, strict=True)), stepped)
+    count = sum(len(part["lift"]) for part in parts)
+    joined: dict[str, Any] = {
+        name: np.pad(np.concatenate([part[name] for part in parts]), (0, -count % BLOCK), mode="edge")
+        for name in parts[0]
+    }
+    joined["rate_error"][count:] = np.inf
+    return _Samples(**joined, count=count, stepped=any(len(duty_steps(trace)) for trace in traces))
+
+
+def _area_uncertainty(model: Actuator, lift: Float[np.ndarray, " time"]) -> Float[np.ndarray, " time"]:
+    """By how much the area changes within the uncertainty of the lift, beside the jump at zero, in m2."""
+    area = jax.vmap(model.converter.orifice_area)
+    away = np.where(lift < 0, -LIFT_ERROR, LIFT_ERROR)
+    return np.abs(np.asarray(area(lift + away) - area(lift)))
 
 
 def _flows(record: ChamberRecord, lift: Float[np.ndarray, " time"]) -> Bool[np.ndarray, " time"]:
@@ -190,49 +220,72 @@ class _Fit:
 
 def _fit(start: Actuator, samples: _Samples) -> _Fit:
     """Least squares of the pressure's rate; entries that it does not tell are held, and the rest fitted again."""
-    free = select(start, LAWS, fixed=() if samples.stepped else ("chamber.volume",))
-    for _ in range(len(free.entries)):
-        model, residuals, columns = _minimise(start, free, samples)
+    every = select(start, LAWS)
+    free = np.array([samples.stepped or entry != "chamber.volume" for entry in every.entries])
+    while np.any(free):
+        model, residuals, columns = _minimise(start, every, free, samples)
         errors = clustered_errors(residuals, columns, samples.group)
-        relative = columns * np.abs(np.asarray(free.pack(model)))
-        told = determined(relative, usual_factor(columns, errors), WORST)
+        values = np.asarray(every.pack(model))[free]
+        told = determined(columns * np.abs(values), usual_factor(columns, errors), WORST)
         if np.all(told):
-            break
-        free = Selection(tuple(entry for entry, seen in zip(free.entries, told, strict=True) if seen))
-        if not free.entries:
-            return _Fit(start, free, np.zeros(0))
-    return _Fit(model, free, errors)
+            chosen = Selection(tuple(np.array(every.entries)[free].tolist()))
+            return _Fit(model, chosen, np.hypot(errors, EXACT * np.abs(values)))
+        free[free] = told
+    return _Fit(start, Selection(()), np.zeros(0))
 
 
-def _minimise(start: Actuator, free: Selection, samples: _Samples) -> tuple[Actuator, np.ndarray, np.ndarray]:
+def _minimise(
+    start: Actuator, every: Selection, free: Bool[np.ndarray, " entries"], samples: _Samples
+) -> tuple[Actuator, np.ndarray, np.ndarray]:
     """The fitted model, its residuals in units of noise, and their derivatives by the free entries."""
-    values = np.asarray(free.pack(start))
-    transform = build_transform(parameter_table(start), free.entries, values, {})
+    values = np.asarray(every.pack(start))
+    transform = build_transform(parameter_table(start), every.entries, values, {})
+    fixed = np.asarray(transform.to_coordinates(values))
+    guess = np.asarray(transform.to_coordinates(np.asarray(every.pack(_within_reach(start, samples)))))
 
-    @jax.jit
-    def residuals(coordinates: Array) -> Array:
-        return _residuals(free.unpack(start, transform.to_physical(coordinates)), samples)
+    def whole(y: np.ndarray) -> np.ndarray:
+        coordinates = fixed.copy()
+        coordinates[free] = y
+        return coordinates
 
     with np.errstate(over="ignore", invalid="ignore"):  # a wild trial is refused, whatever its squares
         answer = least_squares(
-            lambda y: np.asarray(residuals(y)),
-            np.asarray(transform.to_coordinates(values)),
-            jac=lambda y: np.asarray(jax.jacfwd(residuals)(y)),
+            lambda y: np.asarray(_residuals(whole(y), start, every, transform, samples)),
+            guess[free],
+            jac=lambda y: np.asarray(_jacobian(whole(y), start, every, transform, samples))[:, free],
             loss="soft_l1",  # corners that the filter cut, and the chatter of a plunger at zero
             f_scale=OUTLIER,
             x_scale="jac",
         )
-    slope = np.asarray(jax.jvp(transform.to_physical, (answer.x,), (np.ones_like(answer.x),))[1])
+    coordinates = whole(answer.x)
+    residuals = np.asarray(_residuals(coordinates, start, every, transform, samples))
+    columns = np.asarray(_jacobian(coordinates, start, every, transform, samples))
+    slope = np.asarray(jax.jvp(transform.to_physical, (coordinates,), (np.ones_like(coordinates),))[1])
     # By the loss, as residuals and columns whose squares are its own to first order.
-    weight = (1 + (np.asarray(residuals(answer.x)) / OUTLIER) ** 2) ** -0.25
-    columns = np.asarray(jax.jacfwd(residuals)(answer.x)) / slope
-    model = free.unpack(start, np.asarray(transform.to_physical(answer.x)))
-    return model, np.asarray(residuals(answer.x)) * weight, columns * weight[:, None]
+    weight = (1 + (residuals / OUTLIER) ** 2) ** -0.25
+    model = every.unpack(start, np.asarray(transform.to_physical(coordinates)))
+    return model, residuals * weight, (columns / slope)[:, free] * weight[:, None]
+
+
+def _within_reach(start: Actuator, samples: _Samples) -> Actuator:
+    """`start` with a saturation that the lifts exceed, where they come near: one that none exceeds has no slope."""
+    name = "converter.reservoir_orifice_saturation"
+    saturation, farthest = float(get_parameter(start, name)), -float(np.min(samples.lift))
+    if farthest < SATURATES * saturation:
+        return start
+    return replace_parameters(start, {name: min(saturation, 0.5 * farthest)})
+
+
+SATURATES = 0.3
+"""Part of the model's saturation that a lift must reach for the orifice to be suspected to saturate."""
 
 
 @eqx.filter_jit
-def _residuals(model: Actuator, samples: _Samples) -> Float[Array, " samples"]:
+def _residuals(
+    coordinates: Array, start: Actuator, every: Selection, transform: Transform, samples: _Samples
+) -> Float[Array, " samples"]:
     """Rate of the pressure by the model less the measured one, in units of its noise."""
+    model = every.unpack(start, transform.to_physical(coordinates))
     converter, displaced = model.converter, model.diaphragm.displaced_volume
 
     def one(s):
@@ -242,12 +295,10 @@ def _residuals(model: Actuator, samples: _Samples) -> Float[Array, " samples"]:
         rate = model.chamber.rates(model.air, gas, flow, displaced(s.position), displaced(s.velocity)).pressure
         return (rate - s.rate) / s.rate_error
 
-    return jax.vmap(one)(eqx.filter(samples, eqx.is_array))
+    return jax.vmap(one)(samples)
 
 
-def _by_name(start: Actuator, fit: _Fit) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], tuple[str, ...]]:
-    """Values and standard errors by name, and the sentence about entries that were held."""
-    return gather_entries(start, fit.model, LAWS, dict(zip(fit.selection.entries, fit.std_errors, strict=True)))
+_jacobian = eqx.filter_jit(jax.jacfwd(_residuals))
 
 
 def gather_entries(
@@ -270,8 +321,8 @@ def gather_entries(
 
 
 def _figure(model: Actuator, samples: _Samples) -> Curve:
-    thinned = slice(None, None, max(len(samples.lift) // SHOWN, 1))
-    lift, area = np.asarray(samples.lift)[thinned], np.asarray(samples.area)[thinned]
+    thinned = slice(None, None, max(samples.count // SHOWN, 1))
+    lift, area = (np.asarray(signal)[: samples.count][thinned] for signal in (samples.lift, samples.area))
     grid = np.linspace(min(np.min(lift), 0.0), max(np.max(lift), 0.0), 400)
     law = np.asarray(jax.vmap(model.converter.orifice_area)(grid))
     return Curve(

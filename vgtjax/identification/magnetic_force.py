@@ -27,6 +27,9 @@ ROUGHNESS = 0.3
 """%; how far the duty of a ramp may stray from a line over one block."""
 HOLD_LIFT, RAMP_LIFT = 20e-6, 300e-6
 """m; lifts by the model up to which a hold counts as settled, and a ramp as quasi-static."""
+SEATING = 1e-6
+"""m; nearer to zero the position of a closed plunger is not known, however little the sensors' noise: on noise-free
+traces the force is off by as much."""
 MARGIN = 1500.0
 """Pa from reservoir and atmosphere; nearer, the pressure has nowhere to go and the plunger need not be closed."""
 WORST = 0.03
@@ -41,8 +44,8 @@ class Equilibrium:
     """Mean force on a (nearly) closed plunger over one stretch of a trace.
 
     `force` (N) by the measured pressures [2.8], `powers` the means of `pwm^0..pwm^4`, `area` the mean effective area
-    to the reservoir in m2 (not positive), `error` and `area_error` their standard deviations from noise, `trace` the
-    number of the trace.
+    to the reservoir in m2 (not positive), `error` and `area_error` their standard deviations, `trace` the number of the
+    trace.
     """
 
     trace: int
@@ -153,18 +156,34 @@ def _between(record: ChamberRecord, stretch: slice) -> bool:
 
 def _mean(model: Actuator, record: ChamberRecord, stretch: slice, number: int) -> Equilibrium:
     converter, trace = model.converter, record.trace
-    assert trace.pwm is not None and trace.p_act is not None
+    assert trace.pwm is not None
+    assert trace.p_act is not None
     pressure, noise = trace.p_act[stretch] - record.offset.value, noise_level(trace.p_act, "p_act")
     force = converter.static_force(0.0, record.ambient, np.mean(record.reservoir[stretch]), np.mean(pressure))
     area, area_error = _mean_area(record, stretch, noise)
+    if trace.pwm[stretch][0] == trace.pwm[stretch][-1]:
+        area *= 1 - _lag(model, record, stretch)
     return Equilibrium(
         trace=number,
         force=float(force),
         powers=np.mean(trace.pwm[stretch, None] ** np.arange(5), axis=0),
         area=min(area, 0.0),
-        error=float(converter.actuator_area) * noise / np.sqrt(len(pressure)),
+        error=float(
+            np.hypot(converter.actuator_area * noise / np.sqrt(len(pressure)), converter.membrane_stiffness * SEATING)
+        ),
         area_error=area_error,
     )
+
+
+def _lag(model: Actuator, record: ChamberRecord, stretch: slice) -> float:
+    """Part of the springs' force that damping takes off while the plunger closes at the end of a hold.
+
+    The pressure settles at the rate at which its own lift empties the chamber, and the lift with it.
+    """
+    converter = model.converter
+    opening = converter.reservoir_orifice_slope * converter.actuator_area / converter.membrane_stiffness
+    settling = np.median(record.per_area[stretch]) * float(opening)
+    return float(converter.plunger_damping / converter.membrane_stiffness) * settling
 
 
 def _mean_area(record: ChamberRecord, stretch: slice, noise: float) -> tuple[float, float]:
@@ -173,6 +192,7 @@ def _mean_area(record: ChamberRecord, stretch: slice, noise: float) -> tuple[flo
     A straight line through the whole stretch tells a mean rate better than the mean of smoothed rates does.
     """
     trace = record.trace
+    assert trace.p_act is not None
     line = _LineThrough(trace.time[stretch])
     excess, error = line.slope(trace.p_act[stretch]) - np.mean(record.pressure.rate[stretch]), line.error * noise
     per_velocity = np.mean(record.per_velocity[stretch])
@@ -225,7 +245,7 @@ def _solve(model: Actuator, points: list[Equilibrium], records: list[ChamberReco
     grid = np.linspace(0, 100, 101)[:, None] ** np.arange(5)
     for form, basis in bases.items():
         solution = _regress(model, points, records, form, basis)
-        if form == "scale" or len(_distinct(points)) > basis.shape[1]:
+        if form == "scale" or len(_distinct(points)) >= basis.shape[1]:
             band = np.sqrt(np.sum((grid @ solution.covariance) * grid, axis=1))
             if form == "scale" or np.max(band) < WORST * abs(full):
                 break
@@ -255,14 +275,17 @@ def _regress(
     owner = np.array([point.trace for point in points])
     offsets = float(model.converter.actuator_area) * np.eye(len(records))[owner]
     # The model's lift is an observation like others, so that equilibria without flow don't leave it undetermined.
-    prior = np.zeros((1 + len(records), basis.shape[1] + 1 + len(records)))
-    prior[0, basis.shape[1]] = 1 / (LIFT_TRUST * lift)
+    # So is its pull without duty, which no equilibrium shows.
+    count, idle = basis.shape[1], float(_model_quartic(model)[0])
+    prior = np.zeros((2 + len(records), count + 1 + len(records)))
+    prior[0, count] = 1 / (LIFT_TRUST * lift)
+    prior[1, :count] = basis[0] / IDLE_TRUST
     for i, record in enumerate(records):
         trust = record.offset.std_error if record.offset.known else SENSOR_PRESSURE_OFFSET
-        prior[1 + i, basis.shape[1] + 1 + i] = 1 / trust
+        prior[2 + i, count + 1 + i] = 1 / trust
+    expected = np.array([1 / LIFT_TRUST, idle / IDLE_TRUST, *np.zeros(len(records))])
     columns = np.concatenate([powers @ basis, area[:, None], -offsets], axis=1) / noise[:, None]
-    answer, inverse = _robust(columns, force / noise, prior, np.concatenate([[1 / LIFT_TRUST], np.zeros(len(records))]))
-    count = basis.shape[1]
+    answer, inverse = _robust(columns, force / noise, prior, expected)
     return _Solution(
         form,
         basis @ answer[:count],
@@ -297,6 +320,8 @@ REWEIGHTINGS = 10
 """Enough for three digits of the weights."""
 LIFT_TRUST = 0.5
 """Relative standard deviation with which the model's stiffness over slope is believed before the traces speak."""
+IDLE_TRUST = 0.05
+"""N; the same for the pull without duty, a remanence."""
 
 
 def _unseen(solution: _Solution, duties: Float[np.ndarray, " points"], coil: bool) -> tuple[str, ...]:

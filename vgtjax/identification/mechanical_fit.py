@@ -18,24 +18,32 @@ from .motion import BLOCK, Motion, mechanical_half, read_motions
 from .regression import determined
 from .result import Curve, Identified
 
-VAGUE = 0.5
+VAGUE = 0.3
 """Relative standard error above which a parameter counts as not seen."""
 FARTHEST = 30.0
 """Factor by which a positive parameter may leave its start: where the data say little, it would run to infinity."""
 ROUNDS = 4
 """Fits, each without the parameters that the one before could not tell."""
+DRIFT = 2.5
+"""s; without a spring the position remembers every error of the force: residuals farther apart than this are taken for
+independent, instead of `BLOCK`."""
+EXPLODED = 1e9
+"""Standard deviations by which a change of a parameter by its own size may move a sample; more is no derivative."""
+DETAILS = ("static_force", "bristle_stiffness", "bristle_damping", "stribeck_velocity", "stribeck_drop")
+"""What friction has besides its steady sliding force."""
 STILL = 20.0
 """Standard deviations of its noise over which a position must range, or the rod counts as still."""
 PLOTTED = 1500
 """Points a curve."""
 
+NEVER = ("diaphragm.stop_damping",)
+"""Impacts are over within a sample: what a fit makes of them follows the kink of the contact, not its damping."""
 NOTHING_MOVES = "no trace shows the rod move under a measured drive; record x_d together with p_act or f_drive"
 REMEDIES = {
     "diaphragm.mass": "record duty steps at 1 kHz",
     "diaphragm.stiffness": "let the rod move over much of its travel",
     "diaphragm.travel": "let the rod rest at its closed stop",
     "diaphragm.stop_stiffness": "press the rod into its stops with different forces",
-    "diaphragm.stop_damping": "let the rod hit a stop fast, at 1 kHz",
     "friction.static_force": "record slow motion, and break-away from rest",
     "friction.bristle_stiffness": "turn the rod round inside its travel",
     "friction.bristle_damping": "turn the rod round inside its travel by duty steps, at 1 kHz",
@@ -118,9 +126,8 @@ def fit_response(model: AbstractModel, motions: Sequence[Motion]) -> Response | 
             told = _told(whole, calibration, free)
             if np.array_equal(told, free):
                 break
-            free = told
-            kept = np.where(free, calibration.values, np.asarray(calibration.task.selection.pack(half)))
-            start = calibration.task.selection.unpack(half, kept)
+            kept = np.where(told & _regular(whole), calibration.values, calibration.task.selection.pack(half))
+            start, free = calibration.task.selection.unpack(half, kept), told
     except SimulationError as error:
         return str(error)
     return _response(calibration, whole, moving, free)
@@ -139,6 +146,8 @@ def candidates(half: MechanicalActuator) -> list[str]:
         if np.isfinite(value)
         and (value != 0 or not table[entry.partition("[")[0]].positive)
         and not (endless and entry.startswith("diaphragm.stop_"))
+        and entry not in NEVER
+        and "[" not in entry
     ]
 
 
@@ -164,9 +173,17 @@ def _linearised(calibration: Calibration) -> Calibrator:
     )
 
 
+def _regular(whole: Calibrator) -> bool:
+    """Whether the fit ended where derivatives mean something: bristles of the size of a sample's path can be chaotic."""
+    columns = whole.minimiser.linearisation()[1]
+    return bool(np.all(np.isfinite(columns))) and float(np.max(np.abs(columns), initial=0.0)) < EXPLODED
+
+
 def _told(whole: Calibrator, calibration: Calibration, free: Bool[np.ndarray, " entries"]) -> np.ndarray:
     """Which of the free entries the traces determine, and did not drive to the far end of what they may be."""
     table, entries = parameter_table(calibration.model), calibration.task.selection.entries
+    if not _regular(whole):
+        return free & ~np.array([entry.rpartition(".")[2] in DETAILS for entry in entries])
     usual = np.array([abs(np.asarray(table[entry].default)) for entry in entries])
     size = whole.transform.scale
     relative = np.where(whole.transform.positive, 1.0, np.maximum(size, usual) / size)
@@ -193,12 +210,13 @@ def _covariance(
 ) -> Float[np.ndarray, "entries entries"]:
     """Covariance of the coordinates, with all that makes fitted values wrong.
 
-    Scores are summed over quarters of a second, because what is left of the pressure's noise, and what the model lacks,
-    lasts longer than a sample. The unknown offset of a pressure acts like a preload of that trace alone. Held
+    Scores are summed over stretches of `BLOCK` or `DRIFT` seconds, because what is left of the pressure's noise, and what
+    the model lacks, lasts longer than a sample. The unknown offset of a pressure acts like a preload of that trace alone. Held
     parameters may be wrong by `VAGUE`.
     """
     residuals, columns = whole.minimiser.linearisation()
-    owner, block = _layout(whole, motions)
+    seconds = BLOCK if float(whole.task.model.diaphragm.stiffness) > 0 else DRIFT
+    owner, block = _layout(whole, motions, seconds)
     prior = np.diag(np.where(held, 1 / VAGUE**2, 0.0))
     bread = np.linalg.pinv(columns.T @ columns + prior, rcond=1e-15, hermitian=True)
     scores = np.zeros((block.max() + 1, columns.shape[1]))
@@ -218,14 +236,14 @@ def _covariance(
     return worst[0] * np.outer(grow, grow)
 
 
-def _layout(whole: Calibrator, motions: Sequence[Motion]) -> tuple[np.ndarray, np.ndarray]:
-    """The trace, and the stretch of `BLOCK` seconds, of every residual."""
+def _layout(whole: Calibrator, motions: Sequence[Motion], seconds: float) -> tuple[np.ndarray, np.ndarray]:
+    """The trace, and the stretch of so many seconds, of every residual."""
     owners, blocks, first = [], [], 0
     problem, channels = whole.minimiser.problem, len(CHANNELS)
     for bundle in problem.bundles:
         trace = np.asarray(bundle.indices)[bundle.lane_trace]
         interval = np.array([motion.interval for motion in motions])[trace]
-        lanes = np.maximum(np.round(BLOCK / (SEGMENT * interval)), 1.0)
+        lanes = np.maximum(np.round(seconds / (SEGMENT * interval)), 1.0)
         key = np.stack([trace, np.floor(bundle.lane_segment / lanes).astype(int)])
         number = np.unique(key, axis=1, return_inverse=True)[1].reshape(-1)
         owners.append(np.repeat(trace, SEGMENT * channels))

@@ -6,43 +6,70 @@ from typing import Any
 import equinox as eqx
 import numpy as np
 
-from ..model import AbstractModel
+from ..actuator import Actuator
+from ..errors import SimulationError
 from ..parameters import parameter_table, replace_parameters
 from ..trace import Trace
-from ..vane_force import HysteresisMap
+from ..vane_force import ForcePolynomial, HysteresisMap
+from .dahl import identify_dahl
+from .flow_areas import identify_flow_areas
+from .lugre import identify_lugre
+from .magnetic_force import identify_magnetic_force
+from .mechanical_fit import mechanical_fit
+from .plunger import identify_plunger
 from .result import Identified
+from .second_order import identify_mass_and_damping
+from .spring import identify_spring
 from .vane_force import NO_GAS, identify_vane_map, identify_vane_polynomial
 
-Step = Callable[[Any, Sequence[Trace]], Identified]
+Test = Callable[[Any, Sequence[Trace]], Identified]
+
+SPRING = (identify_spring,)
+PNEUMATIC = (identify_magnetic_force, identify_flow_areas, identify_plunger)
+MECHANICAL = (identify_mass_and_damping, identify_dahl, identify_lugre, mechanical_fit)
 
 
-def plan(model: AbstractModel) -> list[Step]:
-    """The identifications that make sense for a model, in an order in which each finds what it builds on."""
-    return [identify_vane_map, identify_vane_polynomial]
+def plan(model: Any, traces: Sequence[Trace]) -> list[tuple[Test, list[Trace]]]:
+    """The tests that make sense for a model, in an order in which each finds what it builds on, with their traces.
 
-
-def identify(model: AbstractModel, traces: Sequence[Trace]) -> Iterator[tuple[Any, Identified]]:
-    """Runs every identification of the plan, each on the model that the earlier ones left.
-
-    Yields that model and what was found, one test at a time.
+    Springs and friction are told from traces without exhaust gas, where there are any.
     """
-    for step in plan(model):
-        found = step(model, traces)
+    everything = list(traces)
+    quiet = [trace for trace in traces if not _hot(trace)] or everything
+    pneumatic = PNEUMATIC if isinstance(model, Actuator) else ()
+    tests: list[tuple[Test, list[Trace]]] = [(test, quiet) for test in SPRING]
+    tests += [(test, everything) for test in pneumatic]
+    tests += [(test, quiet) for test in MECHANICAL]
+    if isinstance(model.vane_force, ForcePolynomial):
+        tests.append((identify_vane_polynomial, everything))
+    elif isinstance(model.vane_force, HysteresisMap) or any(map(_hot, traces)):
+        tests.append((identify_vane_map, everything))
+    return tests
+
+
+def identify(model: Any, traces: Sequence[Trace]) -> Iterator[tuple[Any, Identified]]:
+    """Runs the tests that the traces allow, each on the model that the earlier ones left.
+
+    Yields that model and what was found, one test at a time; a test whose simulation fails finds nothing and says so.
+    """
+    for test, mine in plan(model, traces):
+        try:
+            found = test(model, mine)
+        except SimulationError as error:
+            found = Identified(test.__name__.replace("identify_", "").replace("_", " "), "", "", unseen=(str(error),))
         model = apply(model, found)
         yield model, found
 
 
-def cold(traces: Sequence[Trace]) -> list[Trace]:
-    """Traces without exhaust gas, from which springs and friction are told."""
-    return [trace for trace in traces if trace.p_trb is None or np.max(trace.p_trb) <= NO_GAS]
-
-
-def apply(model: AbstractModel, found: Identified) -> Any:
-    """`model` with what an identification found; tables take the knots that it chose."""
-    vane_force = getattr(model, "vane_force", None)
+def apply(model: Any, found: Identified) -> Any:
+    """`model` with what a test found; tables take the knots that it chose."""
     knots = found.values.get("vane_force.turbine_pressure")
-    if knots is not None and isinstance(vane_force, HysteresisMap):
-        moved = vane_force.on_knots(knots, vane_force.crank_angle)
+    if knots is not None:
+        moved = model.vane_force.on_knots(knots, model.vane_force.crank_angle)
         model = eqx.tree_at(lambda m: m.vane_force, model, moved)
     known = parameter_table(model)
     return replace_parameters(model, {name: value for name, value in found.values.items() if name in known})
+
+
+def _hot(trace: Trace) -> bool:
+    return trace.p_trb is not None and bool(np.max(trace.p_trb) > NO_GAS)

@@ -27,8 +27,13 @@ WORST = 0.3
 """Relative standard error above which a value counts as not seen, and stays what the model has."""
 DYNAMICS = ("converter.membrane_stiffness", "converter.return_spring_stiffness", "converter.plunger_damping")
 """What only a step of the duty tells apart from the slopes of the orifices."""
+RUNAWAY = 3.0
+"""Factor by which a fit may change a value. Only the plunger's mass keeps springs, damping and slopes from growing
+together, and a model that lacks something of the actuator tries to do without a mass."""
 ROUNDS = 3
 """Fits, each without what the one before could not tell."""
+MISFIT = 1.5
+"""Times the sensor's noise; where more remains, the model lacks something."""
 CLUSTER = 4 * SEGMENT
 """Samples; errors of neighbours are taken for independent beyond this."""
 SHOWN = 1000
@@ -60,12 +65,15 @@ def identify_plunger(model: Actuator, traces: Sequence[Trace]) -> Identified:
         calibration, calibrator = _fit(half, names, driven, () if stepped else DYNAMICS)
     except SimulationError as error:
         return dataclasses.replace(nothing, unseen=(f"the pressure could not be simulated: {error}",))
+    lost = _ran_away(calibrator)
+    if lost:
+        sentence = f"{', '.join(lost)} left what is plausible, by a factor of {RUNAWAY:g}, so nothing is changed"
+        return dataclasses.replace(nothing, unseen=(sentence, *_trouble(calibration)))
     values, errors, unseen = gather_entries(half, calibration.model, names, _errors(calibration, calibrator))
     force = errors.get("converter.magnetic_force")
     if force is not None and np.any(np.isnan(force)):
         # Powers of the duty stand in for each other: with one held, the error of the next means nothing by itself.
         errors["converter.magnetic_force"] = np.full_like(force, np.nan)
-    stopped = () if calibration.progress.converged else (f"the fit did not converge: {calibration.progress.verdict}",)
     return Identified(
         name="plunger",
         equations="2.7, 2.10-2.12",
@@ -73,7 +81,7 @@ def identify_plunger(model: Actuator, traces: Sequence[Trace]) -> Identified:
         f"least squares with the position as input, in {calibration.progress.iteration} steps",
         values=values,
         std_errors=errors,
-        unseen=(*stopped, *unseen, *_unknown_offsets(model, used), *without_position(traces)),
+        unseen=(*_trouble(calibration), *unseen, *_unknown_offsets(model, used), *without_position(traces)),
         figures=tuple(
             _figure(result.trace, result.simulated["p_act"], result.offset["p_act"]) for result in calibration.traces
         ),
@@ -101,35 +109,52 @@ def _fit(
     """
     task = plan_task(half, traces, free=names, channels=("p_act",))
     start = dict(zip(task.selection.entries, np.asarray(task.selection.pack(half)).tolist(), strict=True))
-    held = {entry: (start[entry], start[entry]) for entry in untold}
-    calibrator = _begin(dataclasses.replace(task, bounds=held), BOLD)
+    held = set(untold)
     for _ in range(ROUNDS):
-        while unseen := [entry for entry in _unseen(calibrator) if entry not in held]:
-            held |= {entry: (start[entry], start[entry]) for entry in unseen}
-            calibrator = _begin(dataclasses.replace(task, bounds=held), BOLD)
-        _run(calibrator)
-        if not calibrator.minimiser.progress.converged:
-            again = _begin(calibrator.task, CAREFUL)
-            _run(again)
-            if again.minimiser.progress.cost < calibrator.minimiser.progress.cost:
-                calibrator = again
-        if all(entry in held for entry in _unseen(calibrator)):
+        calibrator = _begin(task, start, held, BOLD)
+        while unseen := set(_unseen(calibrator)) - held:
+            held |= unseen
+            calibrator = _begin(task, start, held, BOLD)
+        calibrator = _run(calibrator, task, start, held)
+        more = set(_ran_away(calibrator)[:1] or _unseen(calibrator))
+        if more <= held:
             break
+        held |= more
     return calibrator.finish(), calibrator
 
 
-def _begin(task: Task, step_size: float) -> Calibrator:
-    """A calibration at the start values of its task, with a first step of given size."""
-    values = np.asarray(task.selection.pack(task.model))
+def _run(calibrator: Calibrator, task: Task, start: dict[str, float], held: set[str]) -> Calibrator:
+    """The finished fit; one that got stuck is tried once more with small steps, and the better one counts."""
+    ends = [calibrator]
+    while not calibrator.minimiser.progress.finished:
+        calibrator.minimiser.step()
+    if not calibrator.minimiser.progress.converged:
+        ends.append(_begin(task, start, held, CAREFUL))
+        while not ends[-1].minimiser.progress.finished:
+            ends[-1].minimiser.step()
+    return min(ends, key=lambda end: end.minimiser.progress.cost)
+
+
+def _ran_away(calibrator: Calibrator) -> list[str]:
+    """Positive entries that left what is plausible, in the order of the table: the membrane's stiffness first."""
+    selection, transform = calibrator.task.selection, calibrator.transform
+    before = np.asarray(selection.pack(calibrator.task.model))
+    after = np.asarray(transform.to_physical(np.asarray(calibrator.minimiser.progress.coordinates)))
+    return [
+        entry
+        for entry, positive, old, new in zip(selection.entries, transform.positive, before, after, strict=True)
+        if positive and not 1 / RUNAWAY <= new / old <= RUNAWAY
+    ]
+
+
+def _begin(task: Task, start: dict[str, float], held: set[str], step_size: float) -> Calibrator:
+    """A calibration at its start values, with a first step of given size."""
+    task = dataclasses.replace(task, bounds={entry: (start[entry], start[entry]) for entry in held})
+    values = np.array(list(start.values()))
     transform = build_transform(parameter_table(task.model), task.selection.entries, values, task.bounds)
     # A logarithm may lie a bit beside the bound that is the same number.
     coordinates = np.asarray(transform.clip(transform.to_coordinates(values)))
     return start_calibration(task, Progress(tuple(coordinates.tolist()), step_size=step_size))
-
-
-def _run(calibrator: Calibrator) -> None:
-    while not calibrator.minimiser.progress.finished:
-        calibrator.minimiser.step()
 
 
 def _unseen(calibrator: Calibrator) -> list[str]:
@@ -148,6 +173,20 @@ def _errors(calibration: Calibration, calibrator: Calibrator) -> dict[str, float
     usual = np.sqrt(np.diag(inverse_gram(columns[:, free])) * calibration.uncertainty.scale)
     told = np.array(calibrator.task.selection.entries)[free]
     return dict(zip(told.tolist(), (errors / usual * calibration.std_errors[free]).tolist(), strict=True))
+
+
+def _trouble(calibration: Calibration) -> tuple[str, ...]:
+    """Sentences about a fit that did not end well."""
+    sentences = []
+    if not calibration.progress.converged:
+        sentences.append(f"the fit did not converge: {calibration.progress.verdict}")
+    left = float(np.sqrt(calibration.uncertainty.scale))
+    if left > MISFIT:
+        sentences.append(
+            f"what remains of the pressure is {left:.1f} times the sensor's noise: the model lacks something that the "
+            "standard errors don't know of"
+        )
+    return tuple(sentences)
 
 
 def _unknown_offsets(model: Actuator, traces: Sequence[Trace]) -> tuple[str, ...]:

@@ -26,12 +26,12 @@ class DelayLine(AbstractLine):
 
     The converter sees the chamber's pressure, and what leaves has the chamber's temperature. The speed of sound is
     that of ambient air; `p` and `T` of the factor are the chamber's [2.25]. The factor loses steady flow too
-    (erratum 8); where that matters, use [`WaveLine`][].
+    (erratum 8), 5 % while the printed actuator's chamber empties; where that matters, use [`WaveLine`][].
 
     **What is approximated.** A dead time has no finite state. In its place stand lags side by side,
     `m_k' = (u - m_k) / (f_k tau)`, whose weighted sum arrives. The fractions `f_k` are fixed, and the weights make the
     transfer function that of the dead time up to the power `cells - 1` of `s tau`: a flow of angular frequency `w` is
-    wrong by about `0.2 (w tau)^cells`. A jump arrives between 0.45 and 1.75 `tau`, after a dip of 6 % the other way;
+    wrong by about `0.3 (w tau)^cells`. A jump arrives between 0.45 and 1.75 `tau`, after a dip of 6 % the other way;
     more cells sharpen what is smooth, not jumps. On duty steps, against a true dead time of half a metre, 3 cells leave
     1 % of what the delay does to the pressure (2.4 of 234 Pa RMS), 4 leave 0.7 %; at 1.5 m it is 5 %. Lags in series,
     which do not dip, need 8 for the same, with rates that 0.5 ms steps do not follow.

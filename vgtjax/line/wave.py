@@ -37,8 +37,8 @@ class WaveLine(AbstractLine):
     The speed of sound is that of ambient air; the density `p / (R T)` that friction needs has the cell's pressure and,
     as in [2.25], the chamber's temperature. What arrives has ambient temperature, what leaves has the chamber's.
 
-    **What is approximated.** On duty steps 4 cells of half a metre leave 0.1 % of what the line does to the pressure
-    (1.1 of 1130 Pa RMS). A line below `shortest` would need shorter steps the shorter it is. Instead it is a share of
+    **What is approximated.** On duty steps 3 cells of half a metre leave 0.1 % of what the line does to the pressure
+    (1.0 of 1130 Pa RMS). A line below `shortest` would need shorter steps the shorter it is. Instead it is a share of
     one of that length: the whole flow enters that line, and the share of what it stores and of the pressure that it takes
     counts. Volume, inertia and friction are the short line's, only its own tone is too low; without length this is
     exactly no line.
@@ -47,14 +47,14 @@ class WaveLine(AbstractLine):
     length: Scalar = parameter(0.5, symbol="L", unit="m", source="assumed", positive=False, lower=0.0, assumed=True)
     bore: Scalar = parameter(4e-3, symbol="D", unit="m", source="assumed", assumed=True)
     viscosity: Scalar = parameter(1.81e-5, symbol="mu", unit="Pa s", source="assumed", held=True, assumed=True)
-    cells: int = eqx.field(static=True, default=4)
+    cells: int = eqx.field(static=True, default=3)
     """Space cells, 2 or more; a numerical setting. The error falls with their square, the step with their number."""
     shortest: float = eqx.field(static=True, default=0.4)
     """Shortest length in m that is divided into cells; a numerical setting, to which the step is proportional."""
 
     def __check_init__(self) -> None:
         if self.cells < 2:
-            raise InputError(f"a wave line needs 2 cells or more, but {self.cells} are asked for; choose e.g. 4")
+            raise InputError(f"a wave line needs 2 cells or more, but {self.cells} are asked for; choose e.g. 3")
         if not 0 < self.shortest < float("inf"):
             raise InputError(f"shortest must be a positive number of metres, but it is {self.shortest}; use e.g. 0.4")
 

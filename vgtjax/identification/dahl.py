@@ -1,0 +1,82 @@
+"""Dahl friction from friction over position [3.3.2.2]."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..model import AbstractModel
+from ..parameters import parameter_table
+from ..trace import Trace
+from .bristles import Bristles, fit_bristles, read_paths
+from .motion import mechanical_half, read_motions
+from .result import Curve, Identified
+
+VAGUE = 0.3
+"""Relative standard error above which a value is not worth having."""
+PLOTTED = 1500
+"""Points a curve."""
+
+
+def identify_dahl(model: AbstractModel, traces: Sequence[Trace]) -> Identified:
+    """Coulomb force and stiffness of the bristles from friction over position [3.5, section 3.3.2.2].
+
+    The thesis discards all other forces, reads `F_c` where friction over position is level, and `sigma` from its slope
+    where friction is zero. Here every turn counts at once: friction follows `F_c (1 - 2 exp(-sigma dx / F_c))` from
+    turn to turn along the measured path, whatever the turns, and is fitted together with preload, spring, viscous
+    part and inertia (and damping of the bristles, where the model's have it).
+
+    **Arguments:** `model`: with start values; `traces`: with `x_d` in m, and `p_act` in Pa or `f_drive` in N.
+
+    **Returns:** `friction.coulomb_force` in N and, for friction with bristles, `friction.bristle_stiffness` in N/m, of
+    shape `()`.
+    """
+    result = Identified(
+        "Dahl friction",
+        "3.5, section 3.3.2.2",
+        "Least squares of the drive over position, velocity, acceleration and the force of bristles along the path.",
+    )
+    half = mechanical_half(model)
+    found = fit_bristles(half, read_paths(half, read_motions(model, traces)), stribeck=False)
+    if isinstance(found, str):
+        return dataclasses.replace(result, unseen=(found,))
+    values: dict[str, Any] = {}
+    errors: dict[str, Any] = {}
+    unseen = []
+    coulomb, deflection = found.values["coulomb"], found.values["deflection"]
+    if found.relative_error("coulomb") < VAGUE and coulomb > 0:
+        values["friction.coulomb_force"] = np.asarray(coulomb)
+        errors["friction.coulomb_force"] = np.asarray(found.std_errors["coulomb"])
+    else:
+        unseen.append("friction.coulomb_force: the rod does not slide both ways; record it moving out and back")
+    if "friction.bristle_stiffness" in parameter_table(half):
+        error = float(np.hypot(found.relative_error("coulomb"), found.relative_error("deflection")))
+        if error < VAGUE and coulomb > 0:
+            values["friction.bristle_stiffness"] = np.asarray(coulomb / deflection)
+            errors["friction.bristle_stiffness"] = np.asarray(error * coulomb / deflection)
+        else:
+            unseen.append(
+                "friction.bristle_stiffness: the rod does not turn round often enough within its travel; record turns"
+            )
+    return dataclasses.replace(
+        result,
+        values=values,
+        std_errors=errors,
+        unseen=tuple(unseen),
+        figures=(friction_over_position(found),),
+        samples=found.samples,
+    )
+
+
+def friction_over_position(found: Bristles) -> Curve:
+    """Friction without its viscous part over position, measured and by the law."""
+    chosen = slice(None, None, max(1, len(found.law) // PLOTTED))
+    position = 1e3 * found.position[chosen]
+    return Curve(
+        "position, mm",
+        "friction, N",
+        (position, found.measured[chosen]),
+        (position, found.law[chosen]),
+        "friction over position",
+    )
