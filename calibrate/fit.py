@@ -11,6 +11,7 @@ import numpy as np
 import vgtjax
 from vgtjax.errors import InputError, SimulationError
 from vgtjax.estimation import Calibration, Progress, TraceResult, plan_task, start_calibration
+from vgtjax.identification.axis import better_start, moves_at_start
 from vgtjax.transforms import build_transform
 
 from .console import FitDisplay, console, say_notes
@@ -106,7 +107,7 @@ def _fit(unit: Unit, task: vgtjax.estimation.Task, folder: pathlib.Path) -> tupl
     earlier, resume, unseen = _load_progress(saved)
     began = time.monotonic() - earlier
     with FitDisplay(unit.name or "fit") as display:
-        calibrator = start_calibration(task, resume)
+        calibrator = start_calibration(task, _first(task) if resume is None else resume)
         if resume is None:
             unseen = calibrator.unidentifiable()
         if unseen:
@@ -124,6 +125,21 @@ def _fit(unit: Unit, task: vgtjax.estimation.Task, folder: pathlib.Path) -> tupl
         calibration = calibrator.finish()
         display.wait("writing the report")
         return calibration, time.monotonic() - began, unseen
+
+
+def _first(task: vgtjax.estimation.Task) -> Progress | None:
+    """Where a fit of an axis that a force drives begins, if not at its start values."""
+    for trace in task.fit:
+        moving = moves_at_start(trace)
+        if moving is not None:
+            console.print(
+                f"note: {trace.name}: it begins at {moving[0]:.2g} m/s, but a simulation begins at rest; "
+                f"window = [{moving[1]:.3f}, {trace.time[-1]:.3f}] leaves that out"
+            )
+    begin = better_start(task)
+    if begin is not None:
+        console.print("note: the search begins at what a regression of force and position tells")
+    return begin
 
 
 def _load_progress(saved: pathlib.Path) -> tuple[float, Progress | None, list[str]]:

@@ -78,7 +78,7 @@ def _identify_unit(job: Job, unit: Unit, folder: pathlib.Path) -> None:
 def _inside_bounds(model: vgtjax.AbstractModel, unit: Unit) -> Any:
     """`model` moved to the nearest values inside the study's bounds, so that a fit can start from it."""
     selection = vgtjax.select(model, free=[entry for entry in unit.bounds if entry in _entries(model)])
-    values = np.asarray(selection.pack(model))
+    values = np.array(selection.pack(model))
     for position, entry in enumerate(selection.entries):
         low, high = unit.bounds[entry]
         values[position] = np.clip(

@@ -62,8 +62,10 @@ def orifice_flow(
     **Returns:** mass flow into the volume in kg/s, and the temperature of the gas that flows in K.
     """
     entering = source_pressure > pressure
-    upstream = jnp.maximum(source_pressure, pressure)
-    ratio = jnp.minimum(source_pressure, pressure) / upstream
+    # Not maximum and minimum: at equal pressures, where a vented chamber rests, their derivatives split the tie and the
+    # flow would not feel either pressure.
+    upstream = jnp.where(entering, source_pressure, pressure)
+    ratio = jnp.where(entering, pressure, source_pressure) / upstream
     gas_temperature = jnp.where(entering, air.temperature, temperature)
     # sqrt(gamma / (R T)) and Phi under a single root: roots and divisions are what this costs.
     scale = air.heat_capacity_ratio / air.gas_constant

@@ -47,7 +47,8 @@ def find_loop(
     **Arguments:** `time` in s, `x_d` in m, `p_act` in Pa, measured or simulated; `span`: the positions in m
     between which it is read.
 
-    **Returns:** `None` where the run failed, or the rod does not cross the span exactly once each way, or faster than `SLOWEST`.
+    **Returns:** `None` where the run failed, or the rod does not cross the span exactly once each way, or does so
+    faster than `SLOWEST`.
     """
     position = np.linspace(*span, round((span[1] - span[0]) / SPACING) + 1)
     top = int(np.argmax(x_d))

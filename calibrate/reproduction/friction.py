@@ -81,7 +81,7 @@ def _cold_width() -> Found:
     facts = {
         "coulomb": f"{of(float(friction.coulomb_force)):.1f}",
         "static": f"{of(float(friction.static_force)):.1f}",
-        "none": f"{width(experiments.mechanical(free)):.1g}",
+        "none": f"{abs(width(experiments.mechanical(free))):.1f}",
     }
     return Found(width(experiments.mechanical()), facts)
 

@@ -121,7 +121,8 @@ class Constant:
             unit=self.unit,
             rule=Near(self.value, TOLERANCE * self.value),
             ours=lambda: self._recovered(identification.found),
-            reason="Recovered from simulated, noisy tests of the printed actuator, standard error {error}." + note,
+            reason="What we identify from simulated, noisy tests of the printed actuator; standard error {error}."
+            + note,
             slow=True,
         )
 
@@ -129,7 +130,8 @@ class Constant:
         value, error = (
             self.scale * float(np.ravel(part[self.name])[self.index]) for part in (found.values, found.std_errors)
         )
-        return Found(value, {"error": f"{error:.2g} {self.unit}".strip()})
+        digits = f"{error:.0f}" if error >= 100 else f"{error:.2g}"
+        return Found(value, {"error": f"{digits} {self.unit}".strip()})
 
 
 def _force_ratio() -> Found:

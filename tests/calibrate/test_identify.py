@@ -1,11 +1,13 @@
 """The command `identify`, as a user runs it, and a fit that starts from what it found."""
 
-import pathlib
-
 import numpy as np
 import pytest
 from commands import assert_refused, read, run_command
 from support import EXAMPLE
+
+import vgtjax
+from calibrate.identify import _inside_bounds
+from calibrate.job import prepare
 
 LOOPS = EXAMPLE / "loops" / "study.toml"
 FILES = {".study.json", "parameters.json", "summary.json", "report.html"}
@@ -80,14 +82,15 @@ def test_a_fit_that_starts_from_it_meets_every_loop(identified, tmp_path):
 
 
 def test_bounds_hold_what_is_identified(tmp_path):
-    text = LOOPS.read_text() + '\n[parameters]\n"diaphragm.preload" = {value = 55, lower = 54, upper = 60}\n'
+    """So that a fit of the same study can start from it."""
+    text = LOOPS.read_text() + '\n[parameters]\n"diaphragm.preload" = {value = 55, lower = 54}\n'
     study = tmp_path / "study.toml"
-    study.write_text(text.replace('"unit_01_*.csv"', f'"{pathlib.Path(LOOPS).parent}/unit_01_*.csv"'))
-    outcome = run_command("identify", study, "--out", tmp_path / "out")
-    assert outcome.status == 0
-    preload = read(tmp_path / "out" / "parameters.json")["parameters"]["diaphragm.preload"]
-    assert 54 <= preload["value"] <= 60
-    assert preload["at_bound"] is True  # these loops say 47.5 N
+    study.write_text(text.replace('"unit_01_*.csv"', f'"{LOOPS.parent}/unit_01_0000mbar.csv"'))
+    unit = prepare(study, None).units[0]
+    told = vgtjax.replace_parameters(unit.model, {"diaphragm.preload": 47.5, "diaphragm.stiffness": 11400.0})
+    held = _inside_bounds(told, unit)
+    assert held.diaphragm.preload == 54.0
+    assert held.diaphragm.stiffness == 11400.0
 
 
 def test_a_study_without_a_trace_to_use(tmp_path):

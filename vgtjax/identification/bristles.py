@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 from scipy.ndimage import minimum_filter1d
 from scipy.optimize import least_squares
 
 from ..mechanical import MechanicalActuator
 from .filters import Samples
-from .motion import Motion, remove_noise
+from .motion import Motion, plain_friction, remove_noise
 from .weak_form import Filtered, Rows, filter_motion, regress, through_kernel, within_stops
 
 KERNEL = 0.05
@@ -76,12 +76,6 @@ def bristle_force(position: Samples, limit: Samples, deflection: float) -> Sampl
     steps = zip(kept.tolist(), gained.tolist(), strict=True)
     forces = itertools.accumulate(steps, lambda force, step: step[0] * force + step[1], initial=0.0)
     return np.fromiter(forces, dtype=float, count=len(position))
-
-
-def plain_friction(model: MechanicalActuator) -> Any:
-    """The friction of a model in the thesis's parameters."""
-    friction: Any = model.friction
-    return getattr(friction, "lugre", friction)
 
 
 def read_paths(model: MechanicalActuator, motions: Sequence[Motion]) -> list[Path]:

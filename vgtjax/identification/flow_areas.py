@@ -15,7 +15,7 @@ from ..actuator import Actuator
 from ..chamber import Gas
 from ..line import NoLine
 from ..magnetic_force import AbstractMagneticForce
-from ..parameters import Selection, entry_names, get_parameter, parameter_table, replace_parameters, select
+from ..parameters import Selection, entry_names, get_parameter, parameter_table, select
 from ..trace import Trace
 from ..transforms import Transform, build_transform
 from .chamber_flow import BLOCK, NEEDS, ChamberRecord, flow_through, march, read_chamber, usable, without_position
@@ -43,8 +43,9 @@ OUTLIER = 3.0
 """Standard deviations beyond which a residual counts by its size instead of its square."""
 CLUSTER = 0.5
 """s; errors of neighbouring samples are taken for independent beyond this: longer than any window of the filters."""
-EXACT = 5e-4
-"""Relative error that the method itself makes: its largest on noise-free traces of known parameters, twice."""
+EXACT = 1e-3
+"""Relative error that the method itself makes, through filters and temperatures: its largest on noise-free traces of
+known parameters."""
 SHOWN = 1500
 """Points in a picture."""
 
@@ -241,23 +242,30 @@ def _minimise(
     values = np.asarray(every.pack(start))
     transform = build_transform(parameter_table(start), every.entries, values, {})
     fixed = np.asarray(transform.to_coordinates(values))
-    guess = np.asarray(transform.to_coordinates(np.asarray(every.pack(_within_reach(start, samples)))))
+    guess, low, high = _reach(fixed, every, samples)
 
     def whole(y: np.ndarray) -> np.ndarray:
         coordinates = fixed.copy()
         coordinates[free] = y
         return coordinates
 
-    with np.errstate(over="ignore", invalid="ignore"):  # a wild trial is refused, whatever its squares
-        answer = least_squares(
+    def improve(y: np.ndarray, loss: str, tolerance: float) -> np.ndarray:
+        return least_squares(
             lambda y: np.asarray(_residuals(whole(y), start, every, transform, samples)),
-            guess[free],
+            np.clip(y, low[free], high[free]),
             jac=lambda y: np.asarray(_jacobian(whole(y), start, every, transform, samples))[:, free],
-            loss="soft_l1",  # corners that the filter cut, and the chatter of a plunger at zero
+            bounds=(low[free], high[free]),
+            loss=loss,
             f_scale=OUTLIER,
             x_scale="jac",
-        )
-    coordinates = whole(answer.x)
+            xtol=tolerance,
+        ).x
+
+    with np.errstate(over="ignore", invalid="ignore"):  # a wild trial is refused, whatever its squares
+        # The robust loss is for corners that the filter cut, and the chatter of a plunger at zero. From afar, where
+        # every residual is an outlier, it has valleys of its own.
+        found = improve(improve(guess[free], "linear", 1e-3), "soft_l1", 1e-6)
+    coordinates = whole(found)
     residuals = np.asarray(_residuals(coordinates, start, every, transform, samples))
     columns = np.asarray(_jacobian(coordinates, start, every, transform, samples))
     slope = np.asarray(jax.jvp(transform.to_physical, (coordinates,), (np.ones_like(coordinates),))[1])
@@ -267,17 +275,24 @@ def _minimise(
     return model, residuals * weight, (columns / slope)[:, free] * weight[:, None]
 
 
-def _within_reach(start: Actuator, samples: _Samples) -> Actuator:
-    """`start` with a saturation that the lifts exceed, where they come near: one that none exceeds has no slope."""
-    name = "converter.reservoir_orifice_saturation"
-    saturation, farthest = float(get_parameter(start, name)), -float(np.min(samples.lift))
-    if farthest < SATURATES * saturation:
-        return start
-    return replace_parameters(start, {name: min(saturation, 0.5 * farthest)})
+def _reach(
+    start: Float[np.ndarray, " entries"], every: Selection, samples: _Samples
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Where the fit begins, and how far it may go, in logarithms.
+
+    A saturation that no lift exceeds leaves no trace in the flow, so a trial that leaps there would stay there.
+    """
+    guess, low, high = start.copy(), start - np.log(FARTHEST), start + np.log(FARTHEST)
+    at = every.entries.index("converter.reservoir_orifice_saturation")
+    deepest = float(np.log(max(-np.min(samples.lift), 1e-9)))
+    if deepest > low[at]:
+        high[at] = min(high[at], deepest)
+        guess[at] = min(start[at], deepest + np.log(0.5))
+    return guess, np.minimum(low, guess - 1.0), high
 
 
-SATURATES = 0.3
-"""Part of the model's saturation that a lift must reach for the orifice to be suspected to saturate."""
+FARTHEST = 10.0
+"""Factor by which a fit may change a value."""
 
 
 @eqx.filter_jit

@@ -10,12 +10,12 @@ from ..mechanical import MechanicalActuator
 from ..model import AbstractModel
 from ..parameters import parameter_table, replace_parameters
 from ..trace import Trace
-from .bristles import Bristles, fit_bristles, plain_friction, read_paths
+from .bristles import Bristles, fit_bristles, read_paths
 from .dahl import friction_over_position
 from .mechanical_fit import Response, fit_response
-from .motion import Motion, mechanical_half, read_motions
+from .motion import Motion, mechanical_half, plain_friction, read_motions
 from .result import Curve, Identified
-from .second_order import start_from_sliding
+from .second_order import start_from_motion
 from .weak_form import Sliding, fit_sliding
 
 VAGUE = 0.5
@@ -47,7 +47,7 @@ def identify_lugre(model: AbstractModel, traces: Sequence[Trace]) -> Identified:
     if not hasattr(plain_friction(half), "stribeck_velocity"):
         return dataclasses.replace(result, unseen=("the model's friction is not LuGre's; choose friction = 'lugre'",))
     bristles = fit_bristles(half, read_paths(half, motions), stribeck=True)
-    start = start_from_bristles(start_from_sliding(half, fit_sliding(half, motions)), bristles)
+    start = start_from_bristles(start_from_motion(half, motions), bristles)
     response = fit_response(start, motions)
     if isinstance(response, str):
         return dataclasses.replace(result, unseen=(response,))
@@ -101,7 +101,9 @@ def _figures(response: Response, motions: Sequence[Motion], bristles: Bristles |
     if isinstance(sliding, Sliding):
         chosen = slice(None, None, max(1, len(sliding.force) // PLOTTED))
         speed = np.linspace(np.min(sliding.velocity), np.max(sliding.velocity), 401)
-        law = np.sign(speed) * np.asarray(fitted.stribeck(speed)) + float(fitted.viscous_damping) * speed
+        steady, static = float(fitted.coulomb_force), float(fitted.static_force)
+        fading = (np.abs(speed) / float(fitted.stribeck_velocity)) ** getattr(fitted, "stribeck_exponent", 1)
+        law = np.sign(speed) * (steady + (static - steady) * np.exp(-fading)) + float(fitted.viscous_damping) * speed
         figures.append(
             Curve(
                 "velocity, mm/s",

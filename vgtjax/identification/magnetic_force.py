@@ -69,9 +69,9 @@ def identify_magnetic_force(model: Actuator, traces: Sequence[Trace]) -> Identif
     the stiffness over that orifice's slope is one more unknown of the regression. While it is filled, blocks count
     only where the flow stays below the jump of the atmosphere's orifice, over which the plunger sits at zero.
 
-    The sensor's constant offset of each trace is one more unknown too, held by what its rest at the start tells. Where
-    the equilibria don't carry a quartic, the model's own is scaled and, if they allow, bent; its coefficients are
-    then given without standard errors.
+    The sensor's constant offset of each trace is one more unknown too, held by what its rest at the start tells; the
+    pull without duty is held near the model's, for no equilibrium shows it. Where the equilibria don't carry a quartic,
+    the model's own is scaled and, if they allow, bent; its coefficients are then given without standard errors.
 
     **Returns:** `converter.magnetic_force`. A model with a coil gets only the picture.
     """

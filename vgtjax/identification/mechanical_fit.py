@@ -12,11 +12,12 @@ from ..estimation.bundle import CHANNELS, SEGMENT
 from ..estimation.calibration import Bounds
 from ..mechanical import MechanicalActuator
 from ..model import AbstractModel
-from ..parameters import parameter_table, select
+from ..parameters import parameter_table, replace_parameters, select
 from ..trace import Trace
-from .motion import BLOCK, Motion, mechanical_half, read_motions
-from .regression import determined
+from .motion import BLOCK, Motion, mechanical_half, plain_friction, read_motions
+from .regression import determined, usual_factor
 from .result import Curve, Identified
+from .weak_form import FEWEST_HELD, at_closed_stop
 
 VAGUE = 0.3
 """Relative standard error above which a parameter counts as not seen."""
@@ -33,6 +34,8 @@ DETAILS = ("static_force", "bristle_stiffness", "bristle_damping", "stribeck_vel
 """What friction has besides its steady sliding force."""
 STILL = 20.0
 """Standard deviations of its noise over which a position must range, or the rod counts as still."""
+EXPERIMENTS = 5
+"""Of fresh noise on the drive; with five, a standard error from five traces is good to a seventh."""
 PLOTTED = 1500
 """Points a curve."""
 
@@ -92,7 +95,7 @@ class Response:
     @property
     def model(self) -> MechanicalActuator:
         """The model with the fitted values."""
-        return self.calibration.model
+        return mechanical_half(self.calibration.model)
 
     @property
     def unseen(self) -> tuple[str, ...]:
@@ -115,15 +118,16 @@ def fit_response(model: AbstractModel, motions: Sequence[Motion]) -> Response | 
     if not moving:
         return NOTHING_MOVES
     traces = [motion.trace for motion in moving]
+    half, stopped = _with_room(half, moving)
     entries = candidates(half)
-    free = np.ones(len(entries), dtype=bool)
+    free = np.array([stopped or entry != "diaphragm.travel" for entry in entries])
     start = half
     try:
         for _ in range(ROUNDS):
             bounds = _bounds(half, start, entries, free)
             calibration = calibrate(plan_task(start, traces, free=entries, bounds=bounds, channels=("x_d",)))
             whole = _linearised(calibration)
-            told = _told(whole, calibration, free)
+            told = _told(whole, calibration, moving, free)
             if np.array_equal(told, free):
                 break
             kept = np.where(told & _regular(whole), calibration.values, calibration.task.selection.pack(half))
@@ -151,6 +155,21 @@ def candidates(half: MechanicalActuator) -> list[str]:
     ]
 
 
+def _with_room(half: MechanicalActuator, motions: Sequence[Motion]) -> tuple[MechanicalActuator, bool]:
+    """`half` with a travel that lets the rod go where it went, and whether the rod rests at its closed stop.
+
+    Where it does not, a fit could only push a stop that is too near out of the way, and no farther.
+    """
+    preload, stiffness = float(half.diaphragm.preload), float(half.diaphragm.stiffness)
+    friction = float(plain_friction(half).coulomb_force)
+    held = sum(np.count_nonzero(at_closed_stop(motion, preload, stiffness, friction)) for motion in motions)
+    if held >= FEWEST_HELD:
+        return half, True
+    reached = max(float(np.max(motion.position)) for motion in motions)
+    travel = max(float(half.diaphragm.travel), reached)
+    return replace_parameters(half, {"diaphragm.travel": travel}), False
+
+
 def _bounds(half: MechanicalActuator, start: MechanicalActuator, entries: list[str], free: np.ndarray) -> Bounds:
     """Far ends for what is free and positive; the others are held between equal ends, which compiles nothing anew."""
     table, selection = parameter_table(half), select(half, free=entries)
@@ -174,12 +193,14 @@ def _linearised(calibration: Calibration) -> Calibrator:
 
 
 def _regular(whole: Calibrator) -> bool:
-    """Whether the fit ended where derivatives mean something: bristles of the size of a sample's path can be chaotic."""
+    """Whether the fit ended where derivatives mean something: bristles as short as a sample's path are chaotic."""
     columns = whole.minimiser.linearisation()[1]
     return bool(np.all(np.isfinite(columns))) and float(np.max(np.abs(columns), initial=0.0)) < EXPLODED
 
 
-def _told(whole: Calibrator, calibration: Calibration, free: Bool[np.ndarray, " entries"]) -> np.ndarray:
+def _told(
+    whole: Calibrator, calibration: Calibration, motions: Sequence[Motion], free: Bool[np.ndarray, " entries"]
+) -> np.ndarray:
     """Which of the free entries the traces determine, and did not drive to the far end of what they may be."""
     table, entries = parameter_table(calibration.model), calibration.task.selection.entries
     if not _regular(whole):
@@ -187,14 +208,15 @@ def _told(whole: Calibrator, calibration: Calibration, free: Bool[np.ndarray, " 
     usual = np.array([abs(np.asarray(table[entry].default)) for entry in entries])
     size = whole.transform.scale
     relative = np.where(whole.transform.positive, 1.0, np.maximum(size, usual) / size)
-    scale = np.sqrt(max(calibration.uncertainty.scale, 1.0))
-    seen = determined(whole.minimiser.linearisation()[1] * relative, scale, VAGUE)
+    columns = whole.minimiser.linearisation()[1]
+    errors = np.sqrt(np.diag(_covariance(whole, motions, ~free)))
+    seen = determined(columns * relative, usual_factor(columns[:, free], errors[free]), VAGUE)
     return free & seen & ~(calibration.at_bound & calibration.transform.positive)
 
 
 def _response(calibration: Calibration, whole: Calibrator, motions: Sequence[Motion], free: np.ndarray) -> Response:
     entries = calibration.task.selection.entries
-    errors = np.sqrt(np.diag(_covariance(whole, motions, ~free)))
+    errors = np.sqrt(np.diag(_covariance(whole, motions, ~free)) + _drive_variances(whole, motions, ~free))
     slope = np.where(whole.transform.positive, calibration.values, whole.transform.scale)
     told = np.flatnonzero(free)
     return Response(
@@ -210,20 +232,19 @@ def _covariance(
 ) -> Float[np.ndarray, "entries entries"]:
     """Covariance of the coordinates, with all that makes fitted values wrong.
 
-    Scores are summed over stretches of `BLOCK` or `DRIFT` seconds, because what is left of the pressure's noise, and what
-    the model lacks, lasts longer than a sample. The unknown offset of a pressure acts like a preload of that trace alone. Held
-    parameters may be wrong by `VAGUE`.
+    Scores are summed over stretches of `BLOCK` or `DRIFT` seconds, because what is left of the pressure's noise, and
+    what the model lacks, lasts longer than a sample. The unknown offset of a pressure acts like a preload of that trace
+    alone. Held parameters may be wrong by `VAGUE`.
     """
     residuals, columns = whole.minimiser.linearisation()
-    seconds = BLOCK if float(whole.task.model.diaphragm.stiffness) > 0 else DRIFT
+    seconds = BLOCK if float(mechanical_half(whole.task.model).diaphragm.stiffness) > 0 else DRIFT
     owner, block = _layout(whole, motions, seconds)
-    prior = np.diag(np.where(held, 1 / VAGUE**2, 0.0))
-    bread = np.linalg.pinv(columns.T @ columns + prior, rcond=1e-15, hermitian=True)
+    bread = _bread(columns, held)
     scores = np.zeros((block.max() + 1, columns.shape[1]))
     np.add.at(scores, block, columns * residuals[:, None])
     white = columns.T @ columns * max(residuals @ residuals / whole.minimiser.problem.count, 1.0)
     clustered = scores.T @ scores * (len(scores) / max(len(scores) - columns.shape[1], 1))
-    shifts = prior
+    shifts = np.diag(np.where(held, 1 / VAGUE**2, 0.0))
     if "diaphragm.preload" in (entries := list(whole.task.selection.entries)):
         at = entries.index("diaphragm.preload")
         per_newton = columns[:, at] / whole.transform.scale[at]
@@ -234,6 +255,33 @@ def _covariance(
     larger = np.maximum(np.diag(worst[0]), np.diag(worst[1]))
     grow = np.sqrt(larger / np.maximum(np.diag(worst[0]), 1e-300))
     return worst[0] * np.outer(grow, grow)
+
+
+def _drive_variances(
+    whole: Calibrator, motions: Sequence[Motion], held: Bool[np.ndarray, " entries"]
+) -> Float[np.ndarray, " entries"]:
+    """Variances of the coordinates from noise of the drive that its smoothing lets through.
+
+    By experiment: fresh noise on the smoothed drive, smoothed again, moves the simulated position, and that moves the
+    fit by a linear step.
+    """
+    noisy = [number for number, motion in enumerate(motions) if motion.drive_noise > 0]
+    residuals, columns = whole.minimiser.linearisation()
+    bread, owner = _bread(columns, held), _layout(whole, motions, BLOCK)[0]
+    variances, random = np.zeros(columns.shape[1]), np.random.default_rng(0)
+    for _ in range(EXPERIMENTS if noisy else 0):
+        traces = [motion.with_fresh_noise(random).trace for motion in motions]
+        task = dataclasses.replace(whole.task, fit=traces)
+        change = start_calibration(task).minimiser.linearisation()[0] - residuals
+        moves = [bread @ (columns.T @ (change * (owner == number))) for number in noisy]
+        variances += np.sum(np.square(moves), axis=0) / EXPERIMENTS
+    return variances
+
+
+def _bread(columns: np.ndarray, held: Bool[np.ndarray, " entries"]) -> np.ndarray:
+    """Inverse of the normal equations, in which held entries may be wrong by `VAGUE`."""
+    prior = np.diag(np.where(held, 1 / VAGUE**2, 0.0))
+    return np.linalg.pinv(columns.T @ columns + prior, rcond=1e-15, hermitian=True)
 
 
 def _layout(whole: Calibrator, motions: Sequence[Motion], seconds: float) -> tuple[np.ndarray, np.ndarray]:

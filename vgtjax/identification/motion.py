@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 from scipy.linalg import solveh_banded
 from scipy.sparse import csr_array, dia_array
 
@@ -25,10 +25,11 @@ BLOCK = 0.25
 # -- the pressure, free of noise ---------------------------------------------------------------------------------------
 
 CREASE, FLAT, ROUGH = 0.6, 1.6e-5, 10.0
-"""What a corner of the pressure costs, in units of its log-likelihood, below which size (in units of the noise) there is
-none, and the weight of the convex first pass. On simulated bench traces 0.35 to 0.7, 1.6e-5 to 5e-5 and 10 to 100 leave
-8 to 14 Pa of 60."""
+"""What a corner of the pressure costs, in units of its log-likelihood, below which size (in units of the noise) there
+is none, and the weight of the convex first pass. On simulated bench traces 0.35 to 0.7, 1.6e-5 to 5e-5 and 10 to 100
+leave 8 to 14 Pa of 60."""
 PASSES = (15, 30)
+"""Of the convex penalty, and of the logarithmic one."""
 
 
 def remove_noise(samples: Samples, noise: float) -> Samples:
@@ -75,9 +76,9 @@ class Motion:
     """One trace in the words of mechanics, arrays of shape `(time,)`.
 
     `time` in s, evenly spaced; the driving `force` along +x in N and the `position` in m, both without their sensors'
-    offsets where rest tells them. `noise` is the standard deviation of one position in m, `force_error` and
-    `position_error` are what remains unknown of the offsets. `trace` has the same input, without noise, for a
-    simulation.
+    offsets where rest tells them. `noise` is the standard deviation of one position in m, `drive_noise` that of one
+    pressure in Pa (0 for a force), `force_error` and `position_error` are what remains unknown of the offsets. `rest`
+    is before anything moves. `trace` has the same drive, without noise, for a simulation.
     """
 
     trace: Trace
@@ -88,6 +89,15 @@ class Motion:
     force_error: float
     position_error: float
     rest: Bool[np.ndarray, " time"]
+    drive_noise: float = 0.0
+
+    def with_fresh_noise(self, random: np.random.Generator) -> "Motion":
+        """The same motion as another measurement of the same pressure would have told it."""
+        pressure = self.trace.p_act
+        if pressure is None or self.drive_noise == 0:
+            return self
+        again = remove_noise(pressure + random.normal(0, self.drive_noise, len(pressure)), self.drive_noise)
+        return dataclasses.replace(self, trace=dataclasses.replace(self.trace, p_act=again))
 
     @property
     def interval(self) -> float:
@@ -101,10 +111,18 @@ def mechanical_half(model: AbstractModel) -> MechanicalActuator:
     return MechanicalActuator(whole.diaphragm, whole.friction, whole.vane_force, whole.air)
 
 
+def plain_friction(model: MechanicalActuator) -> Any:
+    """The friction of a model in the thesis's parameters."""
+    friction: Any = model.friction
+    return getattr(friction, "lugre", friction)
+
+
 def read_motions(model: AbstractModel, traces: Sequence[Trace]) -> list[Motion]:
     """What the mechanical identifications see of traces; those without a drive or a position are left out."""
-    usable = [trace for trace in traces if trace.x_d is not None and not (trace.p_act is None and trace.f_drive is None)]
-    return [_read(mechanical_half(model), _even(trace)) for trace in usable]
+    usable = [
+        trace for trace in traces if trace.x_d is not None and not (trace.p_act is None and trace.f_drive is None)
+    ]
+    return [read_motion(mechanical_half(model), trace) for trace in usable]
 
 
 def _even(trace: Trace) -> Trace:
@@ -123,7 +141,9 @@ def _even(trace: Trace) -> Trace:
     return dataclasses.replace(trace, time=time, pwm=pwm, **signals)
 
 
-def _read(model: MechanicalActuator, trace: Trace) -> Motion:
+def read_motion(model: MechanicalActuator, trace: Trace) -> Motion:
+    """One trace that has a drive and a position."""
+    trace = _even(trace)
     assert trace.x_d is not None
     noise = noise_level(trace.x_d, "x_d")
     time = trace.time[0] + (trace.time[-1] - trace.time[0]) / (len(trace.time) - 1) * np.arange(len(trace.time))
@@ -147,7 +167,9 @@ def _read(model: MechanicalActuator, trace: Trace) -> Motion:
     clean = dataclasses.replace(trace, p_act=pressure - offset)
     ambient = float(model.air.pressure) + float(trace.drive().ambient_shift[0])
     force = (ambient - (trace.p_act - offset)) * area
-    return Motion(clean, time, force, trace.x_d - place, noise, area * pressure_error, position_error, rest)
+    return Motion(
+        clean, time, force, trace.x_d - place, noise, area * pressure_error, position_error, rest, pressure_noise
+    )
 
 
 def _resting(model: MechanicalActuator, trace: Trace) -> Bool[np.ndarray, " time"]:

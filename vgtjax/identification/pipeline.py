@@ -1,5 +1,6 @@
 """The bench tests of chapters 2 and 3 one after the other, each on what the earlier ones found."""
 
+import dataclasses
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
@@ -8,6 +9,7 @@ import numpy as np
 
 from ..actuator import Actuator
 from ..errors import SimulationError
+from ..estimation import bundle_traces, observe
 from ..parameters import parameter_table, replace_parameters
 from ..trace import Trace
 from ..vane_force import ForcePolynomial, HysteresisMap
@@ -50,14 +52,19 @@ def plan(model: Any, traces: Sequence[Trace]) -> list[tuple[Test, list[Trace]]]:
 def identify(model: Any, traces: Sequence[Trace]) -> Iterator[tuple[Any, Identified]]:
     """Runs the tests that the traces allow, each on the model that the earlier ones left.
 
-    Yields that model and what was found, one test at a time; a test whose simulation fails finds nothing and says so.
+    Yields that model and what was found, one test at a time. A test whose simulation fails finds nothing and says so;
+    so does one whose values leave a model that can't be simulated along the traces any more, whatever their errors.
     """
     for test, mine in plan(model, traces):
         try:
             found = test(model, mine)
         except SimulationError as error:
             found = Identified(test.__name__.replace("identify_", "").replace("_", " "), "", "", unseen=(str(error),))
-        model = apply(model, found)
+        moved = apply(model, found)
+        if found.values and _simulates(model, traces) and not _simulates(moved, traces):
+            refused = "the traces can't be simulated with the values found, so the model keeps its own"
+            moved, found = model, dataclasses.replace(found, values={}, std_errors={}, unseen=(*found.unseen, refused))
+        model = moved
         yield model, found
 
 
@@ -69,6 +76,15 @@ def apply(model: Any, found: Identified) -> Any:
         model = eqx.tree_at(lambda m: m.vane_force, model, moved)
     known = parameter_table(model)
     return replace_parameters(model, {name: value for name, value in found.values.items() if name in known})
+
+
+def _simulates(model: Any, traces: Sequence[Trace]) -> bool:
+    driven = [trace for trace in traces if all(_has(trace, need) for need in model.needs)]
+    return all(bool(np.all(np.isfinite(observe(model, bundle)))) for bundle in bundle_traces(model, driven))
+
+
+def _has(trace: Trace, need: str) -> bool:
+    return any(getattr(trace, column) is not None for column in need.split("|"))
 
 
 def _hot(trace: Trace) -> bool:

@@ -10,8 +10,9 @@ from ..mechanical import MechanicalActuator
 from ..model import AbstractModel
 from ..parameters import parameter_table, replace_parameters
 from ..trace import Trace
-from .mechanical_fit import Response, fit_response, response_figures, untold
-from .motion import mechanical_half, read_motions
+from .axis import regress_axis
+from .mechanical_fit import Response, candidates, fit_response, response_figures, untold
+from .motion import Motion, mechanical_half, plain_friction, read_motions
 from .result import Identified
 from .weak_form import Sliding, fit_sliding
 
@@ -41,13 +42,13 @@ def identify_mass_and_damping(model: AbstractModel, traces: Sequence[Trace]) -> 
     )
     motions = read_motions(model, traces)
     half = mechanical_half(model)
-    response = fit_response(start_from_sliding(half, fit_sliding(half, motions)), motions)
+    response = fit_response(start_from_motion(half, motions), motions)
     if isinstance(response, str):
         return dataclasses.replace(result, unseen=(response,))
     known = [name for name in REPORTED if name in parameter_table(half)]
     return dataclasses.replace(
         result,
-        method=f"{result.method} {_oscillator(response)}",
+        method=f"{result.method}{_oscillator(response)}",
         values={name: response.values[name] for name in known if name in response.values},
         std_errors={name: response.std_errors[name] for name in known if name in response.values},
         unseen=tuple(untold(name) for name in known if name in response.untold),
@@ -57,25 +58,32 @@ def identify_mass_and_damping(model: AbstractModel, traces: Sequence[Trace]) -> 
 
 
 def _oscillator(response: Response) -> str:
-    """Natural frequency and damping ratio [2.38] as a sentence."""
+    """Natural frequency and damping ratio [2.38] as a sentence, or nothing where they are not told."""
+    if any(name in response.untold for name in REPORTED):
+        return ""
     diaphragm: Any = response.model.diaphragm
-    damping = float(diaphragm.damping) + float(_damping(response.model))
+    damping = float(diaphragm.damping) + float(plain_friction(response.model).viscous_damping)
     mass, stiffness = float(diaphragm.mass), float(diaphragm.stiffness)
     if stiffness == 0:
-        return f"Without a spring, the velocity settles in {mass / damping:.3g} s."
+        return f" Without a spring, the velocity settles in {mass / damping:.3g} s."
     frequency, ratio = np.sqrt(stiffness / mass), damping / (2 * np.sqrt(stiffness * mass))
-    return f"Natural frequency {frequency:.4g} rad/s, damping ratio {ratio:.3g}."
+    return f" Natural frequency {frequency:.4g} rad/s, damping ratio {ratio:.3g}."
 
 
-def _damping(model: MechanicalActuator) -> Any:
-    friction: Any = model.friction
-    return getattr(getattr(friction, "lugre", friction), "viscous_damping", 0.0)
+def start_from_motion(half: MechanicalActuator, motions: Sequence[Motion]) -> MechanicalActuator:
+    """`half` with what regressions tell of mass, spring and friction.
+
+    An axis that a force drives turns round more than it slides: it has a regression of its own.
+    """
+    if any(motion.trace.f_drive is not None for motion in motions):
+        told = regress_axis(half, motions, candidates(half))
+        return half if isinstance(told, str) else replace_parameters(half, told)
+    found = fit_sliding(half, motions)
+    return half if isinstance(found, str) else _with_law(half, found)
 
 
-def start_from_sliding(half: MechanicalActuator, found: Sliding | str) -> MechanicalActuator:
+def _with_law(half: MechanicalActuator, found: Sliding) -> MechanicalActuator:
     """`half` with those values of the law of the sliding rod that are physical and better than a guess."""
-    if isinstance(found, str):
-        return half
     places = {
         "diaphragm.preload": "preload",
         "diaphragm.stiffness": "stiffness",

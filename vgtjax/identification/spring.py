@@ -11,16 +11,12 @@ from ..model import AbstractModel
 from ..trace import Trace
 from .motion import Motion, mechanical_half, read_motions
 from .result import Curve, Identified
-from .weak_form import KERNEL, Sliding, filter_motion, fit_sliding
+from .weak_form import FEWEST_HELD, Sliding, at_closed_stop, fit_sliding
 
 VAGUE = 0.5
 """Relative standard error above which a value is not worth having."""
 STOP_DOUBT = 0.1
 """Part of the stop's stiffness by which the assumed one may be wrong: it says how far preload presses the rod in."""
-PRESSED = 2.0
-"""Coulomb forces by which the drive must exceed the spring before a rod at rest counts as held by its stop."""
-FEWEST = 20
-"""Samples at the closed stop that tell where it is."""
 PLOTTED = 1500
 """Points a curve."""
 
@@ -123,35 +119,27 @@ def _travel(half: MechanicalActuator, motions: Sequence[Motion], found: Sliding)
     rows, right = [[0.0, 1 / (STOP_DOUBT * compliance), *[0.0] * len(motions)]], [1 / STOP_DOUBT]
     count = 0
     for number, motion in enumerate(motions):
-        held = _at_closed_stop(motion, preload, stiffness, friction)
+        held = at_closed_stop(motion, preload, stiffness, friction)
         if not np.any(held):
             continue
-        resting = bool(np.any(motion.rest))
-        rest = float(np.mean(motion.trace.x_d[motion.rest])) if resting else 0.0
+        measured, resting = np.asarray(motion.trace.x_d), bool(np.any(motion.rest))
+        rest = float(np.mean(measured[motion.rest])) if resting else 0.0
         error = motion.noise / np.sqrt(np.sum(motion.rest)) if resting else motion.position_error
         excess = motion.force[held] - preload - stiffness * motion.position[held] - 0.5 * friction
         own = np.zeros((int(held.sum()), 2 + len(motions)))
         own[:, 0], own[:, 1], own[:, 2 + number] = 1.0, excess + (preload if resting else 0.0), 1.0
         rows += list(own / motion.noise)
-        right += list((motion.trace.x_d[held] - rest) / motion.noise)
+        right += list((measured[held] - rest) / motion.noise)
         rows.append(np.eye(2 + len(motions))[2 + number] / error)
         right.append(0.0)
         count += int(held.sum())
-    if count < FEWEST:
+    if count < FEWEST_HELD:
         return None
     matrix = np.array(rows)
     solution = np.linalg.lstsq(matrix, np.array(right), rcond=None)[0]
     variance = np.linalg.pinv(matrix.T @ matrix)[0, 0]
     # Which way friction points at a stop is not known.
     return float(solution[0]), float(np.sqrt(variance + (0.5 * friction * compliance) ** 2))
-
-
-def _at_closed_stop(motion: Motion, preload: float, stiffness: float, friction: float) -> np.ndarray:
-    """Samples at rest beyond the middle of the motion whose drive friction and spring can't balance."""
-    seen = filter_motion(motion, KERNEL)
-    excess = seen.force - preload - stiffness * seen.position
-    middle = 0.5 * (np.max(motion.position) + np.min(motion.position))
-    return seen.valid & (seen.direction == 0) & (excess > PRESSED * friction) & (seen.position > middle)
 
 
 def _figures(found: Sliding) -> tuple[Curve, ...]:

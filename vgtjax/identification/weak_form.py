@@ -10,7 +10,7 @@ from scipy.signal import fftconvolve
 
 from ..mechanical import MechanicalActuator
 from .filters import Samples
-from .motion import BLOCK, Motion
+from .motion import BLOCK, Motion, plain_friction
 from .regression import clustered_errors
 
 CERTAIN = 5.0
@@ -92,7 +92,7 @@ def _convolve(samples: Samples, kernel: np.ndarray) -> Samples:
 
 
 def within_stops(model: MechanicalActuator, motion: Motion) -> Bool[np.ndarray, " time"]:
-    """Where no stop touches the rod: a fiftieth of the travel away from both, wherever the closed one turns out to be."""
+    """Where no stop touches the rod: a fiftieth of the travel away from both, wherever the closed one really is."""
     travel = float(model.diaphragm.travel)
     if not np.isfinite(travel):
         return np.ones(len(motion.time), dtype=bool)
@@ -101,12 +101,10 @@ def within_stops(model: MechanicalActuator, motion: Motion) -> Bool[np.ndarray, 
     return (motion.position > margin) & (motion.position < end - margin)
 
 
-def sliding(
-    filtered: Filtered, inside: Bool[np.ndarray, " time"], distance: float
-) -> tuple[Bool[np.ndarray, " time"], Samples]:
-    """Where a rod has slid one way for longer than a kernel, and how far in m since it last turned.
+def sliding(filtered: Filtered, inside: Bool[np.ndarray, " time"], distance: float) -> Bool[np.ndarray, " time"]:
+    """Where a rod has slid one way for longer than a kernel.
 
-    **Arguments:** `distance`: in m, after which friction has forgotten the turn.
+    **Arguments:** `inside`: away from stops; `distance` in m after which friction has forgotten the last turn.
     """
     direction = filtered.direction
     turns = np.flatnonzero(np.diff(direction) != 0) + 1
@@ -114,7 +112,7 @@ def sliding(
     begin[turns] = turns
     since = np.abs(filtered.position - filtered.position[np.maximum.accumulate(begin)])
     slid = (direction != 0) & (since > distance) & inside & filtered.valid
-    return minimum_filter1d(slid, filtered.width, mode="constant", cval=0).astype(bool), since
+    return minimum_filter1d(slid, filtered.width, mode="constant", cval=0).astype(bool)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -134,12 +132,10 @@ class Rows:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Regression:
-    """`values` and `std_errors` of the unknowns, NaN for what was not determined; the `residual` in N, and its size."""
+    """`values` and `std_errors` of the unknowns, NaN for what was not determined."""
 
     values: Float[np.ndarray, " unknowns"]
     std_errors: Float[np.ndarray, " unknowns"]
-    residual: Float[np.ndarray, " rows"]
-    cost: float
 
 
 ALONE = 1e-4
@@ -173,8 +169,7 @@ def regress(blocks: Sequence[Rows], robust: bool = True) -> Regression:
     bunch = np.append(groups, np.max(groups) + 1 + np.arange(len(unknown)))
     errors = clustered_errors(left, weighted, bunch)[:size]
     lost = _dependent(weighted)[:size]
-    cost = float(np.sum((residual * weights) ** 2)) / len(right)
-    return Regression(np.where(lost, np.nan, solution[:size]), np.where(lost, np.nan, errors), residual, cost)
+    return Regression(np.where(lost, np.nan, solution[:size]), np.where(lost, np.nan, errors))
 
 
 def _stack(blocks: Sequence[Rows]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -194,8 +189,9 @@ def _dependent(columns: np.ndarray) -> Bool[np.ndarray, " unknowns"]:
     lengths = np.linalg.norm(columns, axis=0)
     lost = lengths <= 1e-9 * np.max(lengths, initial=1e-300)
     unit = columns[:, ~lost] / lengths[~lost]
-    inverse = np.linalg.pinv(unit.T @ unit, rcond=1e-13)
-    lost[~lost] = 1 / np.maximum(np.diag(inverse), 1e-300) < ALONE**2
+    values, vectors = np.linalg.eigh(unit.T @ unit)
+    # The diagonal of the inverse, in which a direction of no information at all is a huge number.
+    lost[~lost] = (vectors**2 / np.maximum(values, 1e-15)).sum(axis=1) > ALONE**-2
     return lost
 
 
@@ -205,6 +201,10 @@ KERNEL = 0.1
 """s; between 0.05 and 0.2 s the bench traces tell the same spring and friction within their errors."""
 FEWEST = 30
 """Rows that a regression of a sliding rod needs."""
+PRESSED = 2.0
+"""Coulomb forces by which the drive must exceed the spring before a rod at rest counts as held by its stop."""
+FEWEST_HELD = 20
+"""Samples at the closed stop that tell where it is."""
 FORGETS = 8.0
 """Bristle deflections after which friction has forgotten a turn, but for a part in three thousand."""
 
@@ -215,7 +215,7 @@ class Sliding:
 
     `values` and `std_errors` by those of the names `preload, stiffness, coulomb, drop, viscous, mass` that were asked
     for, NaN for what is not determined, in SI units. Arrays of all rows: `force` in N, `position` in m, `velocity` in
-    m/s, `acceleration` in m/s2. `cost` is the mean squared residual in N2.
+    m/s, `acceleration` in m/s2.
     """
 
     values: dict[str, float]
@@ -224,7 +224,6 @@ class Sliding:
     position: Samples
     velocity: Samples
     acceleration: Samples
-    cost: float
 
     def friction(self) -> Samples:
         """What is left of the force without spring and inertia, in N."""
@@ -245,17 +244,15 @@ def fit_sliding(
     **Arguments:** `stribeck_velocity`: `v_s` in m/s of the term that it belongs to; no such term without it.
     """
     seen = [filter_motion(motion, KERNEL) for motion in motions]
-    friction, spring = model.friction, float(model.diaphragm.stiffness) > 0
+    friction, spring = plain_friction(model), float(model.diaphragm.stiffness) > 0
     bristles = getattr(friction, "bristle_stiffness", None)
     distance = 0.0 if bristles is None else FORGETS * float(friction.coulomb_force) / float(bristles)
-    chosen = [sliding(each, within_stops(model, each.motion), distance)[0] for each in seen]
+    chosen = [sliding(each, within_stops(model, each.motion), distance) for each in seen]
     if sum(np.count_nonzero(rows) for rows in chosen) < FEWEST:
         return "the rod never slides freely between its stops; record motion through the middle of its travel"
-    blocks = []
-    names: list[str] = []
+    blocks, names = [], list(_columns(seen[0], spring, stribeck_velocity))
     for each, rows in zip(seen, chosen, strict=True):
         columns = _columns(each, spring, stribeck_velocity)
-        names = list(columns)
         doubt = np.hypot(each.motion.force_error, float(model.diaphragm.stiffness) * each.motion.position_error)
         matrix = np.stack([column[rows] for column in columns.values()], axis=1)
         blocks.append(Rows(matrix, each.force[rows], each.motion.time[rows], each.width, float(doubt)))
@@ -267,8 +264,10 @@ def fit_sliding(
     return Sliding(
         dict(zip(names, found.values.tolist(), strict=True)),
         dict(zip(names, found.std_errors.tolist(), strict=True)),
-        *(rows_of(name) for name in ("force", "position", "velocity", "acceleration")),
-        found.cost,
+        rows_of("force"),
+        rows_of("position"),
+        rows_of("velocity"),
+        rows_of("acceleration"),
     )
 
 
@@ -281,3 +280,11 @@ def _columns(filtered: Filtered, spring: bool, stribeck_velocity: float | None) 
     if stribeck_velocity is not None:
         columns["drop"] = filtered.direction * np.exp(-np.abs(filtered.velocity) / stribeck_velocity)
     return columns | {"viscous": filtered.velocity, "mass": filtered.acceleration}
+
+
+def at_closed_stop(motion: Motion, preload: float, stiffness: float, friction: float) -> Bool[np.ndarray, " time"]:
+    """Samples at rest in the farther half of the motion whose drive friction and spring can't balance (N, N/m, N)."""
+    seen = filter_motion(motion, KERNEL)
+    excess = seen.force - preload - stiffness * seen.position
+    middle = 0.5 * (np.max(motion.position) + np.min(motion.position))
+    return seen.valid & (seen.direction == 0) & (excess > PRESSED * friction) & (seen.position > middle)

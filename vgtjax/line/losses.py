@@ -38,8 +38,8 @@ def resistance(mass_flow: Scalar, bore: Scalar, viscosity: Scalar) -> Scalar:
     """
     # Air without viscosity has no resistance, rather than infinity times zero.
     reynolds = 4 * jnp.abs(mass_flow) / (math.pi * bore * jnp.maximum(viscosity, 1e-12))
-    power = jnp.exp(0.75 * jnp.log(jnp.maximum(reynolds, TRANSITION)))
-    return TURBULENT * viscosity * power / bore**2
+    root = jnp.sqrt(jnp.maximum(reynolds, TRANSITION))
+    return TURBULENT * viscosity * root * jnp.sqrt(root) / bore**2
 
 
 def friction_rate(air: Air, gas: Gas, mass_flow: Scalar, bore: Scalar, viscosity: Scalar) -> Scalar:

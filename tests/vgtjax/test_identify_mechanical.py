@@ -1,0 +1,331 @@
+"""Mechanical identifications: known parameters come back within their errors, and what can't be seen is said."""
+
+import dataclasses
+import re
+
+import numpy as np
+import pytest
+from support import duty_trace, rms
+
+import vgtjax
+from vgtjax.identification.axis import identify_axis, moves_at_start
+from vgtjax.identification.bristles import bristle_force
+from vgtjax.identification.dahl import identify_dahl
+from vgtjax.identification.lugre import identify_lugre
+from vgtjax.identification.mechanical_fit import mechanical_fit
+from vgtjax.identification.motion import read_motion, remove_noise
+from vgtjax.identification.pipeline import apply
+from vgtjax.identification.second_order import identify_mass_and_damping
+from vgtjax.identification.spring import identify_spring
+from vgtjax.identification.weak_form import Rows, filter_motion, regress
+
+TRUTH = {
+    "diaphragm.mass": 0.55,
+    "diaphragm.preload": 51.3,
+    "diaphragm.stiffness": 12700.0,
+    "diaphragm.travel": 9.9e-3,
+    "diaphragm.stop_stiffness": 1.03e6,
+    "friction.static_force": 3.9,
+    "friction.coulomb_force": 3.3,
+    "friction.bristle_stiffness": 36000.0,
+    "friction.bristle_damping": 390.0,
+    "friction.viscous_damping": 231.0,
+    "friction.stribeck_velocity": 0.8e-3,
+}
+WORST = {
+    "diaphragm.mass": 0.1,
+    "diaphragm.preload": 2e-3,
+    "diaphragm.stiffness": 1e-3,
+    "diaphragm.travel": 1e-3,
+    "diaphragm.stop_stiffness": 0.1,
+    "friction.static_force": 0.1,
+    "friction.coulomb_force": 0.03,
+    "friction.bristle_stiffness": 0.15,
+    "friction.bristle_damping": 0.1,
+    "friction.viscous_damping": 0.02,
+    "friction.stribeck_velocity": 0.3,
+}
+"""Largest relative standard errors that still are a result."""
+LEVELS = ((0, 0.2), (85, 0.9), (45, 0.7), (60, 0.5), (30, 0.8), (55, 0.6), (50, 0.5), (95, 1.0), (40, 0.8))
+LEVELS += ((48, 0.6), (35, 0.6), (0, 0.8))
+SECONDS = 8.0
+
+
+def bench(model, seed, trace, offset=(2e-5, -150.0)):
+    """What a bench would record: noise, and an offset of each sensor."""
+    run = vgtjax.simulate(model, trace)
+    random = np.random.default_rng(seed)
+    return dataclasses.replace(
+        trace,
+        x_d=np.asarray(run.x_d) + offset[0] + random.normal(0, 8e-6, len(trace.time)),
+        p_act=np.asarray(run.p_act) + offset[1] + random.normal(0, 60, len(trace.time)),
+    )
+
+
+@pytest.fixture(scope="module")
+def real():
+    return vgtjax.replace_parameters(vgtjax.Actuator(), TRUTH)
+
+
+@pytest.fixture(scope="module")
+def levels(real):
+    return bench(real, 1, duty_trace(*LEVELS, p_res=2.0e4))
+
+
+@pytest.fixture(scope="module")
+def slow(real):
+    """A slow triangle of the duty, as long as the levels."""
+    time = np.arange(0, SECONDS, 1e-3)
+    duty = 80 * (1 - np.abs(2 * time / SECONDS - 1))
+    return bench(real, 2, vgtjax.Trace(time=time, pwm=duty, p_res=np.full_like(time, 2e4)))
+
+
+@pytest.fixture(scope="module")
+def found(levels):
+    """Every test, each on what the earlier ones found, from the printed values."""
+    model, results = vgtjax.Actuator(), {}
+    for test in (identify_spring, identify_mass_and_damping, identify_lugre, mechanical_fit):
+        results[test.__name__] = test(model, [levels])
+        model = apply(model, results[test.__name__])
+    return results
+
+
+def assert_recovered(result, names, truth=TRUTH, worst=WORST):
+    assert set(result.values) == set(names)
+    for name in names:
+        value, error = float(result.values[name]), float(result.std_errors[name])
+        assert abs(value - truth[name]) < 4 * error, f"{name}: {value} +- {error}, not {truth[name]}"
+        assert error < worst[name] * abs(truth[name]), f"{name}: {value} +- {error}"
+
+
+# -- each test on a bench run whose parameters are known ---------------------------------------------------------------
+
+
+def test_the_spring(found):
+    result = found["identify_spring"]
+    assert_recovered(result, ["diaphragm.preload", "diaphragm.stiffness", "diaphragm.travel"], worst=WORST)
+    assert (result.equations, result.unseen) == ("2.36", ())
+    (curve,) = result.figures
+    # The line runs through the middle of both branches, friction of 3 to 4 N on either side.
+    spring = np.interp(curve.points[0], *curve.line)
+    for branch in (curve.points[1] > spring, curve.points[1] < spring):
+        assert 2.8 < np.mean(np.abs(curve.points[1] - spring)[branch]) < 4.5
+
+
+def test_mass_and_damping(found):
+    result = found["identify_mass_and_damping"]
+    assert_recovered(result, ["diaphragm.mass", "friction.viscous_damping"])
+    told = re.search(r"Natural frequency (\S+) rad/s, damping ratio (\S+)\.$", result.method)
+    assert told is not None
+    mass, damping = (float(value) for value in result.values.values())
+    assert float(told[1]) == pytest.approx(np.sqrt(12700 / mass), rel=2e-3)
+    assert float(told[2]) == pytest.approx(damping / (2 * np.sqrt(12700 * mass)), rel=5e-3)
+
+
+def test_lugre_friction(found):
+    result = found["identify_lugre"]
+    assert_recovered(result, [name for name in TRUTH if name.startswith("friction.")])
+    assert [curve.title for curve in result.figures] == ["friction over velocity", "friction over position"]
+    velocity, path = result.figures
+    law = np.interp(velocity.points[0], *velocity.line)
+    fast = np.abs(velocity.points[0]) > 1.0  # mm/s: a line over velocity jumps at zero
+    assert np.std(velocity.points[1][fast] - law[fast]) < 0.1
+    assert np.std(path.points[1] - path.line[1]) < 0.2
+
+
+def test_everything_at_once(found):
+    result = found["mechanical_fit"]
+    assert_recovered(result, TRUTH)
+    (curve,) = result.figures
+    assert rms(curve.points[1] - curve.line[1]) < 10e-3  # mm
+
+
+def test_wrong_starts_end_in_the_same_place(levels, found):
+    wrong = {
+        "diaphragm.mass": 2.5,
+        "diaphragm.preload": 25.0,
+        "diaphragm.stiffness": 7000.0,
+        "friction.static_force": 8.0,
+        "friction.coulomb_force": 7.0,
+        "friction.bristle_stiffness": 9000.0,
+        "friction.viscous_damping": 90.0,
+    }
+    model = vgtjax.replace_parameters(vgtjax.Actuator(), wrong)
+    for test in (identify_spring, identify_lugre, mechanical_fit):
+        result = test(model, [levels])
+        model = apply(model, result)
+    for name, value in found["mechanical_fit"].values.items():
+        # Where a fit stops, within a tenth of an error, depends on where it comes from.
+        assert float(result.values[name]) == pytest.approx(
+            float(value), abs=0.2 * float(found["mechanical_fit"].std_errors[name])
+        )
+
+
+def test_dahl_friction():
+    truth = {"friction.coulomb_force": 3.4, "friction.bristle_stiffness": 31000.0}
+    values = {name: value for name, value in TRUTH.items() if name.startswith("diaphragm.")}
+    real = vgtjax.replace_parameters(vgtjax.Actuator(friction=vgtjax.Dahl()), {**values, **truth})
+    trace = bench(real, 3, duty_trace(*LEVELS, p_res=2.0e4))
+    result = identify_dahl(vgtjax.Actuator(friction=vgtjax.Dahl()), [trace])
+    assert_recovered(result, truth, truth)
+    assert result.figures[0].title == "friction over position"
+
+
+# -- what can't be seen ------------------------------------------------------------------------------------------------
+
+
+def test_slow_motion_does_not_tell_what_needs_other_motion(slow):
+    result = identify_lugre(vgtjax.Actuator(), [slow])
+    sentence = "friction.stribeck_velocity: these traces do not tell it; record motion at different speeds below 5 mm/s"
+    assert sentence in result.unseen
+    assert not {sentence.partition(":")[0] for sentence in result.unseen} & set(result.values)
+    for name, value in result.values.items():
+        assert abs(float(value) - TRUTH[name]) < 4 * float(result.std_errors[name]), name
+    response = identify_mass_and_damping(vgtjax.Actuator(), [slow])
+    assert response.unseen == ("diaphragm.mass: these traces do not tell it; record duty steps at 1 kHz",)
+    assert list(response.values) == ["friction.viscous_damping"]
+    assert "Natural frequency" not in response.method
+
+
+def test_a_rod_at_rest_tells_nothing(real):
+    still = bench(real, 4, duty_trace((0, 0.5), (10, 1.0), p_res=2.0e4))
+    model = vgtjax.Actuator()
+    for test in (identify_spring, identify_dahl):
+        result = test(model, [still])
+        assert (result.values, len(result.unseen)) == ({}, 1)
+        assert result.unseen[0].startswith("the rod never ")
+    for test in (identify_mass_and_damping, identify_lugre, mechanical_fit):
+        assert test(model, [still]).values == {}
+        assert test(model, [dataclasses.replace(still, x_d=None)]).unseen == (
+            "no trace shows the rod move under a measured drive; record x_d together with p_act or f_drive",
+        )
+
+
+def test_one_direction_does_not_tell_preload_from_friction(levels):
+    closing = levels.window(0.0, 1.05)
+    result = identify_spring(vgtjax.Actuator(), [closing])
+    assert "diaphragm.preload" not in result.values
+    assert (
+        "diaphragm.preload: the rod does not slide in both directions; record it moving out and back" in result.unseen
+    )
+
+
+def test_a_trace_without_rest_tells_stiffness_but_hardly_preload(levels):
+    moving = levels.window(1.2, 7.0)
+    result = identify_spring(vgtjax.Actuator(), [moving])
+    assert abs(result.values["diaphragm.stiffness"] - 12700) < 4 * result.std_errors["diaphragm.stiffness"]
+    assert float(result.std_errors["diaphragm.preload"]) > 1.0  # N: half of the 50 mbar that a sensor may be off
+
+
+def test_other_friction_has_no_lugre_parameters(levels):
+    result = identify_lugre(vgtjax.Actuator(friction=vgtjax.Coulomb()), [levels])
+    assert result.unseen == ("the model's friction is not LuGre's; choose friction = 'lugre'",)
+
+
+# -- an axis that a force drives ---------------------------------------------------------------------------------------
+
+AXIS = {
+    "diaphragm.mass": 1.8,
+    "diaphragm.preload": -1.2,
+    "friction.coulomb_force": 2.5,
+    "friction.viscous_damping": 9.0,
+}
+
+
+def axis(friction, **diaphragm):
+    values = {"stiffness": 0.0, "travel": np.inf, "stop_stiffness": 0.0, **diaphragm}
+    return vgtjax.replace_parameters(
+        vgtjax.MechanicalActuator(friction=friction), {f"diaphragm.{name}": value for name, value in values.items()}
+    )
+
+
+def sweep(seed, **values):
+    """Record of an axis under a sum of sines about its constant force, at 1 kHz for 6 s."""
+    time = np.arange(0, 6, 1e-3)
+    random = np.random.default_rng(seed)
+    lines = zip((0.5, 1.3, 2.9, 4.7), (6.0, 8.0, 8.0, 6.0), random.uniform(0, 2 * np.pi, 4), strict=True)
+    force = -1.2 + sum(a * (np.sin(2 * np.pi * f * time + p) - np.sin(p)) for f, a, p in lines)
+    trace = vgtjax.Trace(time=time, f_drive=force, x_d=np.zeros_like(time))
+    real = vgtjax.replace_parameters(axis(vgtjax.Coulomb(), **values), AXIS)
+    return dataclasses.replace(
+        trace, x_d=np.asarray(vgtjax.simulate(real, trace).x_d) + random.normal(0, 8e-6, len(time))
+    )
+
+
+def test_a_driven_axis_is_told_by_force_and_position_alone():
+    record = sweep(5)
+    assert np.min(record.x_d) < -0.02
+    result = identify_axis(axis(vgtjax.Coulomb()), [record])
+    assert_recovered(result, AXIS, AXIS, dict.fromkeys(AXIS, 0.02))
+    assert result.unseen == ()
+
+
+def test_a_record_that_begins_in_motion_is_noticed():
+    record = sweep(5)
+    assert moves_at_start(record) is None
+    speed = np.gradient(record.x_d, record.time)
+    begin = int(np.argmax(np.abs(np.convolve(speed, np.ones(20) / 20, "same"))))
+    moving = moves_at_start(record.window(record.time[begin], 6.0))
+    assert moving is not None
+    assert moving[0] == pytest.approx(abs(np.mean(speed[begin : begin + 20])), rel=0.1)
+    assert record.time[begin] < moving[1] < 6.0
+
+
+# -- parts -------------------------------------------------------------------------------------------------------------
+
+
+def test_noise_goes_and_corners_stay():
+    time = np.arange(0, 2, 1e-3)
+    pressure = 1e5 - 4e4 * np.where(time > 0.5, 1 - np.exp(-(time - 0.5) / 0.3), 0.0)
+    noise = np.random.default_rng(6).normal(0, 60, len(time))
+    left = remove_noise(pressure + noise, 60.0) - pressure
+    assert rms(left) < 15
+    assert np.max(np.abs(left[450:550])) < 200  # at the corner, where a window of 20 ms is off by 330
+
+
+def test_what_has_no_noise_is_left_alone():
+    samples = np.sin(np.arange(100.0))
+    np.testing.assert_array_equal(remove_noise(samples, 0.0), samples)
+    np.testing.assert_array_equal(remove_noise(samples[:6], 1.0), samples[:6])
+
+
+def test_kernels_are_exact_on_parabolas_far_from_zero():
+    time = np.arange(0, 1, 1e-3)
+    trace = vgtjax.Trace(time=time, f_drive=3 * time, x_d=0.7 + 0.2 * time - 1.5 * time**2)
+    seen = filter_motion(read_motion(axis(vgtjax.Coulomb()), trace), 0.03)
+    np.testing.assert_allclose(seen.velocity[seen.valid], (0.2 - 3 * time)[seen.valid], atol=1e-9)
+    np.testing.assert_allclose(seen.acceleration[seen.valid], -3.0, rtol=1e-6)
+    np.testing.assert_allclose(seen.force[seen.valid], 3 * time[seen.valid], atol=1e-9)
+
+
+def test_bristles_turn_as_dahl_says():
+    """After a turn, `F = F_c (1 - 2 exp(-sigma dx / F_c))` [section 3.3.2.2]."""
+    deflection = 7e-5
+    out, back = np.linspace(0, 2e-3, 300), np.linspace(2e-3, 1e-3, 300)
+    force = bristle_force(np.concatenate([out, back]), np.ones(600), deflection)
+    np.testing.assert_allclose(force[:300], 1 - np.exp(-out / deflection), atol=1e-12)
+    np.testing.assert_allclose(force[300:], -(1 - 2 * np.exp(-(2e-3 - back) / deflection)), atol=1e-9)
+
+
+def test_errors_of_a_regression_know_of_correlated_noise_and_of_constants():
+    """Monte Carlo: noise that lasts 20 rows, and an unknown constant of each trace."""
+    random, time = np.random.default_rng(7), np.arange(0, 20, 1e-2)
+    drift, scores = np.ones(20) / 20, []
+    for _ in range(60):
+        blocks = []
+        for _ in range(3):
+            matrix = np.stack([np.ones_like(time), np.sin(time)], axis=1)
+            noise = np.convolve(random.normal(size=len(time) + 19), drift, "valid") + random.normal(0, 0.3)
+            blocks.append(Rows(matrix, matrix @ [2.0, 5.0] + noise, time, 20, 0.3))
+        told = regress(blocks)
+        scores.append((told.values - [2.0, 5.0]) / told.std_errors)
+    assert np.all(np.sqrt(np.mean(np.square(scores), axis=0)) < 1.5)
+    assert np.all(np.sqrt(np.mean(np.square(scores), axis=0)) > 0.5)
+
+
+def test_a_regression_says_which_unknowns_it_can_not_tell_apart():
+    time = np.arange(0, 5, 1e-2)
+    matrix = np.stack([np.ones_like(time), np.sin(time), np.full_like(time, 2.0)], axis=1)
+    told = regress([Rows(matrix, np.sin(time) + np.random.default_rng(8).normal(0, 0.1, len(time)), time, 1, 0.0)])
+    assert np.isnan(told.values[[0, 2]]).all()
+    assert told.values[1] == pytest.approx(1.0, abs=0.05)
