@@ -43,6 +43,7 @@ from .parameters import (
     replace_parameters as replace_parameters,
     select as select,
 )
+from .pneumatic import PneumaticActuator as PneumaticActuator
 from .runtime import configure as configure
 from .simulate import RESULTS as RESULTS, Solution as Solution, simulate as simulate
 from .trace import Trace as Trace

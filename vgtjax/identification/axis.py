@@ -93,6 +93,8 @@ def regress_axis(model: MechanicalActuator, motions: Sequence[Motion], free: Col
     table = parameter_table(model)
     known = {name: _value(model, name) for name in TERMS if name in table and name not in free}
     unknown = [name for name in TERMS if name not in known]
+    if not set(TERMS) & set(free):
+        return {}
     blocks = []
     for each, chosen in zip(seen, rows, strict=True):
         columns = _columns(each)
@@ -123,6 +125,8 @@ def _filter(motion: Motion) -> Filtered:
     seen = filter_motion(motion, KERNELS[0])
     for seconds in KERNELS:
         seen = filter_motion(motion, seconds)
+        if not np.any(seen.valid):  # the trace is shorter than that
+            break
         if seen.acceleration_noise**2 < HIDDEN * np.var(seen.acceleration[seen.valid]):
             break
     return seen

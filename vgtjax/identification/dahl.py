@@ -6,11 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from ..mechanical import MechanicalActuator
 from ..model import AbstractModel
 from ..parameters import parameter_table
 from ..trace import Trace
 from .bristles import Bristles, fit_bristles, read_paths
-from .motion import mechanical_half, read_motions
+from .motion import mechanical_half, plain_friction, read_motions
 from .result import Curve, Identified
 
 VAGUE = 0.3
@@ -25,7 +26,8 @@ def identify_dahl(model: AbstractModel, traces: Sequence[Trace]) -> Identified:
     The thesis discards all other forces, reads `F_c` where friction over position is level, and `sigma` from its slope
     where friction is zero. Here every turn counts at once: friction follows `F_c (1 - 2 exp(-sigma dx / F_c))` from
     turn to turn along the measured path, whatever the turns, and is fitted together with preload, spring, viscous
-    part and inertia (and damping of the bristles, where the model's have it).
+    part and inertia (and damping of the bristles, where the model's have it). Friction that sticks harder than it
+    slides does not follow this law; errors then contain half the difference.
 
     **Arguments:** `model`: with start values; `traces`: with `x_d` in m, and `p_act` in Pa or `f_drive` in N.
 
@@ -45,13 +47,14 @@ def identify_dahl(model: AbstractModel, traces: Sequence[Trace]) -> Identified:
     errors: dict[str, Any] = {}
     unseen = []
     coulomb, deflection = found.values["coulomb"], found.values["deflection"]
-    if found.relative_error("coulomb") < VAGUE and coulomb > 0:
+    uncertain = float(np.hypot(found.relative_error("coulomb"), _stiction(half) / abs(coulomb)))
+    if uncertain < VAGUE and coulomb > 0:
         values["friction.coulomb_force"] = np.asarray(coulomb)
-        errors["friction.coulomb_force"] = np.asarray(found.std_errors["coulomb"])
+        errors["friction.coulomb_force"] = np.asarray(uncertain * coulomb)
     else:
         unseen.append("friction.coulomb_force: the rod does not slide both ways; record it moving out and back")
     if "friction.bristle_stiffness" in parameter_table(half):
-        error = float(np.hypot(found.relative_error("coulomb"), found.relative_error("deflection")))
+        error = float(np.hypot(uncertain, found.relative_error("deflection")))
         if error < VAGUE and coulomb > 0:
             values["friction.bristle_stiffness"] = np.asarray(coulomb / deflection)
             errors["friction.bristle_stiffness"] = np.asarray(error * coulomb / deflection)
@@ -67,6 +70,12 @@ def identify_dahl(model: AbstractModel, traces: Sequence[Trace]) -> Identified:
         figures=(friction_over_position(found),),
         samples=found.samples,
     )
+
+
+def _stiction(half: MechanicalActuator) -> float:
+    """What Dahl's law leaves open in N where friction has stiction: its level is between `F_c` and `F_s`."""
+    friction = plain_friction(half)
+    return 0.5 * abs(float(getattr(friction, "static_force", friction.coulomb_force) - friction.coulomb_force))
 
 
 def friction_over_position(found: Bristles) -> Curve:

@@ -19,7 +19,7 @@ from .regression import determined, usual_factor
 from .result import Curve, Identified
 from .weak_form import FEWEST_HELD, at_closed_stop
 
-VAGUE = 0.3
+VAGUE = 0.2
 """Relative standard error above which a parameter counts as not seen."""
 FARTHEST = 30.0
 """Factor by which a positive parameter may leave its start: where the data say little, it would run to infinity."""
@@ -132,9 +132,9 @@ def fit_response(model: AbstractModel, motions: Sequence[Motion]) -> Response | 
                 break
             kept = np.where(told & _regular(whole), calibration.values, calibration.task.selection.pack(half))
             start, free = calibration.task.selection.unpack(half, kept), told
+        return _response(calibration, whole, moving, free)
     except SimulationError as error:
         return str(error)
-    return _response(calibration, whole, moving, free)
 
 
 def candidates(half: MechanicalActuator) -> list[str]:
@@ -280,8 +280,9 @@ def _drive_variances(
 
 def _bread(columns: np.ndarray, held: Bool[np.ndarray, " entries"]) -> np.ndarray:
     """Inverse of the normal equations, in which held entries may be wrong by `VAGUE`."""
-    prior = np.diag(np.where(held, 1 / VAGUE**2, 0.0))
-    return np.linalg.pinv(columns.T @ columns + prior, rcond=1e-15, hermitian=True)
+    normal = columns.T @ columns + np.diag(np.where(held, 1 / VAGUE**2, 0.0))
+    lengths = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    return np.linalg.pinv(normal / np.outer(lengths, lengths), rcond=1e-14, hermitian=True) / np.outer(lengths, lengths)
 
 
 def _layout(whole: Calibrator, motions: Sequence[Motion], seconds: float) -> tuple[np.ndarray, np.ndarray]:
