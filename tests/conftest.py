@@ -14,3 +14,10 @@ jax.config.update("jax_numpy_rank_promotion", "raise")
 def actuator() -> vgtjax.Actuator:
     """The printed actuator."""
     return vgtjax.Actuator()
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _forget_compiled():
+    """Hundreds of compiled functions take gigabytes; a module hardly ever uses those of another."""
+    yield
+    jax.clear_caches()
