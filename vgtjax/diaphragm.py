@@ -19,7 +19,8 @@ class Diaphragm(eqx.Module):
     """Spring-loaded diaphragm between two end stops at 0 and `travel`.
 
     The stops are not in the thesis but on the bench; their contact law is Hunt and Crossley's (1975), whose
-    force is continuous at contact.
+    force is continuous at contact. With an infinite `travel` there are none at all, at zero neither: an axis that moves
+    freely both ways.
     """
 
     mass: Scalar = parameter(0.63, symbol="m_d", unit="kg", source="B.2")
@@ -38,7 +39,7 @@ class Diaphragm(eqx.Module):
         into_open = jnp.maximum(-body.position, 0.0) * jnp.maximum(1 - self.stop_damping * body.velocity, 0.0)
         past_travel = jnp.maximum(body.position - self.travel, 0.0)
         into_closed = past_travel * jnp.maximum(1 + self.stop_damping * body.velocity, 0.0)
-        return self.stop_stiffness * (into_open - into_closed)
+        return self._contact_stiffness() * (into_open - into_closed)
 
     def applied_force(self, body: Body, drive_force: Scalar) -> Scalar:
         """All forces on the rod but friction in N along +x [2.34], under a drive in N along +x."""
@@ -69,11 +70,14 @@ class Diaphragm(eqx.Module):
         """Position in m at which the spring and the stops balance a drive along +x in N, without friction."""
         force = drive_force - self.preload
         closed = jnp.where(jnp.isfinite(self.travel), self.travel, 0.0)
-        stopped = _reciprocal(self.stiffness + self.stop_stiffness)
-        past = (force + self.stop_stiffness * closed) * stopped
+        stopped = _reciprocal(self.stiffness + self._contact_stiffness())
+        past = (force + self._contact_stiffness() * closed) * stopped
         reaches = jnp.isfinite(self.travel) & (force > self.stiffness * closed)
         free = force * _reciprocal(self.stiffness)
         return jnp.where(force < 0, force * stopped, jnp.where(reaches, past, free))
+
+    def _contact_stiffness(self) -> Scalar:
+        return jnp.where(jnp.isfinite(self.travel), self.stop_stiffness, 0.0)
 
     def displaced_volume(self, position: Scalar) -> Scalar:
         """Volume in m3 that the diaphragm takes from the chamber, `A_d x_d` [2.39]."""

@@ -9,7 +9,8 @@ from commands import read, run_command
 
 import vgtjax
 from vgtjax.estimation import plan_task, start_calibration
-from vgtjax.identification.axis import better_start, regress_axis
+from vgtjax.identification.axis import better_start
+from vgtjax.identification.axis_regression import regress_axis
 from vgtjax.identification.motion import read_motions
 
 MASS, DAMPING, COULOMB, CONSTANT = 1.8, 14.0, 5.5, -1.2
@@ -35,7 +36,6 @@ free = ["diaphragm.mass", "friction.*", "diaphragm.preload"]
 [parameters]
 "diaphragm.stiffness" = {{value = 0}}
 "diaphragm.travel" = {{value = inf}}
-"diaphragm.stop_stiffness" = {{value = 0}}
 """
 
 
@@ -151,7 +151,7 @@ def plan(records, seconds=4.0, bounds=None, **values):
     """A fit of the first seconds of both records."""
     model = vgtjax.MechanicalActuator(friction=vgtjax.Coulomb())
     traces = [vgtjax.load_trace(path, travel=np.inf, needs=("f_drive",)) for path in sorted(records.glob("*.csv"))]
-    rigid = {"diaphragm.stiffness": 0.0, "diaphragm.travel": np.inf, "diaphragm.stop_stiffness": 0.0}
+    rigid = {"diaphragm.stiffness": 0.0, "diaphragm.travel": np.inf}
     return plan_task(
         model,
         [trace.window(0.0, seconds) for trace in traces],

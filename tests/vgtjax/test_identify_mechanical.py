@@ -238,7 +238,7 @@ AXIS = {
 
 
 def axis(friction, **diaphragm):
-    values = {"stiffness": 0.0, "travel": np.inf, "stop_stiffness": 0.0, **diaphragm}
+    values = {"stiffness": 0.0, "travel": np.inf, **diaphragm}
     return vgtjax.replace_parameters(
         vgtjax.MechanicalActuator(friction=friction), {f"diaphragm.{name}": value for name, value in values.items()}
     )
@@ -274,6 +274,13 @@ def test_a_record_that_begins_in_motion_is_noticed():
     assert moving is not None
     assert moving[0] == pytest.approx(abs(np.mean(speed[begin : begin + 20])), rel=0.1)
     assert record.time[begin] < moving[1] < 6.0
+
+
+def test_a_push_from_rest_is_no_motion():
+    time = np.arange(0, 1, 1e-3)
+    noise = np.random.default_rng(9).normal(0, 8e-6, len(time))
+    pushed = vgtjax.Trace(time=time, f_drive=np.full_like(time, 60.0), x_d=15 * time**2 + noise)
+    assert moves_at_start(pushed) is None
 
 
 # -- parts -------------------------------------------------------------------------------------------------------------

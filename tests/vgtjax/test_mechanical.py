@@ -59,3 +59,17 @@ def test_an_axis_without_spring_or_stops_moves_either_way():
     run = simulate(axis, trace, stepping=FixedStep(max_step=1e-4))
     exact = -0.02 - 0.3 * (time - (1 - np.exp(-5.0 * time)) / 5.0)
     np.testing.assert_allclose(run.x_d, exact, atol=1e-7)
+
+
+def test_an_infinite_travel_has_no_stop_at_either_end():
+    """A linear axis: positions of either sign, and nothing at zero to bump into."""
+    axis = vgtjax.replace_parameters(
+        vgtjax.MechanicalActuator(),
+        {"diaphragm.travel": np.inf, "diaphragm.stiffness": 0.0, "diaphragm.preload": 0.0},
+    )
+    time = np.arange(2000) * 1e-3
+    trace = vgtjax.Trace(time, f_drive=np.where(time < 1.0, -20.0, 20.0), x_d=np.zeros_like(time))
+    run = vgtjax.simulate(axis, trace)
+    mirrored = vgtjax.simulate(axis, vgtjax.Trace(time, f_drive=-trace.f_drive, x_d=np.zeros_like(time)))
+    assert run.x_d.min() < -0.05  # m
+    np.testing.assert_allclose(run.x_d, -mirrored.x_d, atol=1e-15)

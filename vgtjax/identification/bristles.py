@@ -25,6 +25,8 @@ STEP = 1e-3
 """Relative step of finite differences; rounding is 1e-8 of it."""
 FEWEST = 50
 """Rows of a regression."""
+STUCK = 0.05
+"""Part of a kernel over which an axis may stick."""
 USUAL_STIFFNESS = 4e4
 """N/m; where a search begins for friction that has no bristles."""
 
@@ -85,6 +87,9 @@ def read_paths(model: MechanicalActuator, motions: Sequence[Motion]) -> list[Pat
         seen = filter_motion(motion, KERNEL)
         inside = within_stops(model, motion) & seen.valid
         rows = minimum_filter1d(inside, seen.width, mode="constant", cval=0).astype(bool)
+        if motion.trace.f_drive is not None:
+            # An axis that sticks moves less than its sensor sees, and then its friction is anything up to the limit.
+            rows &= through_kernel(seen, (seen.direction == 0).astype(float)) < STUCK
         if np.count_nonzero(rows) >= FEWEST and np.any(seen.direction[rows] != 0):
             position = remove_noise(motion.position, motion.noise)
             paths.append(Path(seen, position, np.gradient(position, motion.time), rows))

@@ -10,7 +10,7 @@ from ..mechanical import MechanicalActuator
 from ..model import AbstractModel
 from ..parameters import parameter_table, replace_parameters
 from ..trace import Trace
-from .axis import regress_axis
+from .axis_regression import regress_axis
 from .mechanical_fit import Response, candidates, fit_response, response_figures, untold
 from .motion import Motion, mechanical_half, plain_friction, read_motions
 from .result import Identified
