@@ -32,8 +32,9 @@ def test_python_example_runs(monkeypatch):
 def test_study_examples_are_studies(text):
     study = Study.model_validate({"trace": [{"file": "any.csv"}]} | tomllib.loads(text))
     model = build_model(study)
-    start_values(model, study)
-    vgtjax.select(model, study.fit.free, study.fit.fixed)
+    values, _ = start_values(model, study)
+    assert set(values) == {name for name, given in study.parameters.items() if given.value is not None}
+    assert vgtjax.select(model, study.fit.free, study.fit.fixed).entries
 
 
 def test_every_component_is_named():
