@@ -103,14 +103,21 @@ def records(tmp_path_factory):
     return folder
 
 
-def fit(folder: pathlib.Path, records: pathlib.Path, friction: str, fixed: str = "", seconds: float = 25.0):
+def fit(
+    folder: pathlib.Path,
+    records: pathlib.Path,
+    friction: str,
+    fixed: str = "",
+    seconds: float = 25.0,
+    command: str = "fit",
+):
     """Runs a study of the first seconds of the records; the outcome, `parameters.json` and `summary.json`."""
     for source in sorted(records.glob("*.csv")):
         lines = source.read_text().splitlines()[: round(seconds * 1000) + 1]
         (folder / source.name).write_text("\n".join(lines) + "\n")
     (folder / "study.toml").write_text(STUDY.format(friction=friction, fixed=fixed))
     out = folder / "out"
-    outcome = run_command("fit", folder / "study.toml", "--out", out)
+    outcome = run_command(command, folder / "study.toml", "--out", out)
     return outcome, read(out / "parameters.json")["parameters"], read(out / "summary.json")
 
 
@@ -132,6 +139,15 @@ def test_a_linear_motor_is_told_from_the_printed_actuator(tmp_path, records):
     assert "note: the search begins at what a regression of force and position tells" in outcome.out
     for trace in summary["traces"].values():
         assert trace["rmse"]["x_d"] < 1e-3
+
+
+def test_identify_has_a_test_for_it(tmp_path, records):
+    outcome, found, summary = fit(tmp_path, records, "coulomb", seconds=8.0, command="identify")
+    assert (outcome.status, outcome.err) == (0, "")
+    assert [section["name"] for section in summary["sections"]] == ["axis"]
+    assert_recovered(found, 0.02)
+    assert found["diaphragm.stiffness"]["value"] == 0.0
+    assert "diaphragm.mass" in summary["identified"]
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """Identification of each part by its own bench test, as in chapters 2 and 3."""
 
+from .axis import identify_axis as identify_axis
 from .dahl import identify_dahl as identify_dahl
 from .flow_areas import identify_flow_areas as identify_flow_areas
 from .lugre import identify_lugre as identify_lugre

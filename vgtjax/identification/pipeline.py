@@ -10,9 +10,11 @@ import numpy as np
 from ..actuator import Actuator
 from ..errors import SimulationError
 from ..estimation import bundle_traces, observe
+from ..mechanical import MechanicalActuator
 from ..parameters import parameter_table, replace_parameters
 from ..trace import Trace
 from ..vane_force import ForcePolynomial, HysteresisMap
+from .axis import identify_axis
 from .dahl import identify_dahl
 from .flow_areas import identify_flow_areas
 from .lugre import identify_lugre
@@ -34,9 +36,13 @@ MECHANICAL = (identify_mass_and_damping, identify_dahl, identify_lugre, mechanic
 def plan(model: Any, traces: Sequence[Trace]) -> list[tuple[Test, list[Trace]]]:
     """The tests that make sense for a model, in an order in which each finds what it builds on, with their traces.
 
-    Springs and friction are told from traces without exhaust gas, where there are any.
+    Springs and friction are told from traces without exhaust gas, where there are any. An axis that a force drives has
+    a test of its own in place of those of the actuator.
     """
     everything = list(traces)
+    driven = [trace for trace in traces if trace.f_drive is not None]
+    if isinstance(model, MechanicalActuator) and driven:
+        return [(identify_axis, driven)]
     quiet = [trace for trace in traces if not _hot(trace)] or everything
     pneumatic = PNEUMATIC if isinstance(model, Actuator) else ()
     tests: list[tuple[Test, list[Trace]]] = [(test, quiet) for test in SPRING]
