@@ -12,7 +12,8 @@ from vgtjax.trace import STANDARD_ATMOSPHERE
 
 from .models import build_model, check_bounds, on_given_knots, start_values
 from .parameter_file import load_values
-from .study import EXAMPLE, Study, TraceSource, expand_traces, fingerprint, load_study
+from .study import EXAMPLE, TraceSource, expand_traces, fingerprint, load_study
+from .study_tables import Study
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -54,6 +55,8 @@ def prepare(path: pathlib.Path | None, parameters: pathlib.Path | None, needs: t
     """
     path = EXAMPLE if path is None else path
     study = load_study(path)
+    if not study.trace:
+        raise InputError(f"{path.name}: a study needs at least one [[trace]], but it has none; add one with its file")
     stated_values = {name: given.value for name, given in study.parameters.items()}
     model = on_given_knots(build_model(study), stated_values)
     start_values(model, study)

@@ -14,7 +14,7 @@ from vgtjax.errors import InputError
 from vgtjax.estimation.calibration import Bounds
 from vgtjax.parameters import entry_names, match_entries, unknown_name
 
-from .study import Components, Study
+from .study_tables import Components, Study
 
 FRICTION = {
     "lugre": vgtjax.LuGre,

@@ -15,7 +15,7 @@ from vgtjax.parameters import entry_names, unknown_name
 
 from .files import read_json
 from .models import check_value, on_given_knots
-from .study import Study
+from .study_tables import Study
 
 
 @dataclasses.dataclass(frozen=True)

@@ -7,82 +7,20 @@ import importlib.metadata
 import pathlib
 import re
 import tomllib
-from typing import Annotated, Any, Literal
+import typing
+from typing import Any
 
 import pydantic
 
 from vgtjax.errors import InputError
 
+from .study_tables import Study, Table
+
 EXAMPLE = pathlib.Path(__file__).parent / "example" / "study.toml"
 """The study that runs when none is named."""
 
 
-class _Table(pydantic.BaseModel):
-    model_config = pydantic.ConfigDict(extra="forbid", frozen=True, strict=True)
-
-
-class Components(_Table):
-    """Which variant of each component; the names are checked where the model is built."""
-
-    friction: str = "lugre"
-    vane_force: str = "none"
-    line: str = "none"
-    magnetic_force: str = "static"
-    chamber: str = "adiabatic"
-
-
-class TraceEntry(_Table):
-    """One `[[trace]]`: a file or glob pattern, and what it is for."""
-
-    file: str
-    use: Literal["fit", "validate"] = "fit"
-    name: str | None = None
-    unit: str | None = None
-    atmosphere: Annotated[float, pydantic.Field(ge=3e4, le=1.2e5)] | None = None
-    """Pa; between the highest peaks and the deepest mines, so that 1013 is found out to be mbar."""
-    window: Annotated[tuple[float, float], pydantic.Strict(False)] | None = None
-
-    @pydantic.field_validator("window")
-    @classmethod
-    def _ordered(cls, window: tuple[float, float] | None) -> tuple[float, float] | None:
-        if window is not None and not window[0] < window[1]:
-            raise ValueError(f"a window must end after it begins, but it is {list(window)}; swap the two")
-        return window
-
-
-class Fit(_Table):
-    """Which parameters move: names or patterns."""
-
-    free: list[str] | None = None
-    fixed: list[str] = []
-
-
-class StartValue(_Table):
-    """Start value and bounds of a parameter in SI units; lists for vectors."""
-
-    value: float | list[float] | None = None
-    lower: float | list[float] | None = None
-    upper: float | list[float] | None = None
-
-
-class Study(_Table):
-    """A whole study file."""
-
-    name: str = "study"
-    model: Literal["full", "mechanical", "plunger-map", "static-map"] = "full"
-    components: Components = Components()
-    trace: list[TraceEntry] = []
-    fit: Fit = Fit()
-    parameters: dict[str, StartValue] = {}
-
-    @pydantic.model_validator(mode="after")
-    def _has_traces(self) -> "Study":
-        if not self.trace:
-            raise ValueError("a study needs at least one [[trace]], but it has none; add one with its file")
-        return self
-
-
-class TraceSource(_Table):
+class TraceSource(Table):
     """One trace file of a study after patterns are expanded."""
 
     path: pathlib.Path
@@ -139,12 +77,15 @@ def _sentence(error: pydantic.ValidationError) -> str:
 
 
 def _keys_at(place: list[Any]) -> list[str]:
-    table: Any = {
-        (): Study,
-        ("components",): Components,
-        ("trace",): TraceEntry,
-        ("fit",): Fit,
-    }.get(tuple(place), StartValue)
+    """Keys of the table at a place in a study, found by walking down its types."""
+    table: Any = Study
+    for part in place:
+        field = table.model_fields.get(part) if isinstance(table, type) and issubclass(table, Table) else None
+        found = table if field is None else field.annotation
+        # A list or a dictionary of tables: whatever its index or key, the table inside.
+        while typing.get_args(found):
+            found = typing.get_args(found)[-1]
+        table = found
     return list(table.model_fields)
 
 
