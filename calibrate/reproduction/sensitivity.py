@@ -2,7 +2,7 @@
 
 import functools
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import jax
 import jax.numpy as jnp
@@ -10,6 +10,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 import vgtjax
+from vgtjax.sensitivity.correlation import squared_correlation
+from vgtjax.sensitivity.local import gradient_share
 from vgtjax.sensitivity.second_order import damping_ratio, frictionless_diaphragm, natural_frequency, step_response
 
 from .rows import Between, Found, Near, Rising, Row
@@ -46,53 +48,50 @@ def printed_response(part: vgtjax.Diaphragm, pressure: float, time: Array) -> Ar
     return pressure * part.area / part.stiffness * (1 + sum(modes) / (2 * root))
 
 
-def shares(response: Response, time: Float[np.ndarray, " time"]) -> Float[np.ndarray, "4 time"]:
+def shares(response: Response, time: Float[np.ndarray, " time"]) -> Float[np.ndarray, "time 4"]:
     """Share of each of `PARAMETERS` in the variance of the position after a step, by exact derivatives.
 
-    All vary independently, by the same small part of their values: then these are the indices (4.1).
+    All vary independently, by the same small part of their values: the index (4.1) of a straight line.
     """
-    slopes = jax.jacfwd(lambda part: response(part, PRESSURE, jnp.asarray(time)))(diaphragm())
-    parts = np.array([getattr(slopes, name) * getattr(diaphragm(), name) for name in PARAMETERS])
-    return parts**2 / np.sum(parts**2, axis=0)
+    part = diaphragm()
+    slopes = jax.jit(jax.jacfwd(lambda part: response(part, PRESSURE, jnp.asarray(time))))(part)
+    columns = np.stack([getattr(slopes, name) for name in PARAMETERS], axis=-1)
+    return gradient_share(columns, np.array([getattr(part, name) for name in PARAMETERS]))
 
 
-def squared_correlation(inputs: np.ndarray, output: np.ndarray) -> float:
-    """`SRC` (4.1): the squared correlation coefficient of an input and the output."""
-    return float(np.corrcoef(inputs, output)[0, 1] ** 2)
-
-
-def _positions(factors: Float[np.ndarray, "samples 4"]) -> Float[np.ndarray, " samples"]:
-    """Position at `AT` for multiples of the printed parameters."""
-
-    def position(sample: Array) -> Array:
-        values = {name: factor * getattr(diaphragm(), name) for name, factor in zip(PARAMETERS, sample, strict=True)}
-        return step_response(vgtjax.replace_parameters(diaphragm(), values), PRESSURE, AT)
-
-    return np.asarray(jax.vmap(position)(jnp.asarray(factors)))
+@jax.jit
+@functools.partial(jax.vmap, in_axes=(None, 0))
+def _positions(part: vgtjax.Diaphragm, factors: Float[Array, "4"]) -> Array:
+    """Position at `AT` for multiples of the parameters of `part`, a row each."""
+    values = {name: factor * getattr(part, name) for name, factor in zip(PARAMETERS, factors, strict=True)}
+    return step_response(vgtjax.replace_parameters(part, values), PRESSURE, AT)
 
 
 def _levels() -> Float[np.ndarray, " levels"]:
     return np.linspace(1 - VARIED, 1 + VARIED, LEVELS)
 
 
+@functools.cache
 def alone() -> dict[str, float]:
     """`SRC` of each parameter when it alone is varied."""
     found = {}
     for index, symbol in enumerate(PARAMETERS.values()):
         factors = np.ones((LEVELS, len(PARAMETERS)))
         factors[:, index] = _levels()
-        found[symbol] = squared_correlation(_levels(), _positions(factors))
+        found[symbol] = src(factors[:, [index]], _positions(diaphragm(), factors))[0]
     return found
 
 
+@functools.cache
 def together() -> dict[str, float]:
     """`SRC` of each parameter when all are varied, every combination of their levels once."""
     factors = np.array(list(itertools.product(_levels(), repeat=len(PARAMETERS))))
-    positions = _positions(factors)
-    return {
-        symbol: squared_correlation(column, positions)
-        for symbol, column in zip(PARAMETERS.values(), factors.T, strict=True)
-    }
+    return _by_symbol(src(factors, _positions(diaphragm(), factors)))
+
+
+def src(inputs: Float[np.ndarray, "samples inputs"], output: Float[np.ndarray, " samples"]) -> list[float]:
+    """`SRC` (4.1) of each input with one output."""
+    return [float(index) for index in squared_correlation(inputs, np.asarray(output)[:, None])[0]]
 
 
 def _against(indices: dict[str, float]) -> tuple[float, float]:
@@ -100,14 +99,14 @@ def _against(indices: dict[str, float]) -> tuple[float, float]:
     return max(indices["m_d"], indices["b_d"]), min(indices["A_d"], indices["k_sm"])
 
 
-def _by_symbol(values: np.ndarray) -> dict[str, float]:
+def _by_symbol(values: Sequence[float]) -> dict[str, float]:
     return {symbol: float(value) for symbol, value in zip(PARAMETERS.values(), values, strict=True)}
 
 
 def stiffness_leads_from() -> float:
     """Time in s after the step from which the stiffness matters more than the damping."""
     time = np.linspace(1e-3, 0.1, 991)
-    stiffness, damping = shares(step_response, time)[[2, 3]]
+    stiffness, damping = shares(step_response, time)[:, 2:].T
     return float(time[np.argmax(stiffness > damping)])
 
 
@@ -135,7 +134,7 @@ def _alone() -> Found:
 
 def _together() -> Found:
     found = together()
-    exact, printed = (_by_symbol(shares(form, np.array([AT]))[:, 0]) for form in (step_response, printed_response))
+    exact, printed = (_by_symbol(shares(form, np.array([AT]))[0]) for form in (step_response, printed_response))
     facts = {
         "percent": f"{100 * VARIED:.0f}",
         "all": _listed(found),
@@ -153,7 +152,7 @@ def _settled() -> Found:
     # x = (A_d p - F_0) / k_sm: relative changes of area, stiffness and preload, by the force that each stands for.
     forces = np.array([spring + preload, spring, preload])
     weighed = dict(zip(("A_d", "k_sm", "F_0"), forces**2 / np.sum(forces**2), strict=True))
-    found = _by_symbol(shares(step_response, np.array([SETTLED]))[:, 0])
+    found = _by_symbol(shares(step_response, np.array([SETTLED]))[0])
     return Found(_against(found), {"weighed": _listed(weighed), "middle": f"{1e3 * MIDDLE:g}"})
 
 
@@ -173,8 +172,8 @@ ROWS = (
         unit="1/s",
         rule=Between(-1e3, 0.0),
         ours=_unstable,
-        reason="With the printed sign the spring pushes away from rest, and the position grows at {ours} 1/s; (2.34) and "
-        "the solution (4.4) have - k_sm x_d.",
+        reason="With the printed sign the spring pushes away from rest, and the position grows at {ours} 1/s; (2.34) "
+        "and the solution (4.4) have - k_sm x_d.",
     ),
     _row(
         id="step-start",
@@ -195,8 +194,8 @@ ROWS = (
         unit="",
         rule=None,
         ours=_alone,
-        reason="Varied alone by {percent} %, each has an index near one, as every nearly straight line has, whatever its "
-        "slope: (4.1) ranks parameters only if all are varied at once.",
+        reason="Varied alone by {percent} %, each has an index near one, as every nearly straight line has, whatever "
+        "its slope: (4.1) ranks parameters only if all are varied at once.",
         missing=_UNREAD,
     ),
     _row(
@@ -207,9 +206,9 @@ ROWS = (
         unit="",
         rule=Rising(),
         ours=_together,
-        reason="With all varied by {percent} % the corrected (4.4) gives {all} (by exact derivatives {exact}): at 0.02 s "
-        "area and damping lead, and k_sm passes b_d only {from} ms after the step. The printed (4.4) gives {printed}: "
-        "the conclusion on k_sm fits the wrong sign. Ranges of variation are ours, equal for all.",
+        reason="With all varied by {percent} % the corrected (4.4) gives {all} (by exact derivatives {exact}): at "
+        "0.02 s area and damping lead, and k_sm passes b_d only {from} ms after the step. The printed (4.4) gives "
+        "{printed}: the conclusion on k_sm fits the wrong sign. Ranges of variation are ours, equal for all.",
     ),
     _row(
         section="4.3 Conclusion",

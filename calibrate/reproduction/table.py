@@ -2,19 +2,39 @@
 
 from collections.abc import Iterator
 
-from . import air_flow, chamber, friction, identified, line, loops, responses, solenoid, validation, vanes
+from . import (
+    air_flow,
+    chamber,
+    friction,
+    identified,
+    line,
+    loops,
+    responses,
+    sensitivity,
+    sensitivity_friction,
+    sensitivity_table,
+    solenoid,
+    validation,
+    vanes,
+)
 from .rows import Result, Row
 
-ROWS: tuple[Row, ...] = tuple(
-    sorted(
-        (
-            row
-            for topic in (solenoid, air_flow, line, chamber, validation, responses, friction, vanes, loops, identified)
-            for row in topic.ROWS
-        ),
-        key=lambda row: row.section,
-    )
+TOPICS = (
+    solenoid,
+    air_flow,
+    line,
+    chamber,
+    validation,
+    responses,
+    friction,
+    vanes,
+    loops,
+    identified,
+    sensitivity,
+    sensitivity_table,
+    sensitivity_friction,
 )
+ROWS: tuple[Row, ...] = tuple(sorted((row for topic in TOPICS for row in topic.ROWS), key=lambda row: row.section))
 
 
 def evaluate(*, slow: bool = True) -> Iterator[Result]:
