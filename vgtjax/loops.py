@@ -10,6 +10,13 @@ SPAN = (2e-3, 8e-3)
 """m; where widths are read, clear of both stops."""
 SPACING = 0.25e-3
 """m between the positions at which a loop is read."""
+POSITIONS = np.linspace(*SPAN, round((SPAN[1] - SPAN[0]) / SPACING) + 1)
+"""m; those positions."""
+LIFT = 0.2e-3
+"""m from rest, and from the end of the way: there the vanes count as begun and ended to move, clear of sensor noise and
+of the give of both stops."""
+FEW = 5
+"""Samples whose mean stands for one place of the rod at rest."""
 SLOWEST = 0.5
 """s; a branch that takes less to cross the span is a step, not a loop."""
 
@@ -82,3 +89,24 @@ def _read(x_d: np.ndarray, p_act: np.ndarray, position: np.ndarray) -> np.ndarra
     knots = np.concatenate([[x[0]], position[::2], [x[-1]]])
     spline = make_lsq_spline(x, p, np.concatenate([knots[:1], knots, knots[-1:]]), k=1)
     return spline(position)
+
+
+def find_ends(x_d: Float[np.ndarray, " time"], p_act: Float[np.ndarray, " time"]) -> tuple[float, float]:
+    """Pressures at which the vanes begin and end to close, in the unit of `p_act`.
+
+    Where the position has left its rest by `LIFT`, and where it is that far from its top, on the way out: a straight
+    line through the samples around each place, so that noise averages out. Counted from the run's own rest and top, so
+    the sensor's offset has no say. NaN where the rod does not pass them.
+    """
+    calm = np.convolve(x_d, np.full(FEW, 1 / FEW), mode="valid")
+    top = int(np.argmax(calm)) + FEW // 2
+    way = slice(0, top + 1)
+    return _pressure_at(x_d[way], p_act[way], calm[0] + LIFT), _pressure_at(x_d[way], p_act[way], calm.max() - LIFT)
+
+
+def _pressure_at(x: np.ndarray, p: np.ndarray, level: float) -> float:
+    # Half a lift: nearer to the rest, noise would bring in samples that did not move yet, with other pressures.
+    near = np.abs(x - level) < 0.5 * LIFT
+    if np.count_nonzero(near) < 2:
+        return float("nan")
+    return float(np.polynomial.Polynomial.fit(x[near] - level, p[near], 1)(0.0))

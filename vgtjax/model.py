@@ -6,7 +6,7 @@ from typing import Any
 import equinox as eqx
 from jaxtyping import Array, Float, PyTree
 
-from .air import Scalar
+from .air import Air, Scalar
 from .drive import Drive, Start
 
 State = PyTree[Float[Array, "..."]]
@@ -17,6 +17,9 @@ class AbstractModel(eqx.Module):
 
     Its parameters are its array leaves; its state is a PyTree of scalars that the model alone understands.
     """
+
+    air: eqx.AbstractVar[Air]
+    """The air around it, whose pressure is what gauge pressures count from."""
 
     @abc.abstractmethod
     def start(self, start: Start, drive: Drive) -> State:

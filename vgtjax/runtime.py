@@ -8,6 +8,7 @@ import pathlib
 _NATIVE_LOOPS = "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=1000000000"
 # Twice the lanes a vector instruction, where the processor has them: a tenth to a quarter of a batch's time.
 _WIDE_VECTORS = "--xla_cpu_prefer_vector_width=512"
+_FORCED = "--xla_force_host_platform_device_count"
 
 
 def _usable_cores() -> int:
@@ -31,8 +32,8 @@ def configure(
     **Arguments:**
 
     - `x64`: double precision, which every fit needs.
-    - `cpu_devices`: how many devices JAX sees on the CPU; the number of usable cores by default. Jacobians and
-      sharded batches spread over them.
+    - `cpu_devices`: how many devices JAX sees on the CPU; by default what `XLA_FLAGS` force, or else the number of
+      usable cores. Jacobians and sharded batches spread over them.
     - `cache`: folder of the persistent compilation cache, so that a second run does not compile again; none when
       absent.
 
@@ -46,7 +47,7 @@ def configure(
     import jax
 
     try:  # JAX refuses this once it has started, and then the flags above come too late as well
-        jax.config.update("jax_num_cpu_devices", cpu_devices or _usable_cores())
+        jax.config.update("jax_num_cpu_devices", cpu_devices or (-1 if _FORCED in flags else _usable_cores()))
     except RuntimeError as error:
         raise RuntimeError("vgtjax.configure() must be called before JAX computes anything; call it first") from error
     jax.config.update("jax_enable_x64", x64)
