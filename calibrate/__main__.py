@@ -8,7 +8,7 @@ import signal
 import sys
 import types
 from collections.abc import Callable
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import click
 
@@ -50,7 +50,7 @@ def fit(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
 @main.command()
 @click.option("--out", type=PATH, required=True, metavar="DIR", help="Folder for the results.")
 def reproduce(out: pathlib.Path) -> None:
-    """Checks the numbers of the thesis's chapters 2 and 3 against this model."""
+    """Checks the numbers of the thesis's chapters 2 to 4 against this model."""
     _run("reproduce", out)
 
 
@@ -60,23 +60,59 @@ def identify(study: pathlib.Path | None, parameters: pathlib.Path | None, out: p
     _run("identify", study, parameters, out)
 
 
-def _prepare_jax() -> None:
+def _population_command(function: Callable[..., None]) -> Callable[..., None]:
+    for decorate in (
+        click.option("--process", type=int, metavar="INDEX", help="Which of them this one is, from 0."),
+        click.option("--processes", type=int, metavar="COUNT", help="How many processes run this command together."),
+        click.option("--coordinator", metavar="HOST:PORT", help="Where the first of several processes listens."),
+        click.option("--out", type=PATH, required=True, metavar="DIR", help="Folder for the results."),
+        click.option(
+            "--parameters",
+            type=PATH,
+            metavar="FILE",
+            help="The nominal actuator's parameters.json, or the folder of a fit with several units: the population.",
+        ),
+        click.argument("study", type=PATH, required=False),
+    ):
+        function = decorate(function)
+    return main.command()(function)
+
+
+@_population_command
+def tolerance(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathlib.Path, **processes: Any) -> None:
+    """Simulates a population of actuators: spread, yield, envelopes (a fleet of twenty if STUDY is omitted)."""
+    _run("tolerance", study, parameters, out, processes=processes)
+
+
+@_population_command
+def sensitivity(
+    study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathlib.Path, **processes: Any
+) -> None:
+    """Ranks what the spread of a population comes from (a fleet of twenty if STUDY is omitted)."""
+    _run("sensitivity", study, parameters, out, processes=processes)
+
+
+def _prepare_jax(processes: dict[str, Any] | None) -> None:
     """Fast settings and a persistent cache, before anything compiles. Here, so that --help needs no JAX."""
     import platformdirs
 
     from vgtjax.runtime import configure
 
     configure(cache=platformdirs.user_cache_path("vgtjax") / "compiled")
+    if processes is not None:
+        from .population import join
+
+        join(processes["coordinator"], processes["processes"], processes["process"])
 
 
-def _run(command: str, *arguments: pathlib.Path | None) -> None:
+def _run(command: str, *arguments: pathlib.Path | None, processes: dict[str, Any] | None = None) -> None:
     """Runs a command; what went wrong becomes one sentence and an exit status."""
     previous = signal.signal(signal.SIGINT, _leave)
     try:
         from vgtjax.errors import InputError, SimulationError
 
         try:
-            _prepare_jax()
+            _prepare_jax(processes)
             importlib.import_module(f".{command}", __package__).run(*arguments)
         except InputError as error:
             click.echo(f"error: {error}", err=True)

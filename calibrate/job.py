@@ -72,18 +72,24 @@ def prepare(path: pathlib.Path | None, parameters: pathlib.Path | None, needs: t
         stated, bounds = start_values(start, study)
         start = vgtjax.replace_parameters(start, stated)
         check_bounds(start, bounds)
-        traces = [(source.use, _load(source, start, bounds, needs)) for source in mine]
+        traces = [(source.use, load_source(source, start, bounds, (*start.needs, *needs))) for source in mine]
         units.append(Unit(name, start, bounds, traces))
     return Job(study, path.read_text(encoding="utf-8-sig"), fingerprint(study, sources, given), units)
 
 
-def _load(source: TraceSource, model: vgtjax.AbstractModel, bounds: Bounds, needs: tuple[str, ...]) -> vgtjax.Trace:
+def load_source(
+    source: TraceSource, model: vgtjax.AbstractModel, bounds: Bounds, needs: tuple[str, ...]
+) -> vgtjax.Trace:
+    """The trace of a source, checked against what the model's rod can do.
+
+    **Raises:** `InputError` for what is wrong with the file, or lacks a column of `needs`.
+    """
     travel = float(vgtjax.get_parameter(model, "diaphragm.travel"))
     trace = vgtjax.load_trace(
         source.path,
         atmosphere=STANDARD_ATMOSPHERE if source.atmosphere is None else source.atmosphere,
         travel=max(TRAVEL, travel, bounds.get("diaphragm.travel", (None, None))[1] or 0.0),
-        needs=(*model.needs, *needs),
+        needs=needs,
         ignore=() if isinstance(model, vgtjax.MechanicalActuator) else ("f_drive",),
         name=source.name,
     )

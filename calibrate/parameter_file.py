@@ -165,6 +165,23 @@ def load_values(path: pathlib.Path, unit: str | None, study: Study, model: vgtja
     return values
 
 
+def unit_files(folder: pathlib.Path) -> dict[str, pathlib.Path]:
+    """`parameters.json` of every unit below the folder of a fit, by unit."""
+    return {path.parent.name: path for path in sorted(folder.glob("*/parameters.json"))}
+
+
+def fitted_entries(path: pathlib.Path) -> list[str]:
+    """The entries that a fit moved, in the order of its `parameters.json`."""
+    entries = []
+    for name, fields in read_json(path)["parameters"].items():
+        free = fields.get("free", True)
+        if isinstance(free, list):
+            entries += [f"{name}[{index}]" for index, moved in enumerate(free) if moved]
+        elif free:
+            entries.append(name)
+    return entries
+
+
 def _check_numbers(path: pathlib.Path, name: str, value: Any) -> None:
     for number in value if isinstance(value, list) else [value]:
         if isinstance(number, bool) or not isinstance(number, int | float):

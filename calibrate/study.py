@@ -69,7 +69,8 @@ def _sentence(error: pydantic.ValidationError) -> str:
         near = difflib.get_close_matches(given, known, n=1, cutoff=0.0)
         return f"{where} must be one of {', '.join(known)}, but it is '{given}'; did you mean '{near[0]}'?"
     if first["type"] == "model_type":
-        return f"'{where}' must be a table, but it is {first['input']!r}; write e.g. {{value = {first['input']!r}}}"
+        example = "{relative = 0.02}" if place[0] == "population" else f"{{value = {first['input']!r}}}"
+        return f"'{where}' must be a table, but it is {first['input']!r}; write e.g. {example}"
     message = first["msg"].removeprefix("Value error, ")
     if first["type"] == "value_error":
         return message

@@ -1,11 +1,13 @@
 """The tables that a study file may have, and what may stand in them."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import pydantic
 
 
 class Table(pydantic.BaseModel):
+    """What all tables share: no unknown keys, no conversions, no changes."""
+
     model_config = pydantic.ConfigDict(extra="forbid", frozen=True, strict=True)
 
 

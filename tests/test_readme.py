@@ -9,7 +9,7 @@ from support import EXAMPLE
 
 import vgtjax
 from calibrate.models import CHAMBER, FRICTION, LINE, MAGNETIC_FORCE, VANE_FORCE, build_model, start_values
-from calibrate.study import Study
+from calibrate.study_tables import Study
 
 ROOT = pathlib.Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

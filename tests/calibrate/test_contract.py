@@ -11,7 +11,7 @@ from support import EXAMPLE
 
 import vgtjax
 from calibrate.models import build_model, start_values
-from calibrate.study import Study
+from calibrate.study_tables import Study
 from vgtjax.estimation import plan_task
 from vgtjax.transforms import build_transform
 

@@ -1,0 +1,72 @@
+"""Many samples through the experiments, chunk by chunk: resumable, in bounded memory, with progress."""
+
+import pathlib
+from collections.abc import Sequence
+
+import numpy as np
+import rich.progress
+
+from vgtjax.errors import InputError
+from vgtjax.population import Evaluator, Population
+from vgtjax.sensitivity import Sample
+
+from ..console import console
+from ..files import claim
+from .chunks import ChunkStore
+from .processes import agree, leads
+
+
+def sweep(
+    evaluator: Evaluator, population: Population, sample: Sample, store: ChunkStore, keep: Sequence[int], title: str
+) -> None:
+    """Computes the chunks that are missing in the store.
+
+    Which sample a row is depends on its number alone, so neither chunks nor devices nor processes change it.
+
+    **Arguments:** `keep`: which of the evaluator's columns are stored.
+    """
+    missing = np.flatnonzero(agree(store.missing())).tolist()
+    if len(missing) < store.count:
+        console.print(f"resuming with {store.count - len(missing)} of {store.count} chunks done")
+    with _progress() as progress:
+        done = store.rows - sum(store.size(number) for number in missing)
+        task = progress.add_task(title, total=store.rows, completed=done)
+        for number in missing:
+            begin, end = store.span(number)
+            results = evaluator(population.values(sample.points(begin, end)))
+            if leads():
+                store.save(number, results.only(keep))
+            progress.update(task, advance=end - begin)
+
+
+def claim_together(out: pathlib.Path, command: str, fingerprint: str) -> bool:
+    """Makes `out` the folder of this command and study; false where it holds the finished results already.
+
+    **Raises:** `InputError` when it can't be.
+    """
+    trouble: InputError | None = None
+    if leads():
+        try:
+            claim(out, command, fingerprint)
+        except InputError as error:
+            trouble = error
+    state = int(agree(2 if trouble is not None else int((out / "report.html").exists())))
+    if state == 2:
+        raise trouble or InputError("the first process refused; its message says why")
+    if state == 1:
+        console.print(f"nothing to do: {out} holds this study's results")
+        console.print(f"report: {(out / 'report.html').resolve()}")
+    return state == 0
+
+
+def _progress() -> rich.progress.Progress:
+    return rich.progress.Progress(
+        rich.progress.TextColumn("{task.description}"),
+        rich.progress.BarColumn(),
+        rich.progress.MofNCompleteColumn(),
+        rich.progress.TimeElapsedColumn(),
+        rich.progress.TimeRemainingColumn(),
+        console=console,
+        transient=True,
+        disable=not leads(),
+    )

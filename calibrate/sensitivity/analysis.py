@@ -1,0 +1,90 @@
+"""All indices of a sensitivity study, from the simulations that were made."""
+
+import dataclasses
+
+import numpy as np
+
+from vgtjax.experiments import Output
+from vgtjax.sensitivity import (
+    Indices,
+    RadialDesign,
+    Ranking,
+    analyse,
+    gradient_share,
+    rank_inputs,
+    total_bound,
+    variance,
+)
+
+from ..population import ChunkStore, PopulationJob
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Analysis:
+    """All that was found; rows of the indices are columns of the store, of `numbers` outputs first, then of curves."""
+
+    outputs: tuple[Output, ...]
+    columns: tuple[str, ...]
+    inputs: tuple[str, ...]
+    indices: Indices
+    local: np.ndarray
+    bound: np.ndarray
+    rankings: tuple[Ranking, ...]
+    failed: np.ndarray
+    rows: int
+
+    def place(self, output: Output) -> slice:
+        """Rows of an output."""
+        first = self.columns.index(f"{output.name}[0]" if output.axis else output.name)
+        return slice(first, first + output.size)
+
+
+def chosen_outputs(outputs: tuple[Output, ...]) -> tuple[Output, ...]:
+    """Numbers, and curves over time; the branches of loops say again what the numbers say."""
+    numbers = tuple(output for output in outputs if not output.axis)
+    return numbers + tuple(output for output in outputs if output.axis_unit == "s")
+
+
+def analyse_all(
+    job: PopulationJob, design: RadialDesign, store: ChunkStore, outputs: tuple[Output, ...], gradients: np.ndarray
+) -> Analysis:
+    """Every index of every output.
+
+    **Arguments:** `gradients`: at the nominal actuator and at some base points, `(points, columns, quantities)`.
+    """
+    table, population = job.study.sensitivity, job.population
+    order = [column for output in outputs for column in _columns(output)]
+    x, y = population.values(design.points(0, design.rows)), store.table(order)
+    places = [store.columns.index(column) for column in order]
+    gradients = gradients[:, places]
+    indices = analyse(design, x, y, replicates=table.replicates, level=table.confidence, seed=table.seed)
+    local = gradient_share(gradients[0], population.deviations)
+    spread = np.array([variance(column[np.isfinite(column)][:, None])[0] for column in y.T])
+    whole = np.isfinite(gradients[1:]).all(axis=(1, 2))
+    bound = total_bound(gradients[1:][whole], population.deviations, spread, 1.0)
+    numbers = [output for output in outputs if not output.axis]
+    rankings = rank_inputs(
+        _first(indices, len(numbers)),
+        population.factors.entries,
+        [output.name for output in numbers],
+        local=local[: len(numbers)],
+        threshold=table.threshold,
+    )
+    return Analysis(
+        outputs, tuple(order), population.factors.entries, indices, local, bound, rankings, store.failed(), design.rows
+    )
+
+
+def _columns(output: Output) -> list[str]:
+    return [f"{output.name}[{place}]" for place in range(output.size)] if output.axis else [output.name]
+
+
+def _first(indices: Indices, count: int) -> Indices:
+    """The indices of the first outputs."""
+
+    def cut(value):
+        if isinstance(value, np.ndarray):
+            return value[:count]
+        return type(value)(*[end[:count] for end in (value.value, value.low, value.high)])
+
+    return Indices(**{field.name: cut(getattr(indices, field.name)) for field in dataclasses.fields(indices)})

@@ -1,0 +1,104 @@
+"""`summary.json` of a sensitivity study: every index of every output, ranked, with intervals, and over time."""
+
+from typing import Any
+
+import numpy as np
+
+from vgtjax.experiments import Output
+from vgtjax.sensitivity import Estimate, Interval, RadialDesign, RankedInput, explain
+
+from ..population import PopulationJob, describe_failed, describe_quantities, finite, scaled
+from .analysis import Analysis
+
+
+def summarise(job: PopulationJob, design: RadialDesign, analysis: Analysis, seconds: float) -> dict[str, Any]:
+    """The whole summary."""
+    table = job.study.sensitivity
+    numbers = [output for output in analysis.outputs if not output.axis]
+    return {
+        "simulations": analysis.rows,
+        "base": table.base,
+        "seed": table.seed,
+        "confidence": table.confidence,
+        "threshold": table.threshold,
+        "failed": {"count": len(analysis.failed), "samples": describe_failed(job, design, analysis.failed)},
+        "leading": _leading(analysis, table.threshold),
+        "outputs": {output.name: _output(analysis, row, output) for row, output in enumerate(numbers)},
+        "over_time": {o.name: _over_time(analysis, o, table.threshold) for o in analysis.outputs if o.axis},
+        "quantities": describe_quantities(job),
+        "notes": list(job.notes),
+        "wall_seconds": round(seconds, 3),
+        "study_sha256": job.fingerprint,
+    }
+
+
+def _leading(analysis: Analysis, threshold: float) -> list[dict[str, Any]]:
+    """Quantities by the number of outputs for which they matter, that is, whose total index is above the threshold."""
+    found: dict[str, list[str]] = {}
+    for ranking in analysis.rankings:
+        for entry in ranking.inputs:
+            if entry.total.above(threshold):
+                found.setdefault(entry.name, []).append(ranking.output)
+    return [
+        {"quantity": name, "outputs": outputs} for name, outputs in sorted(found.items(), key=lambda kv: -len(kv[1]))
+    ]
+
+
+def _output(analysis: Analysis, row: int, output: Output) -> dict[str, Any]:
+    ranking = analysis.rankings[row]
+    return {
+        "meaning": output.meaning,
+        "unit": scaled(output).unit,
+        "r2": finite(ranking.r2),
+        "base_points_used": ranking.used,
+        "quantities": [_entry(analysis, row, output, ranking.r2, entry) for entry in ranking.inputs],
+    }
+
+
+def _entry(analysis: Analysis, row: int, output: Output, r2: float, entry: RankedInput) -> dict[str, Any]:
+    place, factor = (row, analysis.inputs.index(entry.name)), scaled(output).factor
+    indices = analysis.indices
+    return {
+        "quantity": entry.name,
+        "src_thesis": _interval(entry.correlation),
+        "src": _estimate(indices.regression, place),
+        "first": _interval(entry.first),
+        "total": _interval(entry.total),
+        "gradient": finite(analysis.local[place]),
+        "derivative_based": finite(analysis.bound[place]),
+        "morris": {
+            "mu_star": _estimate(indices.mu_star, place, factor),
+            "mu": finite(indices.mu.value[place] * factor),
+            "sigma": finite(indices.sigma.value[place] * factor),
+        },
+        "verdict": explain(entry, r2),
+    }
+
+
+def _over_time(analysis: Analysis, output: Output, threshold: float) -> dict[str, Any]:
+    """Indices along a step, of the quantities that ever matter."""
+    rows = analysis.place(output)
+    total = analysis.indices.total.value[rows]
+    ever = np.nan_to_num(total, nan=0.0).max(axis=0) > threshold
+    return {
+        "meaning": output.meaning,
+        "time": list(output.axis),
+        "quantities": {
+            name: {
+                "first": [finite(value) for value in analysis.indices.first.value[rows, i]],
+                "total": [finite(value) for value in total[:, i]],
+                "src_thesis": [finite(value) for value in analysis.indices.correlation.value[rows, i]],
+                "gradient": [finite(value) for value in analysis.local[rows, i]],
+            }
+            for i, name in enumerate(analysis.inputs)
+            if ever[i]
+        },
+    }
+
+
+def _interval(interval: Interval, factor: float = 1.0) -> dict[str, float | None]:
+    return {name: finite(value * factor) for name, value in zip(("value", "low", "high"), interval, strict=True)}
+
+
+def _estimate(estimate: Estimate, place: tuple[int, int], factor: float = 1.0) -> dict[str, float | None]:
+    return _interval(Interval(*(float(end[place]) for end in (estimate.value, estimate.low, estimate.high))), factor)

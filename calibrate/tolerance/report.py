@@ -1,0 +1,109 @@
+"""The report of a tolerance study: one HTML file that carries all it shows."""
+
+from typing import Any
+
+import numpy as np
+
+from vgtjax.experiments import Output, SlowLoop, StepResponse, label
+
+from ..page import figure_html, render_page
+from ..population import ChunkStore, PopulationJob, scaled
+from . import figures
+from .samples import curve_rows
+from .summary import Known
+
+
+def render(
+    job: PopulationJob, store: ChunkStore, known: Known, outputs: tuple[Output, ...], summary: dict[str, Any]
+) -> str:
+    """The report as HTML."""
+    return render_page(
+        "tolerance.html.jinja",
+        title=job.study.name,
+        study=job.study,
+        study_text=job.text,
+        fingerprint=job.fingerprint,
+        summary=summary,
+        loops=_loops(job, store),
+        effects=_effects(job, store),
+        histograms=_histograms(job, store, outputs),
+        steps=_steps(job, store, known, outputs),
+        units=_units(job, summary),
+        shapes={entry: type(m.dist).__name__.removesuffix("_gen") for entry, m in _margins(job)},
+    )
+
+
+def _margins(job: PopulationJob) -> list[tuple[str, Any]]:
+    return list(zip(job.population.factors.entries, job.population.margins, strict=True))
+
+
+def _slow_loop(job: PopulationJob) -> SlowLoop:
+    return next(each for each in job.experiments if isinstance(each, SlowLoop))
+
+
+def _loops(job: PopulationJob, store: ChunkStore) -> list[dict[str, str]]:
+    loop = _slow_loop(job)
+    known = {output.name: output for output in loop.outputs}
+    sections = []
+    for pressure in loop.turbine_pressures:
+        at = label(pressure)
+        branches = {
+            branch: curve_rows(store, known[f"{branch}_pressure_{at}"]) / 100 for branch in ("closing", "opening")
+        }
+        figure = figures.loop_figure(pressure, branches, job.measured)
+        sections.append({"title": f"{pressure / 100:.0f} mbar at the turbine inlet", "figure": figure_html(figure)})
+    return sections
+
+
+def _effects(job: PopulationJob, store: ChunkStore) -> list[dict[str, str]]:
+    pressures = list(_slow_loop(job).turbine_pressures)
+    if len(pressures) < 2:
+        return []
+    sections = []
+    for direction, title in (("open", "Opening vanes [Fig. 4.8]"), ("closed", "Closing vanes [Fig. 4.9]")):
+        names = [name for name in store.columns if name.startswith(f"{direction}_vane_effect")]
+        simulated = {name: store.column(name) / 100 for name in names}
+        figure = figures.effect_figure(direction, simulated, pressures, job.measured)
+        sections.append({"title": title, "figure": figure_html(figure)})
+    return sections
+
+
+def _histograms(job: PopulationJob, store: ChunkStore, outputs: tuple[Output, ...]) -> list[str]:
+    """Of every output with a limit, and of the loop widths."""
+    limits = job.study.tolerance.limits
+    shown = []
+    for output in outputs:
+        if not output.axis and (output.name in limits or output.name.startswith("hysteresis_")):
+            measured = [
+                float(loops.readings[output.name]) * scaled(output).factor
+                for loops in job.measured.values()
+                if output.name in loops.readings
+            ]
+            values = store.column(output.name) * scaled(output).factor
+            shown.append(figure_html(figures.histogram(output, values, limits.get(output.name), measured)))
+    return shown
+
+
+def _steps(job: PopulationJob, store: ChunkStore, known: Known, outputs: tuple[Output, ...]) -> list[dict[str, str]]:
+    sections = []
+    for experiment in job.experiments:
+        for output in experiment.outputs if isinstance(experiment, StepResponse) else ():
+            if output.axis and output.unit == "m":
+                nominal = np.array([known.nominal[f"{output.name}[{i}]"] for i in range(output.size)])
+                factor = scaled(output).factor
+                figure = figures.step_figure(output, curve_rows(store, output) * factor, nominal * factor)
+                sections.append({"title": output.meaning, "figure": figure_html(figure)})
+    return sections
+
+
+def _units(job: PopulationJob, summary: dict[str, Any]) -> dict[str, Any] | None:
+    """Measured widths beside those that the unit's own fitted model gives."""
+    if not summary["units"]:
+        return None
+    pressures = sorted({float(at) for unit in summary["units"].values() for at in unit["hysteresis_mbar"]})
+    rows = []
+    for name, unit in summary["units"].items():
+        simulated = summary["simulated_units"].get(name, {})
+        cells = [(unit["hysteresis_mbar"].get(f"{at:g}"), simulated.get(f"hysteresis_{at:g}mbar")) for at in pressures]
+        rows.append({"name": name, "cells": cells})
+    return {"pressures": [f"{at:g}" for at in pressures], "rows": rows, "fitted": bool(summary["simulated_units"])}

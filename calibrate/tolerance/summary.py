@@ -1,0 +1,124 @@
+"""`summary.json` of a tolerance study: quantiles, yield, envelopes, failures, and the measured units beside them."""
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import scipy.stats
+
+from vgtjax.experiments import MeasuredLoops, Output, label
+from vgtjax.parameters import unknown_name
+from vgtjax.sensitivity import Sample
+
+from ..population import ChunkStore, PopulationJob, describe_failed, describe_quantities, finite, scaled
+from ..study_tables import Limit
+
+QUANTILES = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
+ENVELOPE = (0.05, 0.5, 0.95)
+CONFIDENCE = 0.95
+
+Readings = dict[str, float]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Known:
+    """The readings of actuators that are no samples, by column: the nominal one, and fitted units."""
+
+    nominal: Readings
+    units: dict[str, Readings]
+
+
+def check_limits(outputs: Sequence[Output], limits: dict[str, Limit]) -> None:
+    """Whether limits are on numbers that the experiments give.
+
+    **Raises:** `InputError` for the first that is not, with the nearest name.
+    """
+    known = [output.name for output in outputs if not output.axis]
+    for name in limits:
+        if name not in known:
+            raise unknown_name("[tolerance.limits]", name, known)
+
+
+def summarise(
+    job: PopulationJob,
+    sample: Sample,
+    store: ChunkStore,
+    known: Known,
+    outputs: tuple[Output, ...],
+    seconds: float,
+) -> dict[str, Any]:
+    """The whole summary."""
+    table, failed = job.study.tolerance, store.failed()
+    good = np.ones(store.rows, bool)
+    good[failed] = False
+    found: dict[str, Any] = {}
+    meets_all = good.copy()
+    for output in outputs:
+        if not output.axis:
+            values = store.column(output.name) * scaled(output).factor
+            limit = table.limits.get(output.name)
+            found[output.name] = _number(output, values[good], known.nominal[output.name], limit)
+            if limit is not None:
+                meets_all &= _meets(values, limit)
+    return {
+        "samples": store.rows,
+        "failed": {"count": len(failed), "samples": describe_failed(job, sample, failed)},
+        "yield": _share(meets_all[good]) if table.limits else None,
+        "outputs": found,
+        "quantities": describe_quantities(job),
+        "notes": list(job.notes),
+        "units": {name: _unit(loops) for name, loops in job.measured.items()},
+        "simulated_units": {name: _shown(readings, outputs) for name, readings in known.units.items()},
+        "sampler": table.sampler,
+        "seed": table.seed,
+        "precision": table.precision,
+        "wall_seconds": round(seconds, 3),
+        "study_sha256": job.fingerprint,
+    }
+
+
+def _number(output: Output, values: np.ndarray, nominal: float, limit: Limit | None) -> dict[str, Any]:
+    """One output over the samples whose simulation did not fail."""
+    defined = values[np.isfinite(values)]
+    quantiles = np.quantile(defined, QUANTILES) if len(defined) else np.full(len(QUANTILES), math.nan)
+    return {
+        "unit": scaled(output).unit,
+        "meaning": output.meaning,
+        "nominal": finite(nominal * scaled(output).factor),
+        "defined": len(defined),
+        "mean": finite(defined.mean()) if len(defined) else None,
+        "deviation": finite(defined.std(ddof=1)) if len(defined) > 1 else None,
+        "quantiles": {f"{share:g}": finite(value) for share, value in zip(QUANTILES, quantiles, strict=True)},
+        **({} if limit is None else {"limit": limit.model_dump(), "yield": _share(_meets(values, limit))}),
+    }
+
+
+def _meets(values: np.ndarray, limit: Limit) -> np.ndarray:
+    """Which values keep a limit; one that a response does not have keeps none."""
+    low = -math.inf if limit.lower is None else limit.lower
+    high = math.inf if limit.upper is None else limit.upper
+    return (values >= low) & (values <= high)
+
+
+def _share(meets: np.ndarray) -> dict[str, float] | None:
+    """The part that meets, with the interval of Clopper and Pearson, as if samples were independent."""
+    if not len(meets):
+        return None
+    result = scipy.stats.binomtest(int(meets.sum()), len(meets))
+    interval = result.proportion_ci(CONFIDENCE)
+    return {"share": float(meets.mean()), "low": float(interval.low), "high": float(interval.high)}
+
+
+def _unit(loops: MeasuredLoops) -> dict[str, Any]:
+    """A measured unit: widths in mbar by turbine pressure in mbar, and all else that was read, in mbar."""
+    readings = {name: np.asarray(value) / 100 for name, value in loops.readings.items()}
+    return {
+        "hysteresis_mbar": {label(at).removesuffix("mbar"): width / 100 for at, width in loops.hysteresis.items()},
+        "readings_mbar": {name: finite(value) for name, value in readings.items() if np.ndim(value) == 0},
+    }
+
+
+def _shown(readings: Readings, outputs: tuple[Output, ...]) -> dict[str, float | None]:
+    return {output.name: finite(readings[output.name] * scaled(output).factor) for output in outputs if not output.axis}

@@ -1,0 +1,124 @@
+"""The command `sensitivity` as a user runs it, on a small population."""
+
+import pathlib
+
+import numpy as np
+import pytest
+from commands import assert_refused, read, run_command
+from population_study import STUDY, write_study
+
+import vgtjax
+from calibrate.population import ChunkStore
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory) -> pathlib.Path:
+    """The folder of a finished run, in the folder of its study."""
+    folder = tmp_path_factory.mktemp("sensitivity")
+    outcome = run_command("sensitivity", write_study(folder), "--out", folder / "out")
+    assert outcome.status == 0, outcome.err
+    assert (
+        "note: sensitivity indices need independent quantities, so the stated correlations are left out" in outcome.out
+    )
+    return folder / "out"
+
+
+@pytest.fixture(scope="module")
+def summary(done) -> dict:
+    return read(done / "summary.json")
+
+
+def index_of(summary: dict, output: str, quantity: str) -> dict:
+    return next(row for row in summary["outputs"][output]["quantities"] if row["quantity"] == quantity)
+
+
+def test_a_run_writes_its_two_files_and_no_more(done, summary):
+    assert {path.name for path in done.iterdir()} == {".study.json", "summary.json", "report.html"}
+    assert summary["simulations"] == 16 * (4 + 2)
+    assert summary["failed"] == {"count": 0, "samples": []}
+
+
+def test_what_physics_says_leads(summary):
+    """The start of the vanes' motion depends on none of the four as much as on Coulomb friction; the final position of
+    an open loop on the magnetic force; the loop's width, in pressure, on friction alone."""
+    leading = {name: output["quantities"][0]["quantity"] for name, output in summary["outputs"].items()}
+    assert leading["hysteresis_0mbar"] == "friction.coulomb_force"
+    assert leading["steady_error_50"] == "converter.magnetic_force"
+    assert index_of(summary, "hysteresis_0mbar", "friction.coulomb_force")["total"]["low"] > 0.05
+
+
+def test_every_index_is_there_with_its_interval_and_they_agree(summary):
+    found = index_of(summary, "steady_error_50", "converter.magnetic_force")
+    for name in ("src_thesis", "first", "total"):
+        index = found[name]
+        assert index["low"] <= index["value"] <= index["high"]
+    # A nearly linear output: shares by regression and by the gradient are the same, but for the variance that 96 runs
+    # happen to have, a part in sqrt(96) of it.
+    assert summary["outputs"]["steady_error_50"]["r2"] > 0.98
+    assert found["src"]["value"] ** 2 == pytest.approx(found["gradient"], abs=0.1)
+    assert found["morris"]["mu_star"]["value"] > 0
+    assert found["verdict"] == "all agree"
+
+
+def test_gradient_shares_are_those_of_central_differences(summary, done):
+    """Of the final position, by simulating the nominal actuator with each quantity moved."""
+    model = vgtjax.Actuator()
+    trace = vgtjax.Trace(
+        np.arange(351) * 2e-3, pwm=np.where(np.arange(351) >= 50, 50.0, 0.0)
+    )  # the step of the study up to the end of its hold
+
+    def final(name: str, factor: float) -> float:
+        value = factor * np.asarray(vgtjax.get_parameter(model, name))
+        return float(vgtjax.simulate(vgtjax.replace_parameters(model, {name: value}), trace).x_d[-1])
+
+    deviations = {name: quantity["deviation"] for name, quantity in summary["quantities"].items()}
+    slopes = {}
+    for name, deviation in deviations.items():
+        nominal = 1.0 if name == "converter.magnetic_force" else float(vgtjax.get_parameter(model, name))
+        slopes[name] = (final(name, 1 + 1e-4) - final(name, 1 - 1e-4)) / (2e-4 * nominal) * deviation
+    whole = sum(slope**2 for slope in slopes.values())
+    for name, slope in slopes.items():
+        # Central differences of a step of 1e-4 carry 1e-8 of curvature, and kinks some 1e-3.
+        share = index_of(summary, "steady_error_50", name)["gradient"]
+        assert share == pytest.approx(slope**2 / whole, abs=2e-3)
+
+
+def test_indices_run_over_time(summary):
+    curve = summary["over_time"]["step_position_50"]
+    assert len(curve["time"]) == 51
+    total = curve["quantities"]["converter.magnetic_force"]["total"]
+    assert total[0] is None or total[0] < 1.5
+    # At the end the curve is the final position, whose indices stand in the table.
+    last = index_of(summary, "steady_error_50", "converter.magnetic_force")["total"]["value"]
+    assert total[-1] == pytest.approx(last, abs=0.05)
+
+
+def test_interrupted_run_goes_on_and_ends_the_same(done, summary, tmp_path, monkeypatch):
+    study, saved = write_study(tmp_path), []
+
+    def save(self, number, results, original=ChunkStore.save):
+        if len(saved) == 2:
+            raise OSError(28, "No space left on device", "chunk")
+        saved.append(number)
+        original(self, number, results)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(ChunkStore, "save", save)
+        assert run_command("sensitivity", study, "--out", tmp_path / "out").status == 1
+    outcome = run_command("sensitivity", study, "--out", tmp_path / "out")
+    assert "resuming with 2 of 3 chunks done" in outcome.out
+    assert read(tmp_path / "out" / "summary.json")["outputs"] == summary["outputs"]
+
+
+def test_report_shows_every_output_and_verdict(done, summary):
+    report = (done / "report.html").read_text(encoding="utf-8")
+    for name, output in summary["outputs"].items():
+        assert f"<h3>{name}</h3>" in report
+        assert output["quantities"][0]["verdict"].split(" (")[0] in report
+
+
+def test_too_few_base_points_are_refused(tmp_path):
+    (tmp_path / "study.toml").write_text(STUDY.replace("base = 16", "base = 8").replace('file = "unit', 'file = "*'))
+    outcome = run_command("sensitivity", tmp_path / "study.toml", "--out", tmp_path / "out")
+    sentence = "study.toml: sensitivity.base: Input should be greater than or equal to 16, but it is 8; correct it"
+    assert_refused(outcome, sentence, tmp_path / "out")

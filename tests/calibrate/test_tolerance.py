@@ -1,0 +1,316 @@
+"""The command `tolerance` as a user runs it, on a small population."""
+
+import json
+import pathlib
+
+import numpy as np
+import pytest
+from commands import assert_refused, read, run_command
+from population_study import STUDY, write_study
+
+import vgtjax
+from calibrate.population import ChunkStore, prepare_population
+from calibrate.tolerance.samples import choose_sample
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory) -> pathlib.Path:
+    """The folder of a finished run, in the folder of its study."""
+    folder = tmp_path_factory.mktemp("tolerance")
+    outcome = run_command("tolerance", write_study(folder), "--out", folder / "out")
+    assert outcome.status == 0, outcome.err
+    return folder / "out"
+
+
+@pytest.fixture(scope="module")
+def summary(done) -> dict:
+    return read(done / "summary.json")
+
+
+@pytest.fixture(scope="module")
+def samples(done) -> dict[str, np.ndarray]:
+    return dict(np.load(done / "samples.npz"))
+
+
+def test_a_run_writes_its_three_files_and_no_more(done):
+    assert {path.name for path in done.iterdir()} == {".study.json", "summary.json", "samples.npz", "report.html"}
+
+
+def test_measured_widths_are_those_of_the_traces(summary, done):
+    """Against a reading of our own: mean pressure in bins of position, opening less closing."""
+    for name in ("0", "1500", "3000"):
+        trace = vgtjax.load_trace(done.parent / f"unit_01_{int(name):04d}mbar.csv")
+        top = int(np.argmax(trace.x_d))
+        edges = np.linspace(2e-3, 8e-3, 13)
+
+        def mean(part, trace=trace, edges=edges):
+            place = np.digitize(trace.x_d[part], edges)
+            return np.array([trace.p_act[part][place == number].mean() for number in range(1, 13)])
+
+        width = np.mean(mean(slice(top, None)) - mean(slice(0, top))) / 100
+        # Bins are centred where the samples happen to lie: tens of micrometres of 4 Pa/um off.
+        assert summary["units"]["unit_01"]["hysteresis_mbar"][name] == pytest.approx(width, abs=0.5)
+
+
+def test_summary_is_that_of_the_samples(summary, samples):
+    names, good = samples["output_names"].tolist(), np.isfinite(samples["outputs"]).all(axis=1)
+    assert good.all()
+    for name, found in summary["outputs"].items():
+        column = samples["outputs"][:, names.index(name)]
+        assert found["unit"] == samples["output_units"][names.index(name)]
+        assert found["mean"] == pytest.approx(column.mean(), rel=1e-12)
+        assert found["quantiles"]["0.95"] == pytest.approx(np.quantile(column, 0.95), rel=1e-12)
+    width, error = (samples["outputs"][:, names.index(name)] for name in ("hysteresis_0mbar", "steady_error_50"))
+    meets = (width <= 33.0) & (np.abs(error) <= 0.2)
+    assert 0 < meets.mean() < 1, "limits that all or none keep show nothing"
+    assert summary["yield"]["share"] == meets.mean()
+    assert summary["yield"]["low"] < meets.mean() < summary["yield"]["high"]
+    assert summary["outputs"]["hysteresis_0mbar"]["yield"]["share"] == np.mean(width <= 33.0)
+
+
+def test_samples_are_those_of_the_stated_distributions(samples):
+    quantities = samples["quantities"].tolist()
+    assert quantities == [
+        "converter.magnetic_force",
+        "chamber.volume",
+        "diaphragm.stiffness",
+        "friction.coulomb_force",
+    ]
+    assert samples["quantity_units"].tolist() == ["1", "m3", "N/m", "N"]
+    values = dict(zip(quantities, samples["values"].T, strict=True))
+    assert 4e-5 < values["chamber.volume"].min() < values["chamber.volume"].max() < 8e-5
+    # Two dozen quasi-random points: the standard deviation of 2 % is met to a few parts in ten.
+    assert values["converter.magnetic_force"].std() == pytest.approx(0.02, rel=0.3)
+    assert np.corrcoef(values["diaphragm.stiffness"], values["friction.coulomb_force"])[0, 1] > 0.4
+
+
+def test_a_row_of_the_file_is_the_simulation_of_its_values(samples, done):
+    job = prepare_population(done.parent / "study.toml", None, levels=False)
+    model = job.population.factors.unpack(job.population.model, samples["values"][5])
+    trace = job.experiments[1].traces[0]
+    solution = vgtjax.simulate(model, trace)
+    time = samples["axis_step_position_50"]
+    expected = np.interp(time, trace.time - 0.1, solution.x_d)
+    # The lanes of a batch and a single simulation are compiled apart, so they round apart.
+    np.testing.assert_allclose(samples["step_position_50"][5], expected * 1e3, atol=1e-9)
+
+
+def test_interrupted_run_goes_on_and_ends_the_same(done, tmp_path, monkeypatch):
+    study, saved = write_study(tmp_path), []
+
+    def save(self, number, results, original=ChunkStore.save):
+        if len(saved) == 2:
+            raise OSError(28, "No space left on device", "chunk")
+        saved.append(number)
+        original(self, number, results)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(ChunkStore, "save", save)
+        outcome = run_command("tolerance", study, "--out", tmp_path / "out")
+    assert outcome.status == 1
+    assert outcome.err == "failed: chunk can't be written (No space left on device); make room\n"
+    assert not (tmp_path / "out" / "report.html").exists()
+    outcome = run_command("tolerance", study, "--out", tmp_path / "out")
+    assert outcome.status == 0
+    assert "resuming with 2 of 3 chunks done" in outcome.out
+    assert_same_samples(tmp_path / "out", done, tolerance=0.0)
+
+
+def assert_same_samples(one: pathlib.Path, other: pathlib.Path, tolerance: float) -> None:
+    """The same samples bit for bit, and the same outputs to a part of their size."""
+    mine, yours = np.load(one / "samples.npz"), np.load(other / "samples.npz")
+    assert mine.files == yours.files
+    for name in mine.files:
+        if mine[name].dtype.kind != "f" or name == "values":
+            np.testing.assert_array_equal(mine[name], yours[name])
+        else:
+            np.testing.assert_allclose(mine[name], yours[name], rtol=0, atol=tolerance * np.abs(yours[name]).max())
+
+
+def test_second_run_does_nothing_and_another_study_is_refused(done):
+    before = {path.name: path.stat().st_mtime_ns for path in done.iterdir()}
+    again = run_command("tolerance", done.parent / "study.toml", "--out", done)
+    assert again.status == 0
+    assert again.out.startswith("nothing to do: ")
+    assert {path.name: path.stat().st_mtime_ns for path in done.iterdir()} == before
+    other = done.parent / "other.toml"
+    other.write_text(STUDY.replace("samples = 24", "samples = 16"))
+    refused = run_command("tolerance", other, "--out", done)
+    assert refused.status == 2
+    assert "holds the results of another study" in refused.err
+
+
+def test_chunks_do_not_change_the_numbers(done, tmp_path):
+    study = write_study(tmp_path, STUDY.replace("lanes = 8", "lanes = 24"))
+    assert run_command("tolerance", study, "--out", tmp_path / "out").status == 0
+    assert_same_samples(tmp_path / "out", done, tolerance=1e-9)  # what was promised
+
+
+def test_bad_samples_are_counted_and_named_and_touch_no_other(done, tmp_path):
+    """Chambers too small for the diaphragm's stroke: the gas has no volume left, and the simulation fails."""
+    study = write_study(tmp_path, STUDY.replace("lower = 4e-5, upper = 8e-5", "lower = 2.0e-5, upper = 6e-5"))
+    assert run_command("tolerance", study, "--out", tmp_path / "out").status == 0
+    found, samples = read(tmp_path / "out" / "summary.json"), np.load(tmp_path / "out" / "samples.npz")
+    failed = samples["failed"].tolist()
+    assert 0 < len(failed) < 24
+    assert found["failed"]["count"] == len(failed)
+    assert [sample["sample"] for sample in found["failed"]["samples"]] == failed
+    volume = samples["quantities"].tolist().index("chamber.volume")
+    for sample in found["failed"]["samples"]:
+        assert sample["values"]["chamber.volume"] == samples["values"][sample["sample"], volume] < 3.5e-5
+    good = np.setdiff1d(np.arange(24), failed)
+    assert np.isnan(samples["outputs"][failed]).all()
+    assert np.isfinite(samples["outputs"][good]).all()
+    assert found["outputs"]["hysteresis_0mbar"]["defined"] == len(good)
+    assert f'failed simulations<b class="bad">{len(failed)}' in (tmp_path / "out" / "report.html").read_text()
+
+
+def test_latin_hypercube_in_single_precision(done, tmp_path):
+    text = STUDY.replace("lanes = 8", 'lanes = 24\nsampler = "latin-hypercube"\nprecision = "single"')
+    assert run_command("tolerance", write_study(tmp_path, text), "--out", tmp_path / "out").status == 0
+    mine, yours = read(tmp_path / "out" / "summary.json"), read(done / "summary.json")
+    volumes = np.load(tmp_path / "out" / "samples.npz")["values"][:, 1]
+    assert sorted(np.floor((volumes - 4e-5) / 4e-5 * 24).astype(int)) == list(range(24)), "one sample a stratum"
+    for name, unit in (("hysteresis_0mbar", "mbar"), ("response_time_63_50", "ms")):
+        nominal = yours["outputs"][name]["nominal"]
+        # Single precision: 25 Pa and 2 um were promised; the nominal actuator's width and times move far less.
+        assert mine["outputs"][name] == mine["outputs"][name] | {"unit": unit}
+        assert mine["outputs"][name]["nominal"] == pytest.approx(nominal, rel=2e-3)
+
+
+def test_nominal_actuator_comes_from_parameters(done, tmp_path):
+    study = write_study(tmp_path, STUDY.replace("samples = 24", "samples = 8"))
+    stiff = {"model": "full", "parameters": {"diaphragm.preload": {"value": 60.0}}}
+    (tmp_path / "parameters.json").write_text(json.dumps(stiff))
+    arguments = ("--parameters", tmp_path / "parameters.json", "--out", tmp_path / "out")
+    assert run_command("tolerance", study, *arguments).status == 0
+    mine = read(tmp_path / "out" / "summary.json")["outputs"]["start_pressure_0mbar"]["nominal"]
+    yours = read(done / "summary.json")["outputs"]["start_pressure_0mbar"]["nominal"]
+    area = float(vgtjax.Actuator().diaphragm.area)
+    # The preload alone moves the start; rate-dependent friction changes by less than a millibar.
+    assert mine - yours == pytest.approx(-(60.0 - 49.46) / area / 100, abs=0.5)
+
+
+def test_sample_of_a_study_is_the_one_it_names(done):
+    job = prepare_population(done.parent / "study.toml", None, levels=False)
+    points = choose_sample(job).points(0, 24)
+    np.testing.assert_array_equal(job.population.values(points), np.load(done / "samples.npz")["values"])
+
+
+BAD = [
+    (
+        "name",
+        '[population]\nvary = ["x.*"]',
+        "parameter name or pattern 'x.*' matches nothing; did you mean 'air.pressure'?",
+    ),
+    ("key", "[population]\nvarry = []", "study.toml: unknown key 'population.varry'; did you mean 'vary'?"),
+    (
+        "output",
+        '[tolerance.limits]\n"hysteresis_0" = {upper = 3}',
+        "[tolerance.limits] 'hysteresis_0' matches nothing; did you mean 'hysteresis_0mbar'?",
+    ),
+    (
+        "no limit",
+        '[tolerance.limits]\n"hysteresis_0mbar" = {}',
+        "study.toml: a limit needs a lower or an upper end, but it has none; write e.g. {upper = 30}",
+    ),
+    (
+        "limit",
+        '[tolerance.limits]\n"hysteresis_0mbar" = {lower = 3, upper = 2}',
+        "study.toml: the ends of a limit must rise, but they are 3 and 2; swap them",
+    ),
+    (
+        "spread twice",
+        '[population.parameters]\n"diaphragm.mass" = {relative = 0.1, deviation = 2}',
+        "the spread of 'diaphragm.mass' must be either relative or a deviation, but it is both; drop one",
+    ),
+    (
+        "ends",
+        '[population.parameters]\n"diaphragm.mass" = {distribution = "uniform", lower = 2, upper = 1}',
+        "the ends of 'diaphragm.mass' must rise and not lie below 0, but they are 2 and 1; correct them or the spread",
+    ),
+    (
+        "outside",
+        '[population.parameters]\n"diaphragm.mass" = {distribution = "uniform", relative = 1.5}',
+        "the ends of 'diaphragm.mass' must rise and not lie below 0, but they are -0.315 and 1.575; correct them "
+        "or the spread",
+    ),
+    (
+        "zero",
+        '[population.parameters]\n"diaphragm.damping" = {relative = 0.1}',
+        "'diaphragm.damping' is 0, so its spread can't be a part of it; state its deviation",
+    ),
+    (
+        "table",
+        '[population.parameters]\n"diaphragm.mass" = 3',
+        "study.toml: 'population.parameters.diaphragm.mass' must be a table, but it is 3; write e.g. {relative = 0.02}",
+    ),
+    (
+        "sampler",
+        '[tolerance]\nsampler = "sobo"',
+        "study.toml: tolerance.sampler must be one of sobol, latin-hypercube, but it is 'sobo'; did you mean 'sobol'?",
+    ),
+    (
+        "duty",
+        "[experiments]\nsteps = [120]",
+        "steps need one or more duties above 0 up to 100 %, but they are [120.0]; correct them",
+    ),
+    (
+        "pressures",
+        "[experiments]\nturbine_pressure = [3e5, 0]",
+        "turbine pressures must be one or more and rise, but they are [300000.0, 0.0]; sort them",
+    ),
+    (
+        "not varied",
+        '[[population.correlation]]\nparameters = ["diaphragm.mass", "air.pressure"]\nvalue = 0.3',
+        "[[population.correlation]] names 'air.pressure', which does not vary; vary it too, or did you mean "
+        "'diaphragm.preload'?",
+    ),
+    (
+        "contradiction",
+        '[[population.correlation]]\nparameters = ["diaphragm.mass", "chamber.volume", "diaphragm.area"]\nvalue = -0.9',
+        "these correlations contradict each other (smallest eigenvalue -0.8, which must not be negative); weaken them",
+    ),
+    ("model", 'model = "mechanical"', "a population study needs model = 'full', but it is 'mechanical'; change it"),
+    (
+        "nothing",
+        '[population]\nvary = ["diaphragm.damping"]',
+        "a population needs a quantity that varies, but vary and fixed leave none; vary one",
+    ),
+    (
+        "both",
+        '[population]\nvary = ["converter.magnetic_force[2]", "converter.magnetic_force"]',
+        "'converter.magnetic_force[2]' and the whole 'converter.magnetic_force' can't both vary; name one of them",
+    ),
+]
+
+
+@pytest.mark.parametrize(("text", "sentence"), [pytest.param(*case[1:], id=case[0]) for case in BAD])
+def test_bad_studies_are_refused_in_one_sentence(tmp_path, text, sentence):
+    (tmp_path / "study.toml").write_text(text + "\n")
+    outcome = run_command("tolerance", tmp_path / "study.toml", "--out", tmp_path / "out")
+    assert_refused(outcome, sentence, tmp_path / "out")
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        (
+            ["--coordinator", "localhost:1"],
+            "--coordinator, --processes and --process belong together, but some are missing; give all three",
+        ),
+        (
+            ["--coordinator", "localhost:1", "--processes", "2", "--process", "2"],
+            "--process must count from 0 to 1, but it is 2; correct it",
+        ),
+    ],
+)
+def test_bad_process_options_are_refused(options, sentence):
+    from calibrate.population import join
+    from vgtjax.errors import InputError
+
+    values = dict(zip(options[::2], options[1::2], strict=True))
+    count, index = (None if values.get(name) is None else int(values[name]) for name in ("--processes", "--process"))
+    with pytest.raises(InputError) as raised:
+        join(values["--coordinator"], count, index)
+    assert str(raised.value) == sentence
