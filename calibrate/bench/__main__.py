@@ -9,7 +9,9 @@ import tempfile
 
 import click
 
-_CASES = ("forward", "jacobian", "batch", "fit", "cold-start")
+_CASES = ("forward", "jacobian", "batch", "fit", "cold-start", "population", "memory")
+_LONG = ("memory",)
+"""Only when asked for: ten minutes and more."""
 _PACKAGES = ("jax", "diffrax", "numba", "scipy", "casadi")
 
 
@@ -25,7 +27,7 @@ def main(out: pathlib.Path | None, only: tuple[str, ...]) -> None:
         # A new one: first calls compile as they should, and a second fit finds what the command line would find.
         configure(cache=cache)
         try:
-            _measure(only or _CASES, out)
+            _measure(only or tuple(name for name in _CASES if name not in _LONG), out)
         except InputError as error:
             click.echo(f"error: {error}", err=True)
             sys.exit(2)

@@ -84,6 +84,7 @@ def effect_figure(
             go.Scatter(
                 x=np.concatenate([axis, axis[::-1]]),
                 y=np.concatenate([low, high[::-1]]),
+                mode="lines",
                 fill="toself",
                 fillcolor=BAND,
                 line={"width": 0},

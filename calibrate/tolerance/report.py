@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+import scipy.special
 
 from vgtjax.experiments import Output, SlowLoop, StepResponse, label
 
@@ -11,6 +12,8 @@ from ..population import ChunkStore, PopulationJob, scaled
 from . import figures
 from .samples import curve_rows
 from .summary import Known
+
+SHOWN_FAILURES = 10
 
 
 def render(
@@ -24,6 +27,9 @@ def render(
         study_text=job.text,
         fingerprint=job.fingerprint,
         summary=summary,
+        failed=[
+            (each["sample"], _unusual(job, each["values"])) for each in summary["failed"]["samples"][:SHOWN_FAILURES]
+        ],
         loops=_loops(job, store),
         effects=_effects(job, store),
         histograms=_histograms(job, store, outputs),
@@ -31,6 +37,14 @@ def render(
         units=_units(job, summary),
         shapes={entry: type(m.dist).__name__.removesuffix("_gen") for entry, m in _margins(job)},
     )
+
+
+def _unusual(job: PopulationJob, values: dict[str, float]) -> list[tuple[str, float, float]]:
+    """The quantities of a sample that lie farthest out, with their normal scores."""
+    scores = [
+        (entry, values[entry], float(scipy.special.ndtri(margin.cdf(values[entry])))) for entry, margin in _margins(job)
+    ]
+    return sorted(scores, key=lambda score: -abs(score[2]))[:4]
 
 
 def _margins(job: PopulationJob) -> list[tuple[str, Any]]:

@@ -10,6 +10,8 @@ from ..trace import Trace
 from .base import Readings
 from .slow_loop import label, loop_readings
 
+VENTED = 0.01
+"""Part of a slow loop from rest, at its start, in which the duty is too low for the converter to evacuate."""
 SAME_POINT = 5e3
 """Pa; turbine pressures this close are one operating point, which the bench holds only about."""
 
@@ -37,28 +39,34 @@ def measure_loops(traces: Sequence[Trace], points: Sequence[float] = (0.0, 1.5e5
 
     **Returns:** `None` where no trace is a loop with position and pressure.
     """
+    runs = [(trace, trace.x_d, trace.p_act) for trace in traces if trace.x_d is not None and trace.p_act is not None]
+    rests = [_at_rest(trace, x_d) for trace, x_d, _ in runs]
+    common = float(np.mean([rest for rest in rests if rest is not None] or [0.0]))
     found: dict[float, tuple[Loop, tuple[float, float]]] = {}
-    for trace in traces:
-        if trace.x_d is None or trace.p_act is None:
-            continue
-        gauge = trace.p_act - trace.atmosphere - _zero(trace)
-        loop = find_loop(trace.time, trace.x_d, gauge)
+    for (trace, x_d, p_act), rest in zip(runs, rests, strict=True):
+        # Effects of the gas are as small as the sensors' offsets. Before it moves, the chamber is vented and the rod at
+        # the same stop in every trace.
+        place = x_d - (0.0 if rest is None else rest - common)
+        gauge = p_act - (_at_rest(trace, p_act) or trace.atmosphere)
+        loop = find_loop(trace.time, place, gauge)
         if loop is not None:
-            found.setdefault(_operating_point(trace, points), (loop, find_ends(trace.x_d, gauge)))
+            found.setdefault(_operating_point(trace, points), (loop, find_ends(place, gauge)))
     if not found:
         return None
     pressures = sorted(found)
-    loops = tuple(found[at][0] for at in pressures)
+    read = tuple(found[at][0] for at in pressures)
     start, end = np.transpose([found[at][1] for at in pressures])
-    closing, opening = np.stack([loop.closing for loop in loops]), np.stack([loop.opening for loop in loops])
-    assert loops[0].position.shape == POSITIONS.shape, "loops are read at the positions of every reading"
+    closing, opening = np.stack([loop.closing for loop in read]), np.stack([loop.opening for loop in read])
+    assert read[0].position.shape == POSITIONS.shape, "loops are read at the positions of every reading"
     readings = loop_readings([label(at) for at in pressures], closing, opening, start, end)
-    return MeasuredLoops(tuple(pressures), loops, readings)
+    return MeasuredLoops(tuple(pressures), read, readings)
 
 
-def _zero(trace: Trace) -> float:
-    """What the pressure sensor shows of a vented chamber, gauge; effects of the gas are as small as such offsets."""
-    return float(trace.start().pressure) - trace.atmosphere if trace.start().at_rest else 0.0
+def _at_rest(trace: Trace, signal: np.ndarray) -> float | None:
+    """Mean of a signal before the converter evacuates, `None` where a trace does not begin at rest."""
+    if not trace.start().at_rest:
+        return None
+    return float(np.mean(signal[trace.time <= trace.time[0] + VENTED * np.ptp(trace.time)]))
 
 
 def _operating_point(trace: Trace, points: Sequence[float]) -> float:

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from ..table import Section
-from . import batch, cold_start, fit, forward, jacobian
+from . import batch, cold_start, fit, forward, jacobian, population
 
 CASES: dict[str, Callable[[], Section]] = {
     "forward": forward.measure,
@@ -11,5 +11,7 @@ CASES: dict[str, Callable[[], Section]] = {
     "batch": batch.measure,
     "fit": fit.measure,
     "cold-start": cold_start.measure,
+    "population": population.measure_population,
+    "memory": population.measure_memory,
 }
 """By the name on the command line, in the order in which they run."""

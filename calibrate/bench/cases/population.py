@@ -1,0 +1,120 @@
+"""Ten thousand actuators through a slow loop, beside numba on all cores; and the memory of ever larger studies."""
+
+import json
+import pathlib
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+import vgtjax
+from vgtjax.experiments import SlowLoop
+from vgtjax.population import Evaluator, Results, choose_factors
+
+from .. import numba_plant
+from ..table import Section, seconds, times
+from ..timing import interleave
+
+ROUNDS = 3
+ACTUATORS = 10_000
+LOOP = 10.0
+"""s of the slow loop."""
+SPREAD = 0.01
+"""Relative standard deviation of everything that varies."""
+VARIED = ("diaphragm.*", "friction.*", "chamber.*", "converter.*")
+SIZES = (1_000, 10_000, 100_000, 1_000_000)
+STUDY = """name = "memory"
+[experiments]
+turbine_pressure = [0]
+loop_seconds = 2
+steps = []
+[population]
+vary = ["diaphragm.stiffness", "diaphragm.preload", "friction.*"]
+[tolerance]
+samples = {samples}
+precision = "single"
+"""
+
+
+def measure_population() -> Section:
+    """Times a population in both precisions and by numba, each a loop of 10 s for every actuator."""
+    model, loop = vgtjax.Actuator(), SlowLoop((0.0,), LOOP)
+    factors = choose_factors(model, VARIED, ["diaphragm.damping"])
+    nominal = np.asarray(factors.pack(model))
+    values = nominal * (1 + SPREAD * np.random.default_rng(0).standard_normal((ACTUATORS, len(nominal))))
+    double, single = (Evaluator(model, factors, [loop], dtype=dtype) for dtype in (np.float64, np.float32))
+    contestants: dict[str, Callable[[], Any]] = {
+        "tolerance's lanes on all devices, float64": lambda: double(values),
+        "tolerance's lanes on all devices, float32": lambda: single(values),
+        "numba RK4 at 0.5 ms, prange, float64": lambda: _numba(model, factors, values, loop.traces[0]),
+    }
+    timings, results = interleave(contestants, ROUNDS)
+    exact, rounded = list(results.values())[:2]
+    about = (
+        f"{ACTUATORS} actuators through a loop of {LOOP:g} s (20,000 steps each), read off as `tolerance` does; numba "
+        f"only simulates; {SPREAD:.0%} of normal spread on {len(nominal)} quantities; {ROUNDS} rounds."
+    )
+    columns = ("contestant", "first call", "time", "actuators a second", "ratio")
+    section = Section("Population", about, columns, notes=[_precision(exact, rounded, double)])
+    reference = next(iter(timings.values()))
+    for name, timing in timings.items():
+        rate = f"{ACTUATORS / timing.median:.0f}"
+        section.add(name, seconds(timing.first), seconds(timing.median), rate, times(timing.ratio(reference)))
+    return section
+
+
+def _numba(model: Any, factors: Any, values: np.ndarray, trace: vgtjax.Trace) -> tuple[np.ndarray, np.ndarray]:
+    selection = vgtjax.Selection(numba_plant.ENTRIES)
+    thetas = np.tile(np.asarray(selection.pack(model)), (len(values), 1))
+    for column, name in enumerate(factors.entries):
+        for place, entry in enumerate(numba_plant.ENTRIES):
+            if entry == name:
+                thetas[:, place] = values[:, column]
+            elif entry.partition("[")[0] == name:
+                thetas[:, place] *= values[:, column]
+    whole = vgtjax.Trace(trace.time, pwm=trace.pwm, p_res=np.full_like(trace.time, 2.0e4))
+    return numba_plant.simulate(thetas, whole, parallel=True)
+
+
+def _precision(exact: Results, rounded: Results, evaluator: Evaluator) -> str:
+    """How far single precision is off, over the population."""
+    width = evaluator.columns.index("hysteresis_0mbar")
+    start = evaluator.columns.index("start_pressure_0mbar")
+    gaps = [np.nanmax(np.abs(rounded.outputs[:, place] - exact.outputs[:, place])) for place in (width, start)]
+    return (
+        f"Single precision moves no actuator's mean loop width by more than {gaps[0]:.2g} Pa, nor the pressure "
+        f"at which it begins to move by more than {gaps[1]:.2g} Pa."
+    )
+
+
+def measure_memory() -> Section:
+    """Peak memory and time of whole `tolerance` commands of growing size, each a process of its own."""
+    about = "`python -m calibrate tolerance` in single precision, a loop of 2 s for every actuator; the whole command."
+    section = Section("Memory", about, ("samples", "peak memory", "time", "a second"))
+    with tempfile.TemporaryDirectory() as folder:
+        for samples in SIZES:
+            peak, wall = _whole_command(pathlib.Path(folder), samples)
+            section.add(f"{samples:,}", f"{peak:.0f} MB", seconds(wall), f"{samples / wall:.0f}")
+    return section
+
+
+_CHILD = """
+import json, resource, subprocess, sys, time
+began = time.perf_counter()
+subprocess.run(sys.argv[1:], check=True, stdout=subprocess.DEVNULL)
+peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
+print(json.dumps([peak * (1 if sys.platform == "darwin" else 1024) / 1e6, time.perf_counter() - began]))
+"""
+
+
+def _whole_command(folder: pathlib.Path, samples: int) -> tuple[float, float]:
+    """Peak of resident memory in MB and seconds; a process in between, as the peak is over all children so far."""
+    study = folder / f"{samples}.toml"
+    study.write_text(STUDY.format(samples=samples), encoding="utf-8")
+    command = [sys.executable, "-m", "calibrate", "tolerance", str(study), "--out", str(folder / str(samples))]
+    done = subprocess.run([sys.executable, "-c", _CHILD, *command], check=True, capture_output=True, text=True)
+    peak, wall = json.loads(done.stdout)
+    return peak, wall
