@@ -11,7 +11,9 @@ import numpy as np
 import vgtjax
 from vgtjax.errors import InputError, SimulationError
 from vgtjax.estimation import Calibration, Progress, TraceResult, plan_task, start_calibration
+from vgtjax.estimation.calibration import RUNAWAY
 from vgtjax.identification.axis import better_start, moves_at_start
+from vgtjax.parameters import table_row
 from vgtjax.transforms import build_transform
 
 from .console import FitDisplay, console, say_notes
@@ -171,9 +173,13 @@ def _summary(calibration: Calibration, seconds: float, unseen: list[str], job: J
     progress = calibration.progress
     traces = {result.trace.name: trace_summary(result) for result in calibration.traces}
     failed = [name for name, entry in traces.items() if None in entry["rmse"].values()]
-    trouble = f"the simulation of {', '.join(failed)} with the fitted values left the finite numbers"
+    troubles = (
+        [f"the simulation of {', '.join(failed)} with the fitted values left the finite numbers"] if failed else []
+    )
+    if calibration.ran_away:
+        troubles.append(_runaway(calibration))
     return {
-        "converged": progress.converged,
+        "converged": progress.converged and not calibration.ran_away,
         "verdict": progress.verdict,
         "iterations": progress.iteration,
         "rejected_steps": progress.iteration - progress.accepted,
@@ -186,8 +192,23 @@ def _summary(calibration: Calibration, seconds: float, unseen: list[str], job: J
         "friction_is_passive": passivity_note(calibration.model) is None,
         "study_sha256": job.fingerprint,
         "traces": traces,
-        **({"error": trouble} if failed else {}),
+        **({"error": "; ".join(troubles)} if troubles else {}),
     }
+
+
+def _runaway(calibration: Calibration) -> str:
+    """What is wrong with a fit that ran away, and its remedy."""
+    table, entries = vgtjax.parameter_table(calibration.model), calibration.task.selection.entries
+    start = np.asarray(calibration.task.selection.pack(calibration.task.model))
+    ends = [
+        f"{entry} ended at {value:.4g} {table_row(table, entry).unit} (start {begin:.4g})"
+        for entry, value, begin in zip(entries, calibration.values, start, strict=True)
+        if entry in calibration.ran_away
+    ]
+    return (
+        f"fitted values must stay within a factor {RUNAWAY:g} of their start values, but {', '.join(ends)}; give "
+        "bounds or better start values under [parameters]"
+    )
 
 
 def trace_summary(result: TraceResult) -> dict[str, Any]:

@@ -5,6 +5,7 @@ import pytest
 from commands import read, run_command
 
 import vgtjax
+from vgtjax.estimation import Progress
 
 FIELDS = {"value", "unit", "free", "std_error", "initial", "lower", "upper", "at_bound", "identifiable"}
 FREE = {"converter.magnetic_force[2]", "diaphragm.preload", "diaphragm.stiffness", "friction.viscous_damping"}
@@ -275,6 +276,22 @@ def test_a_fit_that_does_not_converge_says_so_and_keeps_what_it_has(small, monke
     again = run_command("fit", small, "--out", small.parent / "out")
     assert (again.status, again.err) == (outcome.status, outcome.err)
     assert again.out.startswith("nothing to do")
+
+
+def test_a_fit_that_ran_away_did_not_converge(small, monkeypatch):
+    """Nothing moves a rod of 1e88 kg: there every step gains nothing, which looks like the end of a fit."""
+    small.write_text(MECHANICAL.replace('"diaphragm.stiffness", "diaphragm.preload"', '"diaphragm.mass"'))
+    end = Progress(coordinates=(88 * float(np.log(10)),), converged=True, history=(7.0,))
+    monkeypatch.setattr("calibrate.fit._first", lambda task: end)
+    outcome, found, said = refit(small)
+    sentence = (
+        "fitted values must stay within a factor 100000 of their start values, but diaphragm.mass ended at 1e+88 kg "
+        "(start 0.63); give bounds or better start values under [parameters]"
+    )
+    assert (outcome.status, outcome.err) == (1, f"failed: the fit: {sentence}\n")
+    assert (said["converged"], said["error"]) == (False, sentence)
+    assert found["diaphragm.mass"]["value"] == pytest.approx(1e88)
+    assert (small.parent / "out" / "report.html").exists()
 
 
 def test_a_start_that_cannot_be_simulated(small):

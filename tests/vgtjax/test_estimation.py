@@ -20,6 +20,7 @@ from vgtjax.estimation import (
     plan_task,
     start_calibration,
 )
+from vgtjax.estimation.calibration import RUNAWAY
 from vgtjax.estimation.fit import CHI2_TOLERANCE
 from vgtjax.transforms import build_transform
 
@@ -153,6 +154,19 @@ def test_bounds_are_respected_and_reported():
     # On the bound, the others are where they are with that one held there, errors included.
     np.testing.assert_allclose(run.values[others], held.values, rtol=1e-6)
     np.testing.assert_allclose(run.std_errors[others], held.std_errors, rtol=1e-3)
+
+
+@pytest.mark.parametrize(("logarithm", "named"), [(1.01, True), (0.99, False), (-1.01, True), (-0.99, False)])
+def test_a_positive_value_that_ran_away_is_named(fitted, logarithm, named):
+    """The preload, which may have either sign, has no start that it could leave by a factor."""
+    assert fitted.ran_away == ()
+    start = np.asarray(fitted.transform.to_coordinates(fitted.task.selection.pack(fitted.task.model)))
+    moves = {"diaphragm.stiffness": logarithm * np.log(RUNAWAY), "diaphragm.preload": 1e9}
+    moved = start + [moves.get(entry, 0.0) for entry in fitted.task.selection.entries]
+    gone = dataclasses.replace(fitted, progress=dataclasses.replace(fitted.progress, coordinates=tuple(moved)))
+    assert gone.ran_away == (("diaphragm.stiffness",) if named else ())
+    bounded = dataclasses.replace(gone, transform=dataclasses.replace(gone.transform, lower=moved, upper=moved))
+    assert bounded.ran_away == ()  # whoever sets a bound so far off means it
 
 
 def test_a_trial_whose_simulation_fails_is_rejected_and_shortened():

@@ -1,6 +1,7 @@
 """Mechanical identifications: known parameters come back within their errors, and what can't be seen is said."""
 
 import dataclasses
+import importlib
 import re
 
 import numpy as np
@@ -12,8 +13,8 @@ from vgtjax.identification.axis import identify_axis, moves_at_start
 from vgtjax.identification.bristles import bristle_force
 from vgtjax.identification.dahl import identify_dahl
 from vgtjax.identification.lugre import identify_lugre
-from vgtjax.identification.mechanical_fit import mechanical_fit
-from vgtjax.identification.motion import read_motion, remove_noise
+from vgtjax.identification.mechanical_fit import NO_DERIVATIVES, fit_response, mechanical_fit
+from vgtjax.identification.motion import mechanical_half, read_motion, read_motions, remove_noise
 from vgtjax.identification.pipeline import apply
 from vgtjax.identification.second_order import identify_mass_and_damping
 from vgtjax.identification.spring import identify_spring
@@ -182,6 +183,49 @@ def test_slow_motion_does_not_tell_what_needs_other_motion(slow):
     assert not {sentence.partition(":")[0] for sentence in result.unseen} & set(result.values)
     for name, value in result.values.items():
         assert abs(float(value) - TRUTH[name]) < 4 * float(result.std_errors[name]), name
+
+
+def test_untold_parameters_have_the_models_values_wherever_a_search_begins(slow):
+    """Else what is told would belong to values that nothing reports, and that the model does not have."""
+    half = mechanical_half(vgtjax.Actuator())
+    begin = vgtjax.replace_parameters(half, {"friction.bristle_damping": 300.0, "friction.coulomb_force": 3.6})
+    response = fit_response(half, read_motions(half, [slow]), begin)
+    assert "friction.bristle_damping" in response.untold
+    for name in response.untold:
+        value = float(vgtjax.get_parameter(half, name))
+        # A value goes through its logarithm and back.
+        assert float(vgtjax.get_parameter(response.model, name)) == pytest.approx(value, rel=1e-12)
+    assert abs(response.values["diaphragm.stiffness"] - 12700) < 4 * response.std_errors["diaphragm.stiffness"]
+
+
+def test_a_mixture_of_values_that_fails_is_no_end(slow, monkeypatch):
+    """What was fitted beside parameters that return to the model's values need not go with those."""
+    module = importlib.import_module("vgtjax.identification.mechanical_fit")
+    calls, real = [], module.calibrate
+
+    def second_fails(task):
+        calls.append(task.model)
+        if len(calls) == 2:
+            raise vgtjax.SimulationError("the simulation with the start values fails")
+        return real(task)
+
+    half = mechanical_half(vgtjax.Actuator())
+    begin = vgtjax.replace_parameters(half, {"friction.bristle_damping": 300.0, "diaphragm.stiffness": 12650.0})
+    monkeypatch.setattr(module, "calibrate", second_fails)
+    response = fit_response(half, read_motions(half, [slow]), begin)
+    assert float(calls[2].friction.bristle_damping) == 429.77  # untold: the model's
+    assert float(calls[2].diaphragm.stiffness) == 12650.0  # told: where the search began
+    assert abs(response.values["diaphragm.stiffness"] - 12700) < 4 * response.std_errors["diaphragm.stiffness"]
+
+
+def test_a_fit_that_ends_in_chaos_tells_nothing(real):
+    """Rod too light for its bristles: steps of 0.5 ms make derivatives of 1e69 and more, and so errors of nothing."""
+    time = np.arange(0, 24, 1e-2)
+    duty = 80 * (1 - np.abs(2 * time / 24 - 1))
+    loop = bench(real, 2, vgtjax.Trace(time=time, pwm=duty, p_res=np.full_like(time, 2e4)))
+    light = vgtjax.replace_parameters(vgtjax.Actuator(), {"diaphragm.mass": 0.2, "friction.bristle_damping": 3000.0})
+    result = mechanical_fit(light, [loop])
+    assert (result.values, result.unseen) == ({}, (NO_DERIVATIVES,))
 
 
 def test_a_rod_at_rest_tells_nothing(real):

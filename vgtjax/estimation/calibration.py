@@ -24,6 +24,10 @@ from .uncertainty import Uncertainty, estimate_uncertainty, identifiable
 
 Bounds = dict[str, tuple[float | None, float | None]]
 
+RUNAWAY = 1e5
+"""Factor by which a positive value may leave its start. In fits of twenty actuators none moves by more than 10^1.7;
+from a hopeless start a fit goes to where nothing changes any more, converges there, and leaves a mass of 1e88 kg."""
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Task:
@@ -107,6 +111,15 @@ class Calibration:
         return np.asarray(self.transform.at_bound(np.asarray(self.progress.coordinates)))
 
     @property
+    def ran_away(self) -> tuple[str, ...]:
+        """Entries whose positive value ended more than a factor `RUNAWAY` from its start, and on no bound."""
+        start = self.transform.to_coordinates(self.task.selection.pack(self.task.model))
+        # Coordinates are logarithms, finite where a value has left the range of floating point.
+        moved = np.abs(np.asarray(self.progress.coordinates) - np.asarray(start))
+        away = self.transform.positive & (moved > np.log(RUNAWAY)) & ~self.at_bound
+        return tuple(np.array(self.task.selection.entries)[away].tolist())
+
+    @property
     def std_errors(self) -> Float[np.ndarray, " parameters"]:
         """Standard errors; NaN where the data say nothing."""
         return np.where(self.uncertainty.identifiable, np.sqrt(np.diag(self.covariance)), np.nan)
@@ -134,13 +147,15 @@ class Calibrator:
         values = np.asarray(self.transform.to_physical(coordinates))
         slope = np.asarray(jax.jvp(self.transform.to_physical, (coordinates,), (np.ones_like(coordinates),))[1])
         model = self.task.selection.unpack(self.task.model, values)
+        with np.errstate(over="ignore"):  # the error of a value that ran away may be beyond every number
+            covariance = uncertainty.covariance * np.outer(slope, slope)
         return Calibration(
             model,
             self.task,
             self.transform,
             progress,
             values,
-            uncertainty.covariance * np.outer(slope, slope),
+            covariance,
             uncertainty,
             compare(self.task, model),
             problem.count,

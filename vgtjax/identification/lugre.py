@@ -48,7 +48,7 @@ def identify_lugre(model: AbstractModel, traces: Sequence[Trace]) -> Identified:
         return dataclasses.replace(result, unseen=("the model's friction is not LuGre's; choose friction = 'lugre'",))
     bristles = fit_bristles(half, read_paths(half, motions), stribeck=True)
     start = start_from_bristles(start_from_motion(half, motions), bristles)
-    response = fit_response(start, motions)
+    response = fit_response(half, motions, start)
     if isinstance(response, str):
         return dataclasses.replace(result, unseen=(response,))
     mine = [name for name in response.values if name.startswith("friction.")]

@@ -12,7 +12,7 @@ from ..estimation.bundle import CHANNELS, SEGMENT
 from ..estimation.calibration import Bounds
 from ..mechanical import MechanicalActuator
 from ..model import AbstractModel
-from ..parameters import parameter_table, replace_parameters, select
+from ..parameters import Selection, parameter_table, replace_parameters, select
 from ..trace import Trace
 from .axis_regression import regress_axis
 from .motion import BLOCK, Motion, mechanical_half, plain_friction, read_motions
@@ -42,6 +42,11 @@ PLOTTED = 1500
 
 NEVER = ("diaphragm.stop_damping",)
 """Impacts are over within a sample: what a fit makes of them follows the kink of the contact, not its damping."""
+NO_DERIVATIVES = (
+    "the simulated position has no meaningful derivatives near the fitted values, because the rod is too light or its "
+    "bristles too stiff for the steps of the simulation; start from a larger diaphragm.mass or a smaller "
+    "friction.bristle_damping"
+)
 NOTHING_MOVES = "no trace shows the rod move under a measured drive; record x_d together with p_act or f_drive"
 REMEDIES = {
     "diaphragm.mass": "record duty steps at 1 kHz",
@@ -114,10 +119,13 @@ def untold(name: str) -> str:
     return f"{name}: these traces do not tell it; {REMEDIES.get(name, 'record motion that depends on it')}"
 
 
-def fit_response(model: AbstractModel, motions: Sequence[Motion]) -> Response | str:
+def fit_response(
+    model: AbstractModel, motions: Sequence[Motion], begin: MechanicalActuator | None = None
+) -> Response | str:
     """Fits what motions tell of diaphragm and friction, or says why they tell nothing.
 
-    What turns out to be untold returns to the model's value, and the rest is fitted again.
+    The search begins at the values of `begin` where it is given. What turns out to be untold returns to the model's
+    value, with which the rest will be used, and the rest is fitted again.
     """
     half = mechanical_half(model)
     moving = [motion for motion in motions if np.ptp(motion.position) > STILL * motion.noise]
@@ -127,20 +135,43 @@ def fit_response(model: AbstractModel, motions: Sequence[Motion]) -> Response | 
     half, stopped = _with_room(half, moving)
     entries = candidates(half)
     free = np.array([stopped or entry != "diaphragm.travel" for entry in entries])
-    start = half
+    selection = select(half, free=entries)
+    usual = np.asarray(selection.pack(half))
+    first = np.where(free, selection.pack(half if begin is None else begin), usual)
+    starts = [first]
     try:
         for _ in range(ROUNDS):
-            bounds = _bounds(half, start, entries, free)
-            calibration = calibrate(plan_task(start, traces, free=entries, bounds=bounds, channels=("x_d",)))
+            calibration = _fit_from(starts, half, traces, selection, first, free)
             whole = _linearised(calibration)
             told = _told(whole, calibration, moving, free)
             if np.array_equal(told, free):
                 break
-            kept = np.where(told & _regular(whole), calibration.values, calibration.task.selection.pack(half))
-            start, free = calibration.task.selection.unpack(half, kept), told
-        return _response(calibration, whole, moving, free)
+            # Values found beside some that are given up need not go with the model's own.
+            kept = [calibration.values, first] if _regular(whole) else [first]
+            starts, free = [np.where(told, values, usual) for values in kept], told
+        return _response(calibration, whole, moving, free) if _regular(whole) else NO_DERIVATIVES
     except SimulationError as error:
         return str(error)
+
+
+def _fit_from(
+    starts: Sequence[np.ndarray],
+    half: MechanicalActuator,
+    traces: Sequence[Trace],
+    selection: Selection,
+    first: np.ndarray,
+    free: np.ndarray,
+) -> Calibration:
+    """A fit of what is free from the first of the starts that can be simulated."""
+    for start in starts:
+        bounds = _bounds(half, selection.entries, first, start, free)
+        begin = selection.unpack(half, start)
+        try:
+            return calibrate(plan_task(begin, traces, free=selection.entries, bounds=bounds, channels=("x_d",)))
+        except SimulationError:
+            if start is starts[-1]:
+                raise
+    raise AssertionError("a fit has a start")
 
 
 def candidates(half: MechanicalActuator) -> list[str]:
@@ -176,17 +207,16 @@ def _with_room(half: MechanicalActuator, motions: Sequence[Motion]) -> tuple[Mec
     return replace_parameters(half, {"diaphragm.travel": travel}), False
 
 
-def _bounds(half: MechanicalActuator, start: MechanicalActuator, entries: list[str], free: np.ndarray) -> Bounds:
+def _bounds(
+    half: MechanicalActuator, entries: Sequence[str], first: np.ndarray, now: np.ndarray, free: np.ndarray
+) -> Bounds:
     """Far ends for what is free and positive; the others are held between equal ends, which compiles nothing anew."""
-    table, selection = parameter_table(half), select(half, free=entries)
-    ends: Bounds = {}
-    for entry, usual, now, moves in zip(
-        selection.entries, np.asarray(selection.pack(half)), np.asarray(selection.pack(start)), free, strict=True
-    ):
+    table, ends = parameter_table(half), dict[str, tuple[float | None, float | None]]()
+    for entry, usual, value, moves in zip(entries, first.tolist(), now.tolist(), free, strict=True):
         if not moves:
-            ends[entry] = (float(now), float(now))
+            ends[entry] = (value, value)
         elif table[entry.partition("[")[0]].positive:
-            ends[entry] = (float(usual / FARTHEST), float(usual * FARTHEST))
+            ends[entry] = (usual / FARTHEST, usual * FARTHEST)
     return ends
 
 

@@ -42,7 +42,7 @@ def identify_mass_and_damping(model: AbstractModel, traces: Sequence[Trace]) -> 
     )
     motions = read_motions(model, traces)
     half = mechanical_half(model)
-    response = fit_response(start_from_motion(half, motions), motions)
+    response = fit_response(half, motions, start_from_motion(half, motions))
     if isinstance(response, str):
         return dataclasses.replace(result, unseen=(response,))
     known = [name for name in REPORTED if name in parameter_table(half)]
