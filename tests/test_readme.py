@@ -59,4 +59,5 @@ def test_links_lead_somewhere(target):
 
 
 def test_the_example_is_small():
-    assert sum(file.stat().st_size for file in EXAMPLE.rglob("*.csv")) < 2.5e6
+    # Beside the 5 MB of the plot library that every report carries; the loops of twenty units are a third of it.
+    assert sum(file.stat().st_size for file in EXAMPLE.rglob("*.csv")) < 4e6
