@@ -11,7 +11,7 @@ from vgtjax.loops import POSITIONS
 from ..figures import styled
 from ..population import scaled
 from ..study_tables import Limit
-from .summary import ENVELOPE
+from .summary import ENVELOPE, envelope
 
 BAND, LINE, UNIT = "rgba(194, 65, 12, 0.22)", "#c2410c", "#475569"
 BINS = 60
@@ -24,7 +24,7 @@ def loop_figure(pressure: float, branches: dict[str, np.ndarray], measured: dict
     """
     figure, position = go.Figure(), POSITIONS * 1e3
     for number, (branch, values) in enumerate(branches.items()):
-        low, middle, high = _envelope(values)
+        low, middle, high = envelope(values)
         figure.add_trace(
             go.Scatter(
                 x=np.concatenate([low, high[::-1]]).astype(np.float32),
@@ -78,7 +78,7 @@ def effect_figure(
     axis = np.array(pressures) / 100
     for column, place in enumerate(SHOWN, 1):
         names = [f"{direction}_vane_effect_{label(at)}_{place * 1e3:g}mm" for at in pressures[1:]]
-        low, middle, high = np.column_stack([np.zeros(3), *[_envelope(simulated[name][:, None]) for name in names]])
+        low, middle, high = np.column_stack([np.zeros(3), *[envelope(simulated[name][:, None]) for name in names]])
         first = column == 1
         figure.add_trace(
             go.Scatter(
@@ -152,7 +152,7 @@ def step_figure(output: Output, values: np.ndarray, nominal: np.ndarray) -> go.F
     """Envelope of a curve over time, with the nominal actuator's."""
     shown = scaled(output)
     axis = np.array(output.axis) * shown.axis_factor
-    low, _, high = _envelope(values)
+    low, _, high = envelope(values)
     figure = go.Figure(
         [
             go.Scatter(x=axis, y=high, line={"width": 0}, showlegend=False, hoverinfo="skip"),
@@ -170,12 +170,3 @@ def step_figure(output: Output, values: np.ndarray, nominal: np.ndarray) -> go.F
     figure.update_xaxes(title_text=f"time after the step, {shown.axis_unit}")
     figure.update_yaxes(title_text=f"{'pressure' if output.unit == 'Pa' else 'position'}, {shown.unit}")
     return styled(figure, 320)
-
-
-def _envelope(values: np.ndarray) -> np.ndarray:
-    """Quantiles over samples, `(quantiles, points)`; NaN where no sample has a value."""
-    defined = np.where(np.isfinite(values), values, np.nan)
-    found = np.full((len(ENVELOPE), values.shape[1]), np.nan)
-    some = np.any(np.isfinite(defined), axis=0)
-    found[:, some] = np.nanquantile(defined[:, some], ENVELOPE, axis=0)
-    return found

@@ -14,6 +14,7 @@ from vgtjax.sensitivity import Sample
 
 from ..population import ChunkStore, PopulationJob, describe_failed, describe_quantities, finite, scaled
 from ..study_tables import Limit
+from .samples import curve_rows
 
 QUANTILES = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
 ENVELOPE = (0.05, 0.5, 0.95)
@@ -67,6 +68,7 @@ def summarise(
         "failed": {"count": len(failed), "samples": describe_failed(job, sample, failed)},
         "yield": _share(meets_all[good]) if table.limits else None,
         "outputs": found,
+        "envelopes": {output.name: _envelope(store, output) for output in outputs if output.axis},
         "quantities": describe_quantities(job),
         "notes": list(job.notes),
         "units": {name: _unit(loops) for name, loops in job.measured.items()},
@@ -93,6 +95,30 @@ def _number(output: Output, values: np.ndarray, nominal: float, limit: Limit | N
         "quantiles": {f"{share:g}": finite(value) for share, value in zip(QUANTILES, quantiles, strict=True)},
         **({} if limit is None else {"limit": limit.model_dump(), "yield": _share(_meets(values, limit))}),
     }
+
+
+def _envelope(store: ChunkStore, output: Output) -> dict[str, Any]:
+    """Quantiles of a curve at each of its points."""
+    shown = scaled(output)
+    return {
+        "unit": shown.unit,
+        "meaning": output.meaning,
+        "axis": (np.array(output.axis) * shown.axis_factor).tolist(),
+        "axis_unit": shown.axis_unit,
+        "quantiles": {
+            f"{share:g}": [finite(value) for value in values]
+            for share, values in zip(ENVELOPE, envelope(curve_rows(store, output) * shown.factor), strict=True)
+        },
+    }
+
+
+def envelope(values: np.ndarray) -> np.ndarray:
+    """Quantiles `ENVELOPE` over samples, `(quantiles, points)`; NaN where no sample has a value."""
+    defined = np.where(np.isfinite(values), values, np.nan)
+    found = np.full((len(ENVELOPE), values.shape[1]), np.nan)
+    some = np.any(np.isfinite(defined), axis=0)
+    found[:, some] = np.nanquantile(defined[:, some], ENVELOPE, axis=0)
+    return found
 
 
 def _meets(values: np.ndarray, limit: Limit) -> np.ndarray:

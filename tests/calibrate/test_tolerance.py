@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from commands import assert_refused, read, run_command
 from population_study import STUDY, write_study
+from support import EXAMPLE
 
 import vgtjax
 from calibrate.population import ChunkStore, prepare_population
@@ -66,6 +67,39 @@ def test_summary_is_that_of_the_samples(summary, samples):
     assert summary["yield"]["share"] == meets.mean()
     assert summary["yield"]["low"] < meets.mean() < summary["yield"]["high"]
     assert summary["outputs"]["hysteresis_0mbar"]["yield"]["share"] == np.mean(width <= 33.0)
+
+
+def test_envelopes_are_quantiles_of_the_curves(summary, samples):
+    found = summary["envelopes"]["closing_pressure_0mbar"]
+    assert (found["unit"], found["axis_unit"]) == ("mbar", "mm")
+    assert found["axis"] == pytest.approx(np.linspace(2, 8, 25), rel=1e-12)
+    expected = np.quantile(samples["closing_pressure_0mbar"], 0.95, axis=0)
+    assert found["quantiles"]["0.95"] == pytest.approx(expected, rel=1e-12)
+
+
+def test_fitted_units_are_the_population(tmp_path):
+    """Units of a fit given by --parameters: their geometric mean is the nominal actuator, each is simulated itself."""
+    study = tmp_path / "study.toml"
+    study.write_text(
+        '[components]\nvane_force = "map"\n[experiments]\nturbine_pressure = [0, 3e5]\nloop_seconds = 4\nsteps = []\n'
+        "[tolerance]\nsamples = 8\n"
+    )
+    units = EXAMPLE / "fleet" / "units"
+    outcome = run_command("tolerance", study, "--parameters", units, "--out", tmp_path / "out")
+    assert outcome.status == 0, outcome.err
+    found = read(tmp_path / "out" / "summary.json")
+    assert len(found["simulated_units"]) == 20
+    stiffness = [
+        read(units / name / "parameters.json")["parameters"]["diaphragm.stiffness"]["value"]
+        for name in found["simulated_units"]
+    ]
+    quantity = found["quantities"]["diaphragm.stiffness"]
+    assert quantity["nominal"] == pytest.approx(np.exp(np.mean(np.log(stiffness))), rel=1e-12)
+    # A lognormal's deviation against that of the units: equal to second order in its 4 %.
+    assert quantity["deviation"] == pytest.approx(np.std(stiffness, ddof=1), rel=0.01)
+    widths = [unit["hysteresis_3000mbar"] for unit in found["simulated_units"].values()]
+    plain = [unit["hysteresis_0mbar"] for unit in found["simulated_units"].values()]
+    assert np.all(np.array(widths) > np.array(plain) + 5), "gas widens the loop of every unit"
 
 
 def test_samples_are_those_of_the_stated_distributions(samples):
