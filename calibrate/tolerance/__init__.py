@@ -1,1 +1,3 @@
+"""The command `tolerance`: a Monte Carlo study."""
+
 from .command import run as run

@@ -78,55 +78,56 @@ def effect_figure(
     axis = np.array(pressures) / 100
     for column, place in enumerate(SHOWN, 1):
         names = [f"{direction}_vane_effect_{label(at)}_{place * 1e3:g}mm" for at in pressures[1:]]
-        low, middle, high = np.column_stack([np.zeros(3), *[envelope(simulated[name][:, None]) for name in names]])
-        first = column == 1
-        figure.add_trace(
-            go.Scatter(
-                x=np.concatenate([axis, axis[::-1]]),
-                y=np.concatenate([low, high[::-1]]),
-                mode="lines",
-                fill="toself",
-                fillcolor=BAND,
-                line={"width": 0},
-                hoverinfo="skip",
-                name=f"simulated, {ENVELOPE[0]:.0%} to {ENVELOPE[-1]:.0%}",
-                showlegend=first,
-            ),
-            row=1,
-            col=column,
-        )
-        figure.add_trace(
-            go.Scatter(
-                x=axis, y=middle, mode="lines", line={"color": LINE, "width": 2}, name="median", showlegend=first
-            ),
-            row=1,
-            col=column,
-        )
-        for unit, loops in measured.items():
-            points = [(0.0, 0.0)] if loops.turbine_pressures[0] == pressures[0] else []
-            points += [
-                (at / 100, float(loops.readings[name]) / 100)
-                for at, name in zip(pressures[1:], names, strict=True)
-                if name in loops.readings and points
-            ]
-            figure.add_trace(
-                go.Scatter(
-                    x=[x for x, _ in points],
-                    y=[y for _, y in points],
-                    mode="lines+markers",
-                    line={"color": UNIT, "width": 0.7},
-                    marker={"size": 4},
-                    name="measured units",
-                    legendgroup="measured",
-                    showlegend=first and unit == next(iter(measured)),
-                    hovertext=unit,
-                ),
-                row=1,
-                col=column,
-            )
+        bands = [envelope(simulated[name][:, None]) for name in names]
+        lines = _measured_effects(measured, pressures, names)
+        shown = [*_effect_band(axis, np.column_stack([np.zeros(3), *bands])), *lines]
+        for number, line in enumerate(shown):
+            line.showlegend = column == 1 and number < 3
+            figure.add_trace(line, row=1, col=column)
         figure.update_xaxes(title_text="turbine pressure, mbar gauge", row=1, col=column)
     figure.update_yaxes(title_text="change of chamber pressure, mbar", row=1, col=1)
     return styled(figure, 380).update_layout(hovermode="closest", margin={"t": 70}, legend={"y": 1.2})
+
+
+def _effect_band(axis: np.ndarray, quantiles: np.ndarray) -> list[go.Scatter]:
+    low, middle, high = quantiles
+    band = go.Scatter(
+        x=np.concatenate([axis, axis[::-1]]),
+        y=np.concatenate([low, high[::-1]]),
+        mode="lines",
+        fill="toself",
+        fillcolor=BAND,
+        line={"width": 0},
+        hoverinfo="skip",
+        name=f"simulated, {ENVELOPE[0]:.0%} to {ENVELOPE[-1]:.0%}",
+    )
+    return [band, go.Scatter(x=axis, y=middle, mode="lines", line={"color": LINE, "width": 2}, name="median")]
+
+
+def _measured_effects(measured: dict[str, MeasuredLoops], pressures: list[float], names: list[str]) -> list[go.Scatter]:
+    """A line for every unit that was measured at the reference, through its points."""
+    lines = []
+    for unit, loops in measured.items():
+        if loops.turbine_pressures[0] != pressures[0]:
+            continue
+        known = [
+            (at, float(loops.readings[name]))
+            for at, name in zip(pressures[1:], names, strict=True)
+            if name in loops.readings
+        ]
+        lines.append(
+            go.Scatter(
+                x=[pressures[0] / 100, *[at / 100 for at, _ in known]],
+                y=[0.0, *[effect / 100 for _, effect in known]],
+                mode="lines+markers",
+                line={"color": UNIT, "width": 0.7},
+                marker={"size": 4},
+                name="measured units",
+                legendgroup="measured",
+                hovertext=unit,
+            )
+        )
+    return lines
 
 
 def histogram(output: Output, values: np.ndarray, limit: Limit | None, measured: list[float]) -> go.Figure:
