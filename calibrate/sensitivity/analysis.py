@@ -15,6 +15,7 @@ from vgtjax.sensitivity import (
     total_bound,
     variance,
 )
+from vgtjax.sensitivity.missing import complete_groups
 
 from ..population import ChunkStore, PopulationJob
 
@@ -60,8 +61,7 @@ def analyse_all(
     indices = analyse(design, x, y, replicates=table.replicates, level=table.confidence, seed=table.seed)
     local = gradient_share(gradients[0], population.deviations)
     spread = np.array([variance(column[np.isfinite(column)][:, None])[0] for column in y.T])
-    whole = np.isfinite(gradients[1:]).all(axis=(1, 2))
-    bound = total_bound(gradients[1:][whole], population.deviations, spread, 1.0)
+    bound = _bounds(gradients[1:], population.deviations, spread)
     numbers = [output for output in outputs if not output.axis]
     rankings = rank_inputs(
         _first(indices, len(numbers)),
@@ -73,6 +73,15 @@ def analyse_all(
     return Analysis(
         outputs, tuple(order), population.factors.entries, indices, local, bound, rankings, store.failed(), design.rows
     )
+
+
+def _bounds(gradients: np.ndarray, deviations: np.ndarray, variances: np.ndarray) -> np.ndarray:
+    """Derivative-based measure of every column, over the points at which that column has a derivative."""
+    bound = np.full(gradients.shape[1:], np.nan)
+    for points, columns in complete_groups(np.isfinite(gradients).all(axis=2)):
+        if len(points):
+            bound[columns] = total_bound(gradients[np.ix_(points, columns)], deviations, variances[columns], 1.0)
+    return bound
 
 
 def _columns(output: Output) -> list[str]:

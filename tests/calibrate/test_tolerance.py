@@ -292,7 +292,7 @@ BAD = [
     (
         "pressures",
         "[experiments]\nturbine_pressure = [3e5, 0]",
-        "turbine pressures must be one or more and rise, but they are [300000.0, 0.0]; sort them",
+        "turbine pressures must be one or more and rise by millibars, but they are [300000.0, 0.0] Pa; sort them",
     ),
     (
         "not varied",

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from vgtjax.loops import find_loop
+import vgtjax
+from vgtjax.experiments import measure_loops
+from vgtjax.loops import LIFT, POSITIONS, find_ends, find_loop
 
 
 def run(width=2000.0, seconds=10.0, peak=10e-3, noise=0.0, samples=1000):
@@ -36,3 +38,81 @@ def test_a_run_that_visits_the_span_twice_is_none():
     _, x_d, p_act = run()
     twice = np.concatenate([x_d, x_d])
     assert find_loop(np.linspace(0, 20, 2000), twice, np.concatenate([p_act, p_act])) is None
+
+
+def rested(width=2000.0, noise=0.0, offset=0.0, samples=3000):
+    """A rod that rests, is pulled out, rests at the top and comes back; its chamber starts vented."""
+    time = np.linspace(0, 30, samples)
+    way = np.interp(time, [0, 3, 13, 15, 25, 30], [0, 0, 1, 1, 0, 0])
+    closing = time < 14
+    p_act = -1.5e4 - 10e-3 * 4e6 * way + np.where(closing, -0.5, 0.5) * width
+    p_act = np.where(way > 0, p_act, np.where(closing, 0.0, -8e3))
+    rng = np.random.default_rng(4)
+    x_d = 10e-3 * way + offset + noise * 8e-6 * rng.normal(size=samples)
+    return time, x_d, p_act + noise * 60 * rng.normal(size=samples)
+
+
+@pytest.mark.parametrize("offset", [0.0, 50e-6, -50e-6])
+def test_ends_of_a_straight_branch_are_exact_whatever_the_sensor_offset(offset):
+    _, x_d, p_act = rested(offset=offset)
+    start, end = find_ends(x_d, p_act)
+    assert start == pytest.approx(-1.6e4 - 4e6 * LIFT, rel=1e-9)
+    assert end == pytest.approx(-1.6e4 - 4e6 * (10e-3 - LIFT), rel=1e-9)
+
+
+def test_ends_stand_noise():
+    _, x_d, p_act = rested(noise=1.0)
+    start, end = find_ends(x_d, p_act)
+    # Noise of 8 um is 32 Pa here: five samples of rest and the twenty of the line leave 20 Pa; four times that. The
+    # highest mean of five among noisy ones lies 8 um too high.
+    assert start == pytest.approx(-1.6e4 - 4e6 * LIFT, abs=80.0)
+    assert end == pytest.approx(-1.6e4 - 4e6 * (10e-3 - LIFT), abs=80.0 + 32.0)
+
+
+def test_a_rod_that_stays_has_no_ends():
+    assert np.isnan(find_ends(np.full(500, 1e-3), np.linspace(0, -1e4, 500))).all()
+
+
+def loop_trace(turbine, width=2000.0, atmosphere=101013.0, position_offset=0.0, pressure_offset=0.0):
+    time, x_d, p_act = rested(width, offset=position_offset)
+    p_trb = None if turbine is None else np.full_like(time, turbine)
+    p_act = p_act + atmosphere + pressure_offset
+    return vgtjax.Trace(time, x_d=x_d, p_act=p_act, p_trb=p_trb, atmosphere=atmosphere)
+
+
+def test_traces_are_taken_at_the_operating_point_that_is_within_50_mbar():
+    traces = [loop_trace(2.951e5), loop_trace(1.549e5), loop_trace(-4.9e3), loop_trace(1.444e5)]
+    # 1444 mbar is too far from 1500, so it is a point of its own, to 10 mbar.
+    assert measure_loops(traces).turbine_pressures == (0.0, 1.44e5, 1.5e5, 3.0e5)
+    assert measure_loops(traces, points=(1.47e5,)).turbine_pressures == (-5e3, 1.47e5, 1.55e5, 2.95e5)
+
+
+def test_hysteresis_is_the_width_by_operating_point_and_the_first_of_two_counts():
+    atmosphere = 9.7e4  # gauge pressures count from the bench's own atmosphere
+    traces = [loop_trace(3e5, 4000.0, atmosphere), loop_trace(None, 2000.0, atmosphere), loop_trace(10.0, 999.0)]
+    found = measure_loops(traces)
+    assert found.hysteresis == pytest.approx({0.0: 2000.0, 3.0e5: 4000.0}, rel=1e-9)
+    assert found.readings["start_pressure_0mbar"] == pytest.approx(-1.6e4 - 4e6 * LIFT, rel=1e-9)
+    assert found.readings["closed_vane_effect_3000mbar_5mm"] == pytest.approx(-1000.0, rel=1e-9)
+
+
+def test_offsets_of_the_sensors_do_not_count_as_effects_of_the_gas():
+    """Loops that are the same but for what the sensors show at rest; the position counts from its mean over traces."""
+    found = measure_loops(
+        [
+            loop_trace(0.0, position_offset=60e-6, pressure_offset=400.0),
+            loop_trace(3e5, position_offset=-20e-6, pressure_offset=-700.0),
+        ]
+    )
+    for position in (3, 5, 7):
+        assert found.readings[f"closed_vane_effect_3000mbar_{position}mm"] == pytest.approx(0.0, abs=1e-5)  # rounding
+        assert found.readings[f"open_vane_effect_3000mbar_{position}mm"] == pytest.approx(0.0, abs=1e-5)
+    assert found.readings["closing_pressure_0mbar"] == pytest.approx(-1.6e4 - 4e6 * (POSITIONS - 20e-6), rel=1e-9)
+    assert found.readings["start_pressure_3000mbar"] == pytest.approx(-1.6e4 - 4e6 * LIFT, rel=1e-9)
+
+
+def test_a_unit_without_loops_has_no_readings():
+    time, x_d, p_act = rested()
+    step = vgtjax.Trace(time / 60, x_d=x_d, p_act=1e5 + p_act)
+    assert measure_loops([step, vgtjax.Trace(time, x_d=x_d), vgtjax.Trace(time, p_act=1e5 + p_act)]) is None
+    assert measure_loops([]) is None

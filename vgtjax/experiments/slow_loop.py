@@ -1,5 +1,7 @@
 """The slow loop: the duty rises and falls so slowly that position over pressure is the hysteresis (section 4.2)."""
 
+import math
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -30,12 +32,13 @@ class SlowLoop(AbstractExperiment):
     duty: float = eqx.field(static=True, default=100.0)
 
     def __check_init__(self) -> None:
-        if not self.turbine_pressures or list(self.turbine_pressures) != sorted(set(self.turbine_pressures)):
+        named = [round(pressure / 100) for pressure in self.turbine_pressures]
+        if not named or named != sorted(set(named)):
             raise InputError(
-                "turbine pressures must be one or more and rise, but they are "
-                f"{list(self.turbine_pressures)}; sort them"
+                "turbine pressures must be one or more and rise by millibars, but they are "
+                f"{list(self.turbine_pressures)} Pa; sort them"
             )
-        if not self.seconds >= 2 or not 0 < self.duty <= 100:
+        if not 2 <= self.seconds < math.inf or not 0 < self.duty <= 100:
             raise InputError(
                 f"a slow loop needs 2 s or more and a duty above 0 up to 100 %, but they are {self.seconds:g} s and "
                 f"{self.duty:g} %; correct them"

@@ -65,7 +65,10 @@ class Population:
             # Term by term: a matrix product rounds differently with the number of rows.
             coupled = sum(scores[:, j : j + 1] * factor[:, j] for j in range(self.dimensions))
             points = np.clip(scipy.special.ndtr(coupled), np.finfo(float).tiny, 1 - np.finfo(float).epsneg)
-        return np.column_stack([margin.ppf(points[:, i]) for i, margin in enumerate(self.margins)])
+        # A truncated normal misses its own end by rounding.
+        return np.column_stack(
+            [np.clip(margin.ppf(points[:, i]), *margin.support()) for i, margin in enumerate(self.margins)]
+        )
 
     def independent(self) -> "Population":
         """The same distributions without their correlation, which variance-based indices need."""

@@ -1,0 +1,312 @@
+"""Populations: what varies, by which distribution and together with what, and what fitted units say about it."""
+
+import math
+
+import jax
+import numpy as np
+import pytest
+import scipy.stats
+
+import vgtjax
+from vgtjax import InputError, replace_parameters
+from vgtjax.parameters import Selection, get_parameter
+from vgtjax.population import (
+    Factors,
+    Population,
+    choose_factors,
+    domain,
+    fitted_levels,
+    fitted_population,
+    lognormal,
+    normal,
+    triangular,
+    uniform,
+)
+
+ACTUATOR = vgtjax.Actuator()
+MAGNET = "converter.magnetic_force"
+NAMES = ("diaphragm.area", "diaphragm.preload", "diaphragm.stiffness")
+FACTORS = Factors(NAMES)
+COUPLED = np.array([[1.0, 0.6, -0.4], [0.6, 1.0, 0.1], [-0.4, 0.1, 1.0]])
+MARGINS = (lognormal(2.9e-3, 0.1), normal(49.0, 2.0), uniform(1.1e4, 1.3e4))
+
+
+def population(correlation=None, margins=MARGINS, factors=FACTORS):
+    return Population(ACTUATOR, factors, margins, correlation)
+
+
+def points(rows, columns=3, seed=0):
+    return np.random.default_rng(seed).uniform(size=(rows, columns))
+
+
+# What varies.
+
+
+def test_unpack_puts_back_what_pack_took():
+    factors = choose_factors(ACTUATOR, ["diaphragm.*", MAGNET, "converter.atmosphere_orifice[1]"])
+    values = np.asarray(factors.pack(ACTUATOR))
+    assert values[factors.entries.index(MAGNET)] == 1.0
+    assert values[factors.entries.index("diaphragm.stiffness")] == 12000.0
+    assert values[factors.entries.index("converter.atmosphere_orifice[1]")] == 1.68e-4
+    same = factors.unpack(ACTUATOR, factors.pack(ACTUATOR))
+    assert all(map(np.array_equal, jax.tree.leaves(same), jax.tree.leaves(ACTUATOR)))
+
+
+def test_a_vector_varies_as_a_whole_and_an_entry_by_its_value():
+    factors = Factors((MAGNET, "converter.atmosphere_orifice[1]", "diaphragm.area"))
+    other = factors.unpack(ACTUATOR, np.array([1.1, 2e-4, 3e-3]))
+    np.testing.assert_allclose(other.converter.magnetic_force, 1.1 * ACTUATOR.converter.magnetic_force, rtol=1e-15)
+    np.testing.assert_array_equal(other.converter.atmosphere_orifice, [2.299e-8, 2e-4, 0.342])
+    assert other.diaphragm.area == 3e-3
+    assert factors.units(ACTUATOR) == ["1", "m", "m2"]
+    assert not Factors(()).pack(ACTUATOR).size
+
+
+def test_factors_are_in_the_order_of_the_table():
+    chosen = choose_factors(ACTUATOR, ["friction.*", "chamber.volume", f"{MAGNET}[3]", f"{MAGNET}[0]"])
+    assert chosen.entries[:3] == (f"{MAGNET}[0]", f"{MAGNET}[3]", "chamber.volume")
+    assert chosen.entries[3:] == tuple(n for n in vgtjax.parameter_table(ACTUATOR) if n.startswith("friction."))
+
+
+def test_what_is_fixed_stays():
+    assert choose_factors(ACTUATOR, ["diaphragm.*"], ["diaphragm.[!p]*"]).entries == ("diaphragm.preload",)
+    assert choose_factors(ACTUATOR, ["chamber.*", MAGNET], [MAGNET]).entries == ("chamber.volume",)
+    assert choose_factors(ACTUATOR, ["chamber.*", f"{MAGNET}[1]"], [MAGNET]).entries == ("chamber.volume",)
+    assert choose_factors(ACTUATOR, [f"{MAGNET}[1]", f"{MAGNET}[2]"], [f"{MAGNET}[1]"]).entries == (f"{MAGNET}[2]",)
+
+
+@pytest.mark.parametrize(
+    ("patterns", "fixed", "sentence"),
+    [
+        ([MAGNET, f"{MAGNET}[2]"], [], r"'converter.magnetic_force\[2\]' and the whole .* can't both vary; name one"),
+        ([MAGNET], [f"{MAGNET}[2]"], r"\[2\]' and the whole 'converter.magnetic_force' can't be fixed and vary"),
+        (["diaphragm.stifness"], [], "'diaphragm.stifness' matches nothing; did you mean 'diaphragm.stiffness'"),
+        ([MAGNET], ["nothing.*"], r"'nothing.\*' matches nothing"),
+    ],
+)
+def test_factors_that_contradict_each_other_are_refused(patterns, fixed, sentence):
+    with pytest.raises(InputError, match=sentence):
+        choose_factors(ACTUATOR, patterns, fixed)
+
+
+# Distributions.
+
+
+@pytest.mark.parametrize(
+    ("margin", "mean", "deviation"),
+    [
+        (normal(5.0, 2.0), 5.0, 2.0),
+        (normal(1.0, 0.1, (0.0, math.inf)), 1.0, 0.1),  # cut off ten deviations away
+        # Half of a normal: mean s sqrt(2 / pi), deviation s sqrt(1 - 2 / pi).
+        (normal(0.0, 3.0, (0.0, math.inf)), 3 * math.sqrt(2 / math.pi), 3 * math.sqrt(1 - 2 / math.pi)),
+        (lognormal(4.0, 0.3), 4 * math.exp(0.045), 4 * math.exp(0.045) * math.sqrt(math.exp(0.09) - 1)),
+        (uniform(2.0, 8.0), 5.0, 6 / math.sqrt(12)),
+        (triangular(1.0, 2.0, 6.0), 3.0, math.sqrt((1 + 4 + 36 - 2 - 12 - 6) / 18)),
+    ],
+)
+def test_margins_have_their_moments(margin, mean, deviation):
+    single = population(None, (margin,), Factors(NAMES[:1]))
+    assert single.deviations == pytest.approx([deviation], rel=1e-9)
+    grid = (np.arange(4000)[:, None] + 0.5) / 4000  # equal shares of probability, by their middles
+    values = single.values(grid)
+    # Middles of the outermost shares miss some of the tails' spread: 4e-4 of a lognormal's.
+    assert values.mean() == pytest.approx(mean, rel=1e-4)
+    assert values.std() == pytest.approx(deviation, rel=1e-3)
+
+
+def test_a_truncated_quantity_never_leaves_its_domain():
+    edge = np.array([[5e-324], [1e-300], [1e-16], [0.5], [1 - 1e-12]])
+    for mean, low in ((0.1, 0.0), (-1.0, 0.0), (5.0, 2.0)):
+        values = population(None, (normal(mean, 1.0, (low, math.inf)),), Factors(NAMES[:1])).values(edge)
+        assert np.all(values >= low)
+        assert np.all(np.isfinite(values))
+        assert np.all(np.diff(values[:, 0]) >= 0)
+
+
+def test_domains_are_those_of_the_table():
+    assert domain(ACTUATOR, "diaphragm.stiffness") == (0.0, math.inf)
+    assert domain(ACTUATOR, "diaphragm.damping") == (0.0, math.inf)
+    assert domain(ACTUATOR, "diaphragm.preload") == (-math.inf, math.inf)
+    assert domain(ACTUATOR, f"{MAGNET}[2]") == (-math.inf, math.inf)
+    assert domain(ACTUATOR, MAGNET) == (0.0, math.inf)  # the level of a curve does not change its sign
+
+
+# Correlation.
+
+ROWS = 20_000
+ERROR = 4 / math.sqrt(ROWS)
+"""Four standard errors of a correlation near zero; larger ones have smaller errors."""
+
+
+def test_normal_quantities_have_the_stated_correlation():
+    margins = tuple(normal(mean, 1.0) for mean in (1.0, 2.0, 3.0))
+    found = np.corrcoef(population(COUPLED, margins).values(points(ROWS)), rowvar=False)
+    np.testing.assert_allclose(found, COUPLED, atol=ERROR)
+
+
+def test_other_quantities_have_the_rank_correlation_of_a_gaussian_copula():
+    """`6 / pi arcsin(rho / 2)` (Pearson, 1907), whatever the margins."""
+    found = scipy.stats.spearmanr(population(COUPLED).values(points(ROWS))).statistic
+    np.testing.assert_allclose(found, 6 / math.pi * np.arcsin(COUPLED / 2), atol=ERROR)
+
+
+def test_scores_are_combined_by_a_factor_of_the_correlation():
+    """`L L^T`, with `L` read off column by column; its rows have length one, which leaves the distributions alone."""
+    standard = population(COUPLED, (normal(0.0, 1.0),) * 3)
+    columns = standard.values(scipy.stats.norm.cdf(np.eye(3)))
+    np.testing.assert_allclose(columns.T @ columns, COUPLED, atol=1e-13)  # rounding of cdf and ppf
+    np.testing.assert_array_equal(standard.values(np.full((1, 3), 0.5)), np.zeros((1, 3)))
+
+
+def test_without_correlation_quantities_are_independent():
+    alone = population(COUPLED).independent()
+    assert alone.correlation is None
+    np.testing.assert_array_equal(alone.values(points(50)), population().values(points(50)))
+    np.testing.assert_array_equal(alone.values(points(50))[:, 1], MARGINS[1].ppf(points(50)[:, 1]))
+
+
+def test_full_correlation_moves_quantities_as_one():
+    ones = np.ones((3, 3))
+    scores = [margin.cdf(column) for margin, column in zip(MARGINS, population(ones).values(points(50)).T, strict=True)]
+    # Square roots of rounding in the two eigenvalues that are zero.
+    np.testing.assert_allclose(scores[1:], [scores[0]] * 2, atol=1e-7)
+
+
+@pytest.mark.parametrize("coupled", [False, True])
+def test_a_row_is_the_same_to_the_bit_in_every_slice(coupled):
+    """Many quantities: a matrix product would round otherwise for a single row."""
+    factors = choose_factors(ACTUATOR, ["diaphragm.*", "friction.*", "converter.*_area"])
+    size = len(factors.entries)
+    kinds = (lognormal(2.9e-3, 0.1), normal(1.0, 1.0, (0.0, math.inf)), triangular(1.0, 2.0, 4.0))
+    correlation = np.full((size, size), 0.3) + 0.7 * np.eye(size) if coupled else None
+    varied = population(correlation, tuple(kinds[i % 3] for i in range(size)), factors)
+    cube = points(203, size)
+    whole = varied.values(cube)
+    for rows in (1, 8):
+        parts = [varied.values(cube[begin : begin + rows]) for begin in range(0, len(cube), rows)]
+        np.testing.assert_array_equal(np.concatenate(parts), whole)
+
+
+def test_the_corners_of_the_cube_are_finite():
+    corners = np.array([[5e-324] * 3, [np.nextafter(1, 0)] * 3, [5e-324, 0.5, np.nextafter(1, 0)]])
+    assert np.all(np.isfinite(population(COUPLED).values(corners)))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (
+            {"correlation": np.array([[1, 0.9, -0.9], [0.9, 1, 0.9], [-0.9, 0.9, 1]])},
+            r"contradict each other \(smallest eigenvalue -0.8, which must not be negative\); weaken them",
+        ),
+        ({"correlation": np.eye(2)}, r"must be 3 by 3, but it is \(2, 2\); give that"),
+        ({"correlation": np.triu(np.ones((3, 3)))}, "must be symmetric with ones on its diagonal"),
+        ({"correlation": 2 * np.eye(3)}, "must be symmetric with ones on its diagonal"),
+        ({"margins": MARGINS[:2]}, "one distribution a quantity, but it has 2 for 3; give one each"),
+    ],
+)
+def test_a_population_that_can_not_be_is_refused(arguments, sentence):
+    with pytest.raises(InputError, match=sentence):
+        population(**arguments)
+
+
+# Populations of fitted units.
+
+ENTRIES = ("converter.magnetic_force[2]", "diaphragm.area", "diaphragm.preload", "diaphragm.stiffness")
+TRUTH = (3.9e-3, 2.9e-3, 49.0, 12000.0)
+SPREAD = (1e-4, 0.0, 2.0, 0.08)
+"""Of the logarithm for the stiffness, which is positive; the area is the same in all units."""
+PAIRED = np.array([[1.0, -0.7, 0.0], [-0.7, 1.0, 0.4], [0.0, 0.4, 1.0]])
+
+
+def unit(entries, values):
+    return Selection(tuple(entries)).unpack(ACTUATOR, np.asarray(values))
+
+
+@pytest.fixture(scope="module")
+def fleet():
+    """Units whose magnetic force, preload and stiffness are drawn together."""
+    scores = np.random.default_rng(7).multivariate_normal(np.zeros(3), PAIRED, size=300)
+    force, preload = TRUTH[0] + SPREAD[0] * scores[:, 0], TRUTH[2] + SPREAD[2] * scores[:, 1]
+    stiffness = TRUTH[3] * np.exp(SPREAD[3] * scores[:, 2])
+    return [unit(ENTRIES, row) for row in np.column_stack([force, np.full(300, TRUTH[1]), preload, stiffness])]
+
+
+def test_fitted_units_give_mean_spread_and_correlation_back(fleet):
+    found = fitted_population(fleet, ENTRIES)
+    assert found.factors.entries == (ENTRIES[0], ENTRIES[2], ENTRIES[3])  # the area does not vary
+    assert found.model.diaphragm.area == pytest.approx(TRUTH[1], rel=1e-14)
+    assert found.model.converter.magnetic_force[1] == ACTUATOR.converter.magnetic_force[1]
+    count, errors = len(fleet), 4.0  # four standard errors each, of a mean, a deviation and a correlation
+    spread = np.array([SPREAD[0], SPREAD[2], SPREAD[3] * TRUTH[3]])
+    truth = np.array([TRUTH[0], TRUTH[2], TRUTH[3]])
+    assert np.all(np.abs(found.nominal - truth) < errors * spread / math.sqrt(count))
+    # The deviation of a lognormal is a little more than the logarithm's: 0.5 % at 8 %.
+    np.testing.assert_allclose(found.deviations, spread, rtol=errors / math.sqrt(2 * count) + 0.005)
+    assert found.deviations[1] == pytest.approx(np.std([m.diaphragm.preload for m in fleet], ddof=1), rel=1e-12)
+    np.testing.assert_allclose(found.correlation, PAIRED, atol=errors / math.sqrt(count))
+    values = found.values(points(ROWS))
+    np.testing.assert_allclose(np.corrcoef(values, rowvar=False), found.correlation, atol=ERROR + 0.003)  # lognormal
+    assert np.median(values[:, 2]) == pytest.approx(found.nominal[2], rel=errors * 0.08 / math.sqrt(ROWS) * 1.3)
+
+
+def test_few_units_span_their_samples():
+    """Five units of eight entries: samples are combinations of the units, in logarithms where positive."""
+    entries = [f"{MAGNET}[{k}]" for k in range(5)] + ["diaphragm.preload", "diaphragm.stiffness", "chamber.volume"]
+    nominal = np.asarray(Selection(tuple(entries)).pack(ACTUATOR))
+    units = nominal * (1 + 0.05 * np.random.default_rng(2).normal(size=(5, 8)))
+    found = fitted_population([unit(entries, row) for row in units], entries)
+    assert found.factors.entries == tuple(entries)
+
+    def scores(values):
+        logs = np.column_stack([values[:, :6], np.log(values[:, 6:])])
+        reference = np.column_stack([units[:, :6], np.log(units[:, 6:])])
+        return (logs - reference.mean(axis=0)) / reference.std(axis=0, ddof=1)
+
+    samples = scores(found.values(points(100, 8)))
+    basis = np.linalg.svd(scores(units))[2][:4]  # five units about their mean
+    outside = samples - samples @ basis.T @ basis
+    # Square roots of rounding in the eigenvalues that are zero.
+    assert np.abs(outside).max() < 1e-6
+    assert np.linalg.matrix_rank(samples, tol=1e-5) == 4
+    np.testing.assert_allclose(samples.std(axis=0), 1.0, atol=4 / math.sqrt(200))  # four standard errors
+
+
+def test_levels_are_one_factor_a_curve(fleet):
+    """Curves that are multiples of the nominal one by known factors."""
+    levels = np.array([0.9, 1.0, 1.04, 1.1])
+    force = np.asarray(ACTUATOR.converter.magnetic_force)
+    stiffness = 12000 * np.array([0.95, 1.0, 1.1, 1.0])
+    units = [
+        replace_parameters(ACTUATOR, {MAGNET: level * force, "diaphragm.stiffness": k})
+        for level, k in zip(levels, stiffness, strict=True)
+    ]
+    coupled = fitted_population(units, [*(f"{MAGNET}[{k}]" for k in range(5)), "diaphragm.stiffness"])
+    found = fitted_levels(coupled, units)
+    assert found.factors.entries == (MAGNET, "diaphragm.stiffness")
+    assert found.correlation is None
+    # The curve at factor one is the units' mean curve, 1.01 times the printed one.
+    np.testing.assert_allclose(found.nominal, [1.0, np.exp(np.log(stiffness).mean())], rtol=1e-12)
+    np.testing.assert_allclose(get_parameter(found.model, MAGNET), 1.01 * force, rtol=1e-12)
+    logs = np.log(levels / 1.01), np.log(stiffness)
+    for margin, log in zip(found.margins, logs, strict=True):
+        spread = math.log(margin.ppf(0.975) / margin.ppf(0.025)) / (2 * scipy.stats.norm.ppf(0.975))
+        assert spread == pytest.approx(log.std(ddof=1), rel=1e-9)
+
+
+def test_a_level_is_the_nearest_multiple():
+    """A unit whose curve has another shape counts with its projection on the nominal one."""
+    name, curve = "vane_force.closing", np.arange(1.0, 13.0)
+    base = vgtjax.Actuator(vane_force=vgtjax.HysteresisMap(closing=curve, opening=np.zeros(12)))
+    across = np.array([2.0, -1.0, *np.zeros(10)])
+    assert across @ curve == 0.0
+    units = [replace_parameters(base, {name: each}) for each in (0.95 * curve, curve, 1.05 * curve + across)]
+    (margin,) = fitted_levels(Population(base, Factors((name,)), (normal(1.0, 0.1),)), units).margins
+    assert margin.median() == pytest.approx(1.0)
+    one_deviation = scipy.stats.norm.cdf(1.0)
+    assert math.log(margin.ppf(one_deviation)) == pytest.approx(np.log([0.95, 1.0, 1.05]).std(ddof=1), rel=1e-9)
+
+
+def test_two_units_are_no_population(fleet):
+    with pytest.raises(InputError, match="needs three fitted units or more, but there are 2; fit more"):
+        fitted_population(fleet[:2], ENTRIES)
