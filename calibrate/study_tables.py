@@ -1,6 +1,6 @@
 """The tables that a study file may have, and what may stand in them."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import pydantic
 
@@ -19,6 +19,13 @@ class Components(Table):
     line: str = "none"
     magnetic_force: str = "static"
     chamber: str = "adiabatic"
+    flow_map: str | None = None
+    """Of the reduced models only."""
+
+    @pydantic.model_serializer(mode="wrap")
+    def _without_missing(self, serialise: pydantic.SerializerFunctionWrapHandler) -> dict[str, Any]:
+        # So that files of models without a flow map stay what they were.
+        return {name: value for name, value in serialise(self).items() if value is not None}
 
 
 class TraceEntry(Table):
@@ -57,6 +64,7 @@ class StartValue(Table):
 
 Positive = Annotated[float, pydantic.Field(gt=0, allow_inf_nan=False)]
 Share = Annotated[float, pydantic.Field(gt=0, lt=1)]
+Finite = Annotated[float, pydantic.Field(allow_inf_nan=False)]
 Count = Annotated[int, pydantic.Field(ge=1)]
 
 
@@ -64,15 +72,15 @@ class Spread(Table):
     """How one quantity varies from actuator to actuator, in SI units (a factor around one for a whole vector).
 
     `relative` is a part of the nominal value, `deviation` the same in its unit: the standard deviation of `normal` and
-    `lognormal`, half the width of `uniform` and `triangular`. `lower` and `upper` are ends instead, or where a normal
-    distribution is cut off.
+    `lognormal` (whose median is the nominal value), half the width of `uniform` and `triangular`. `lower` and `upper`
+    are ends instead, or where a normal distribution is cut off.
     """
 
     distribution: Literal["normal", "lognormal", "uniform", "triangular"] = "normal"
     relative: Positive | None = None
     deviation: Positive | None = None
-    lower: float | None = None
-    upper: float | None = None
+    lower: Finite | None = None
+    upper: Finite | None = None
 
 
 class Correlation(Table):
@@ -107,8 +115,8 @@ class ExperimentsTable(Table):
 class Limit(Table):
     """What is still good, in the unit of the output's table: mbar, ms, mm."""
 
-    lower: float | None = None
-    upper: float | None = None
+    lower: Finite | None = None
+    upper: Finite | None = None
 
     @pydantic.model_validator(mode="after")
     def _stated(self) -> "Limit":
@@ -135,7 +143,7 @@ class ToleranceTable(Table):
 class SensitivityTable(Table):
     """The sensitivity study."""
 
-    base: Annotated[int, pydantic.Field(ge=16)] = 256
+    base: Annotated[int, pydantic.Field(ge=16)] = 512
     seed: Annotated[int, pydantic.Field(ge=0)] = 0
     lanes: Count = 1024
     gradient_points: Count = 16

@@ -15,6 +15,9 @@ POSITIONS = np.linspace(*SPAN, round((SPAN[1] - SPAN[0]) / SPACING) + 1)
 LIFT = 0.2e-3
 """m from rest, and from the end of the way: there the vanes count as begun and ended to move, clear of sensor noise and
 of the give of both stops."""
+PRESSED = 2.0
+"""The pressure must fall on by so many times what the last `LIFT` took: then a stop ended the motion, and not the
+pressure's lowest value. It is about one where there is no stop, four and more where there is."""
 FEW = 5
 """Samples whose mean stands for one place of the rod at rest."""
 SLOWEST = 0.5
@@ -96,12 +99,16 @@ def find_ends(x_d: Float[np.ndarray, " time"], p_act: Float[np.ndarray, " time"]
 
     Where the position has left its rest by `LIFT`, and where it is that far from its top, on the way out: a straight
     line through the samples around each place, so that noise averages out. Counted from the run's own rest and top, so
-    the sensor's offset has no say. NaN where the rod does not pass them.
+    the sensor's offset has no say. NaN where the rod does not pass them, or no stop ends its way.
     """
     calm = np.convolve(x_d, np.full(FEW, 1 / FEW), mode="valid")
     top = int(np.argmax(calm)) + FEW // 2
-    way = slice(0, top + 1)
-    return _pressure_at(x_d[way], p_act[way], calm[0] + LIFT), _pressure_at(x_d[way], p_act[way], calm.max() - LIFT)
+    way_x, way_p = x_d[: top + 1], p_act[: top + 1]
+    start, before, end = (
+        _pressure_at(way_x, way_p, level) for level in (calm[0] + LIFT, calm.max() - 2 * LIFT, calm.max() - LIFT)
+    )
+    stopped = p_act.min() < end - PRESSED * (before - end)
+    return start, end if stopped else float("nan")
 
 
 def _pressure_at(x: np.ndarray, p: np.ndarray, level: float) -> float:

@@ -3,6 +3,6 @@
 from .chunks import ChunkStore as ChunkStore
 from .job import PopulationJob as PopulationJob, prepare_population as prepare_population
 from .outputs import finite as finite, scaled as scaled
-from .processes import join as join, leads as leads, meet as meet
+from .processes import agree as agree, join as join, leads as leads, meet as meet, together as together
 from .quantities import describe_failed as describe_failed, describe_quantities as describe_quantities
 from .sweep import claim_together as claim_together, sweep as sweep

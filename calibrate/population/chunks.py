@@ -4,6 +4,7 @@ import dataclasses
 import math
 import os
 import pathlib
+import shutil
 from collections.abc import Iterable, Iterator
 
 import numpy as np
@@ -15,12 +16,17 @@ FOLDER = ".chunks"
 
 @dataclasses.dataclass(frozen=True)
 class ChunkStore:
-    """Rows of results in files of `lanes` rows each; `columns` names what a row holds."""
+    """Rows of results in files of `lanes` rows each; `columns` names what a row holds.
+
+    All columns are kept of chunks that begin before row `long`, the first `short` of them of all others.
+    """
 
     folder: pathlib.Path
     columns: tuple[str, ...]
     rows: int
     lanes: int
+    short: int
+    long: int
 
     @property
     def count(self) -> int:
@@ -38,11 +44,12 @@ class ChunkStore:
 
     def missing(self) -> np.ndarray:
         """Which chunks are still to be computed."""
-        return np.array([not self._path(number).exists() for number in range(self.count)])
+        return np.array([not self._readable(number) for number in range(self.count)])
 
     def save(self, number: int, results: Results) -> None:
         """Writes a chunk whole or not at all; column by column, so that one of them can be read alone."""
-        content = np.vstack([results.failed[None].astype(float), results.outputs.T])
+        kept = len(self.columns) if self.span(number)[0] < self.long else self.short
+        content = np.vstack([results.failed[None].astype(float), results.outputs.T[:kept]])
         path = self._path(number)
         path.parent.mkdir(exist_ok=True)
         temporary = path.with_suffix(".new")
@@ -71,13 +78,19 @@ class ChunkStore:
 
     def remove(self) -> None:
         """Removes all chunks, once what was wanted of them is written elsewhere."""
-        for path in self.folder.glob(f"{FOLDER}/*"):
-            path.unlink()
-        (self.folder / FOLDER).rmdir()
+        shutil.rmtree(self.folder / FOLDER)
 
     def _each(self, place: int) -> Iterator[np.ndarray]:
         for number in range(self.count):
             yield np.array(np.load(self._path(number), mmap_mode="r")[place])
+
+    def _readable(self, number: int) -> bool:
+        """Whether a chunk is there; one that a full disk has cut short is not."""
+        try:
+            np.load(self._path(number), mmap_mode="r")
+        except (OSError, ValueError, EOFError):
+            return False
+        return True
 
     def _path(self, number: int) -> pathlib.Path:
         return self.folder / FOLDER / f"{number:06d}.npy"

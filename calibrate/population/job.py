@@ -12,6 +12,7 @@ from vgtjax.errors import InputError
 from vgtjax.experiments import AbstractExperiment, MeasuredLoops, SlowLoop, StepResponse, measure_loops, nominal_target
 from vgtjax.population import Population, fitted_levels, fitted_population
 
+from ..files import read_json
 from ..job import load_source
 from ..models import build_model, check_bounds, on_given_knots, start_values
 from ..parameter_file import fitted_entries, load_values, unit_files
@@ -60,6 +61,7 @@ def prepare_population(path: pathlib.Path | None, parameters: pathlib.Path | Non
     sources = expand_traces(study, path.parent)
     measured = _measured(study, sources, models[0])
     population, notes = _population(study, dict(zip(values, models, strict=True)), parameters, levels)
+    notes += _more_notes(population.model, sources, measured)
     return PopulationJob(
         study,
         path.read_text(encoding="utf-8-sig"),
@@ -121,16 +123,45 @@ def _population(
             notes.append("sensitivity indices need independent quantities, so the stated correlations are left out")
         return (population.independent() if levels else population), tuple(notes)
     assert parameters is not None
+    stated = table.model_fields_set - {"units"}
+    if stated:
+        raise InputError(
+            f"a population of fitted units has their spread, but [population] states {', '.join(sorted(stated))} too; "
+            "drop that, or give the parameters of one actuator"
+        )
     entries = [fitted_entries(file) for file in unit_files(parameters).values()]
     common = [entry for entry in entries[0] if all(entry in other for other in entries)]
     population = fitted_population(list(models.values()), common)
+    doubts = _unconverged(parameters)
     if not levels:
-        return population, ()
+        return population, doubts
     note = (
         "sensitivity indices need independent quantities, so the correlation of the fitted units is left out, and each "
-        "curve varies by a common factor"
+        "curve varies by a common factor; errors of the fits no longer cancel then, so outputs spread more "
+        "than the units do"
     )
-    return fitted_levels(population, list(models.values())), (note,)
+    return fitted_levels(population, list(models.values())), (note, *doubts)
+
+
+def _unconverged(folder: pathlib.Path) -> tuple[str, ...]:
+    """A note on fitted units whose fit did not converge, where the fit's summaries are still beside them."""
+    summaries = {unit: file.with_name("summary.json") for unit, file in unit_files(folder).items()}
+    bad = [unit for unit, file in summaries.items() if file.exists() and not read_json(file).get("converged", True)]
+    return (f"the fits of {', '.join(bad)} have not converged, but count like the others",) if bad else ()
+
+
+def _more_notes(
+    model: vgtjax.AbstractModel, sources: list[TraceSource], measured: dict[str, MeasuredLoops]
+) -> tuple[str, ...]:
+    notes = []
+    vanes = getattr(model, "vane_force", None)
+    if isinstance(vanes, vgtjax.HysteresisMap) and not np.any(vanes.closing) and not np.any(vanes.opening):
+        notes.append(
+            "the tables of vane_force = 'map' are all zero, so gas acts on nothing; give --parameters of a fit"
+        )
+    if sources and not measured:
+        notes.append("no trace of the study is a slow loop with position and pressure, so nothing measured is shown")
+    return tuple(notes)
 
 
 def _measured(study: Study, sources: list[TraceSource], model: vgtjax.AbstractModel) -> dict[str, MeasuredLoops]:

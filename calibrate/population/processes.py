@@ -1,6 +1,7 @@
 """A command that runs in several processes at once: all compute, the first one talks and writes."""
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeVar, cast
 
 import jax
 import numpy as np
@@ -9,6 +10,8 @@ from jax.experimental import multihost_utils
 from vgtjax.errors import InputError
 
 from ..console import console
+
+T = TypeVar("T")
 
 
 def join(coordinator: str | None, count: int | None, index: int | None) -> None:
@@ -23,10 +26,34 @@ def join(coordinator: str | None, count: int | None, index: int | None) -> None:
         raise InputError(
             "--coordinator, --processes and --process belong together, but some are missing; give all three"
         )
+    if count < 1:
+        raise InputError(f"--processes must be one or more, but it is {count}; correct it")
     if not 0 <= index < count:
         raise InputError(f"--process must count from 0 to {count - 1}, but it is {index}; correct it")
-    jax.distributed.initialize(coordinator, count, index)
+    host, _, port = coordinator.rpartition(":")
+    if not host or not port.isdecimal() or not 0 < int(port) < 65536:
+        raise InputError(f"--coordinator must be HOST:PORT, but it is '{coordinator}'; write e.g. localhost:12345")
+    try:
+        jax.distributed.initialize(coordinator, count, index)
+    except RuntimeError as error:
+        reason = str(error).splitlines()[0]
+        raise InputError(f"the processes could not meet at {coordinator} ({reason}); choose a free port") from error
     console.quiet = index > 0
+
+
+def together(prepare: Callable[[], T]) -> T:
+    """What `prepare` returns, in every process, if it refuses in none.
+
+    **Raises:** `InputError` of this process, or one that says that another has refused.
+    """
+    trouble, found = None, None
+    try:
+        found = prepare()
+    except InputError as error:
+        trouble = error
+    if np.any(everyones(trouble is not None)):
+        raise trouble or InputError("another process refused its input; its message says why, and this one stops too")
+    return cast(T, found)
 
 
 def leads() -> bool:
@@ -39,6 +66,13 @@ def agree(value: Any) -> np.ndarray:
     if jax.process_count() == 1:
         return np.asarray(value)
     return np.asarray(multihost_utils.broadcast_one_to_all(np.asarray(value)))
+
+
+def everyones(value: Any) -> np.ndarray:
+    """The values of all processes, along a new first axis."""
+    if jax.process_count() == 1:
+        return np.asarray(value)[None]
+    return np.asarray(multihost_utils.process_allgather(np.asarray(value)))
 
 
 def meet() -> None:

@@ -1,5 +1,7 @@
 """From the tables of a study to distributions: how each quantity of a population varies."""
 
+import fnmatch
+import itertools
 import math
 
 import numpy as np
@@ -39,6 +41,9 @@ def _chosen(model: vgtjax.AbstractModel, table: PopulationTable) -> Factors:
     else:
         wanted = choose_factors(model, table.vary, table.fixed).entries
     stated = choose_factors(model, list(table.parameters)).entries
+    both = [name for name in stated if table.fixed and name in choose_factors(model, table.fixed).entries]
+    if both:
+        raise InputError(f"'{both[0]}' can't be fixed and have a spread; drop one of the two")
     check_known(model, list(table.parameters), Factors(stated), "[population.parameters]")
     factors = choose_factors(model, [*wanted, *stated])
     alive = [
@@ -52,8 +57,6 @@ def _chosen(model: vgtjax.AbstractModel, table: PopulationTable) -> Factors:
 
 
 def _matches(names: list[str], pattern: str) -> bool:
-    import fnmatch
-
     return any(fnmatch.fnmatchcase(name, pattern) for name in names)
 
 
@@ -78,21 +81,16 @@ def margin(entry: str, spread: Spread, nominal: float, model: vgtjax.AbstractMod
                 raise InputError(f"'{entry}' is 0, so its spread can't be a part of it; state its deviation")
             begin, end = (limit if given is None else given for given, limit in zip(ends, (low, high), strict=True))
             _check_ends(entry, max(begin, low), end, low)
+            _check_inside(entry, nominal, begin, end)
             return normal(nominal, size, (max(begin, low), end))
         case "lognormal":
             if nominal <= 0:
                 raise InputError(f"a lognormal '{entry}' must be positive, but it is {nominal:g}; choose another")
-            return lognormal(nominal, size / nominal)
+            return lognormal(nominal, math.sqrt(math.log1p((size / nominal) ** 2)))
     begin, end = (nominal + sign * size if given is None else given for given, sign in zip(ends, (-1, 1), strict=True))
     _check_ends(entry, begin, end, low)
-    if spread.distribution == "uniform":
-        return uniform(begin, end)
-    if not begin <= nominal <= end:
-        raise InputError(
-            f"a triangular '{entry}' has its peak at its value, which must lie between its ends, but {nominal:g} is "
-            f"outside {begin:g} to {end:g}; correct them"
-        )
-    return triangular(begin, nominal, end)
+    _check_inside(entry, nominal, begin, end)
+    return uniform(begin, end) if spread.distribution == "uniform" else triangular(begin, nominal, end)
 
 
 def _check_stated(entry: str, spread: Spread) -> None:
@@ -102,8 +100,16 @@ def _check_stated(entry: str, spread: Spread) -> None:
         raise InputError(f"a lognormal '{entry}' has no ends, but lower or upper is given; use normal, or drop them")
 
 
+def _check_inside(entry: str, nominal: float, begin: float, end: float) -> None:
+    if not begin <= nominal <= end:
+        raise InputError(
+            f"the nominal '{entry}' must lie between the ends of its distribution, but {nominal:g} is outside "
+            f"{begin:g} to {end:g}; correct them, or the value under [parameters]"
+        )
+
+
 def _check_ends(entry: str, begin: float, end: float, low: float) -> None:
-    if not begin < end or begin < low or (math.isinf(begin - end) and math.isnan(end)):
+    if not begin < end or begin < low:
         raise InputError(
             f"the ends of '{entry}' must rise and not lie below {low:g}, but they are {begin:g} and {end:g}; "
             "correct them or the spread"
@@ -121,7 +127,9 @@ def correlations(model: vgtjax.AbstractModel, factors: Factors, table: Populatio
     for stated in table.correlation:
         check_known(model, stated.parameters, factors, "[[population.correlation]]")
         places = [factors.entries.index(name) for name in stated.parameters]
-        for i in places:
-            for j in places:
-                matrix[i, j] = 1.0 if i == j else stated.value
+        for i, j in itertools.permutations(places, 2):
+            if matrix[i, j] not in (0.0, stated.value):
+                names = f"'{factors.entries[min(i, j)]}' and '{factors.entries[max(i, j)]}'"
+                raise InputError(f"the correlation of {names} is stated twice, and differently; drop one")
+            matrix[i, j] = stated.value
     return matrix

@@ -1,6 +1,7 @@
 """Many samples through the experiments, chunk by chunk: resumable, in bounded memory, with progress."""
 
 import pathlib
+import shutil
 from collections.abc import Sequence
 
 import numpy as np
@@ -12,8 +13,8 @@ from vgtjax.sensitivity import Sample
 
 from ..console import console
 from ..files import claim
-from .chunks import ChunkStore
-from .processes import agree, leads
+from .chunks import FOLDER, ChunkStore
+from .processes import agree, leads, together
 
 
 def sweep(
@@ -44,19 +45,20 @@ def claim_together(out: pathlib.Path, command: str, fingerprint: str) -> bool:
 
     **Raises:** `InputError` when it can't be.
     """
-    trouble: InputError | None = None
-    if leads():
-        try:
+
+    def check() -> None:
+        if fingerprint != bytes(agree(np.frombuffer(fingerprint.encode(), np.uint8))).decode():
+            raise InputError("all processes must be given the same study, but this one has another; give it that")
+        if leads():
             claim(out, command, fingerprint)
-        except InputError as error:
-            trouble = error
-    state = int(agree(2 if trouble is not None else int((out / "report.html").exists())))
-    if state == 2:
-        raise trouble or InputError("the first process refused; its message says why")
-    if state == 1:
+
+    together(check)
+    finished = bool(agree((out / "report.html").exists()))
+    if finished and leads():
+        shutil.rmtree(out / FOLDER, ignore_errors=True)  # left by a run that was killed after its report
         console.print(f"nothing to do: {out} holds this study's results")
         console.print(f"report: {(out / 'report.html').resolve()}")
-    return state == 0
+    return not finished
 
 
 def _progress() -> rich.progress.Progress:

@@ -12,12 +12,16 @@ from vgtjax.sensitivity import (
     analyse,
     gradient_share,
     rank_inputs,
+    squared_correlation,
     total_bound,
     variance,
 )
 from vgtjax.sensitivity.missing import complete_groups
 
 from ..population import ChunkStore, PopulationJob
+
+NOISE = {"m": 8e-6, "Pa": 60.0}
+"""Of position and pressure on the bench; shares of a smaller spread, as of a rod at rest, are of no use."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -33,11 +37,20 @@ class Analysis:
     rankings: tuple[Ranking, ...]
     failed: np.ndarray
     rows: int
+    deviation: np.ndarray
+    """Standard deviation of every column, in SI units."""
+    sample_correlation: float
+    """Largest squared correlation that two quantities happen to have in the sample; (4.1) sees it as an effect."""
 
     def place(self, output: Output) -> slice:
         """Rows of an output."""
         first = self.columns.index(f"{output.name}[0]" if output.axis else output.name)
         return slice(first, first + output.size)
+
+    def seen(self, output: Output, shares: np.ndarray) -> np.ndarray:
+        """Shares `(columns, quantities)` of one output; NaN where its spread is below the noise of its sensor."""
+        place = self.place(output)
+        return np.where(self.deviation[place, None] > NOISE[output.unit], shares[place], np.nan)
 
 
 def chosen_outputs(outputs: tuple[Output, ...]) -> tuple[Output, ...]:
@@ -60,7 +73,7 @@ def analyse_all(
     gradients = gradients[:, places]
     indices = analyse(design, x, y, replicates=table.replicates, level=table.confidence, seed=table.seed)
     local = gradient_share(gradients[0], population.deviations)
-    spread = np.array([variance(column[np.isfinite(column)][:, None])[0] for column in y.T])
+    spread = np.array([_variance(column[np.isfinite(column)]) for column in y.T])
     bound = _bounds(gradients[1:], population.deviations, spread)
     numbers = [output for output in outputs if not output.axis]
     rankings = rank_inputs(
@@ -70,9 +83,25 @@ def analyse_all(
         local=local[: len(numbers)],
         threshold=table.threshold,
     )
+    together = squared_correlation(x, x)
+    np.fill_diagonal(together, 0.0)
     return Analysis(
-        outputs, tuple(order), population.factors.entries, indices, local, bound, rankings, store.failed(), design.rows
+        outputs,
+        tuple(order),
+        population.factors.entries,
+        indices,
+        local,
+        bound,
+        rankings,
+        store.failed(),
+        design.rows,
+        np.sqrt(spread),
+        float(together.max()),
     )
+
+
+def _variance(values: np.ndarray) -> float:
+    return float(variance(values[:, None])[0]) if len(values) > 1 else np.nan
 
 
 def _bounds(gradients: np.ndarray, deviations: np.ndarray, variances: np.ndarray) -> np.ndarray:

@@ -13,8 +13,18 @@ from vgtjax.population import Evaluator
 from vgtjax.sensitivity import RadialDesign
 
 from ..console import console
-from ..files import write_json, write_text
-from ..population import ChunkStore, PopulationJob, claim_together, leads, meet, prepare_population, sweep
+from ..files import read_json, write_json, write_text
+from ..population import (
+    ChunkStore,
+    PopulationJob,
+    agree,
+    claim_together,
+    leads,
+    meet,
+    prepare_population,
+    sweep,
+    together,
+)
 from .analysis import analyse_all, chosen_outputs
 from .report import render
 from .summary import summarise
@@ -31,19 +41,33 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
 
     **Raises:** `InputError` before anything is written; `SimulationError` when too many samples failed for any index.
     """
+    job, evaluator, design = together(lambda: _plan(study, parameters))
+    if claim_together(out, "sensitivity", job.fingerprint):
+        _compute(job, evaluator, design, out)
+    if agree(leads() and not _has_indices(read_json(out / "summary.json"))):
+        raise SimulationError(
+            "too many simulations failed for any index; narrow the spreads, or raise base under [sensitivity]"
+        )
+
+
+def _plan(study: pathlib.Path | None, parameters: pathlib.Path | None) -> tuple[PopulationJob, Evaluator, RadialDesign]:
     job = prepare_population(study, parameters, levels=True)
-    table = job.study.sensitivity
-    population = job.population
-    evaluator = Evaluator(population.model, population.factors, job.experiments, lanes=table.lanes)
+    table, population = job.study.sensitivity, job.population
     design = RadialDesign(population.dimensions, table.base, table.seed)
-    if not claim_together(out, "sensitivity", job.fingerprint):
-        return
+    lanes = min(table.lanes, design.rows)
+    return job, Evaluator(population.model, population.factors, job.experiments, lanes=lanes), design
+
+
+def _compute(job: PopulationJob, evaluator: Evaluator, design: RadialDesign, out: pathlib.Path) -> None:
+    """Simulates what is missing, and writes the results."""
     for note in job.notes:
         console.print(f"note: {note}")
-    began = time.monotonic()
+    began, table, population = time.monotonic(), job.study.sensitivity, job.population
     outputs = chosen_outputs(evaluator.outputs)
-    keep = [place for place, column in enumerate(evaluator.columns) if _owner(column) in {o.name for o in outputs}]
-    store = ChunkStore(out, tuple(evaluator.columns[place] for place in keep), design.rows, table.lanes)
+    names = {output.name for output in outputs}
+    keep = [place for place, column in enumerate(evaluator.columns) if column.partition("[")[0] in names]
+    columns = tuple(evaluator.columns[place] for place in keep)
+    store = ChunkStore(out, columns, design.rows, min(table.lanes, design.rows), len(columns), design.rows)
     sweep(evaluator, population, design, store, keep, "sensitivity")
     with console.status("exact gradients"):
         points = np.concatenate([population.nominal[None], _base_values(job, design)])
@@ -57,15 +81,13 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
         write_text(out / "report.html", render(job, analysis, summary))
         store.remove()
         console.print(f"report: {(out / 'report.html').resolve()}")
-        if not np.any(analysis.indices.used):
-            raise SimulationError(
-                f"{len(analysis.failed)} of {design.rows} simulations failed, which leaves no index; narrow the spreads"
-            )
     meet()
 
 
-def _owner(column: str) -> str:
-    return column.partition("[")[0]
+def _has_indices(summary: dict[str, Any]) -> bool:
+    return any(
+        row["total"]["value"] is not None for output in summary["outputs"].values() for row in output["quantities"]
+    )
 
 
 def _without_chatter(model: Any) -> Any:

@@ -30,8 +30,8 @@ def render(job: PopulationJob, analysis: Analysis, summary: dict[str, Any]) -> s
                     figures.over_time(
                         output,
                         analysis.inputs,
-                        analysis.indices.total.value[analysis.place(output)],
-                        analysis.local[analysis.place(output)],
+                        analysis.seen(output, analysis.indices.total.value),
+                        analysis.seen(output, analysis.local),
                     )
                 ),
             }

@@ -10,6 +10,9 @@ from vgtjax.sensitivity import Estimate, Interval, RadialDesign, RankedInput, ex
 from ..population import PopulationJob, describe_failed, describe_quantities, finite, scaled
 from .analysis import Analysis
 
+CORRELATED = 0.02
+"""Squared correlation of two quantities in a sample that is worth a note."""
+
 
 def summarise(job: PopulationJob, design: RadialDesign, analysis: Analysis, seconds: float) -> dict[str, Any]:
     """The whole summary."""
@@ -26,10 +29,20 @@ def summarise(job: PopulationJob, design: RadialDesign, analysis: Analysis, seco
         "outputs": {output.name: _output(analysis, row, output) for row, output in enumerate(numbers)},
         "over_time": {o.name: _over_time(analysis, o, table.threshold) for o in analysis.outputs if o.axis},
         "quantities": describe_quantities(job),
-        "notes": list(job.notes),
+        "sample_correlation": analysis.sample_correlation,
+        "notes": [*job.notes, *_sample_note(analysis)],
         "wall_seconds": round(seconds, 3),
         "study_sha256": job.fingerprint,
     }
+
+
+def _sample_note(analysis: Analysis) -> list[str]:
+    if analysis.sample_correlation < CORRELATED:
+        return []
+    return [
+        "two quantities happen to be correlated in this sample (squared correlation "
+        f"{analysis.sample_correlation:.2g}), which (4.1) takes for an effect; raise base under [sensitivity]"
+    ]
 
 
 def _leading(analysis: Analysis, threshold: float) -> list[dict[str, Any]]:
@@ -49,6 +62,7 @@ def _output(analysis: Analysis, row: int, output: Output) -> dict[str, Any]:
     return {
         "meaning": output.meaning,
         "unit": scaled(output).unit,
+        "deviation": finite(analysis.deviation[row] * scaled(output).factor),
         "r2": finite(ranking.r2),
         "base_points_used": ranking.used,
         "quantities": [_entry(analysis, row, output, ranking.r2, entry) for entry in ranking.inputs],
@@ -78,17 +92,23 @@ def _entry(analysis: Analysis, row: int, output: Output, r2: float, entry: Ranke
 def _over_time(analysis: Analysis, output: Output, threshold: float) -> dict[str, Any]:
     """Indices along a step, of the quantities that ever matter."""
     rows = analysis.place(output)
-    total = analysis.indices.total.value[rows]
+    indices = analysis.indices
+    kinds = {
+        "first": indices.first.value,
+        "total": indices.total.value,
+        "src_thesis": indices.correlation.value,
+        "gradient": analysis.local,
+    }
+    total = analysis.seen(output, indices.total.value)
     ever = np.nan_to_num(total, nan=0.0).max(axis=0) > threshold
     return {
         "meaning": output.meaning,
         "time": list(output.axis),
+        "unit": scaled(output).unit,
+        "deviation": [finite(value * scaled(output).factor) for value in analysis.deviation[rows]],
         "quantities": {
             name: {
-                "first": [finite(value) for value in analysis.indices.first.value[rows, i]],
-                "total": [finite(value) for value in total[:, i]],
-                "src_thesis": [finite(value) for value in analysis.indices.correlation.value[rows, i]],
-                "gradient": [finite(value) for value in analysis.local[rows, i]],
+                kind: [finite(value) for value in analysis.seen(output, shares)[:, i]] for kind, shares in kinds.items()
             }
             for i, name in enumerate(analysis.inputs)
             if ever[i]

@@ -9,10 +9,20 @@ from vgtjax.errors import SimulationError
 from vgtjax.population import Evaluator
 
 from ..console import console
-from ..files import write_json, write_text
-from ..population import ChunkStore, PopulationJob, claim_together, leads, meet, prepare_population, sweep
+from ..files import read_json, write_json, write_text
+from ..population import (
+    ChunkStore,
+    PopulationJob,
+    agree,
+    claim_together,
+    leads,
+    meet,
+    prepare_population,
+    sweep,
+    together,
+)
 from .report import render
-from .samples import choose_sample, write_samples
+from .samples import CURVES, choose_sample, write_samples
 from .summary import Known, check_limits, summarise
 
 
@@ -22,6 +32,14 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
     **Raises:** `InputError` before anything is written; `SimulationError` when every sample failed, after everything
     else is written.
     """
+    job, evaluator = together(lambda: _plan(study, parameters))
+    if claim_together(out, "tolerance", job.fingerprint):
+        _compute(job, evaluator, out)
+    if agree(leads() and read_json(out / "summary.json")["failed"]["count"] == job.study.tolerance.samples):
+        raise SimulationError("every sample's simulation failed; narrow the tolerances, or check the nominal values")
+
+
+def _plan(study: pathlib.Path | None, parameters: pathlib.Path | None) -> tuple[PopulationJob, Evaluator]:
     job = prepare_population(study, parameters, levels=False)
     table = job.study.tolerance
     evaluator = Evaluator(
@@ -32,27 +50,28 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
         dtype=np.float64 if table.precision == "double" else np.float32,
     )
     check_limits(evaluator.outputs, table.limits)
-    sample = choose_sample(job)
-    if not claim_together(out, "tolerance", job.fingerprint):
-        return
+    return job, evaluator
+
+
+def _compute(job: PopulationJob, evaluator: Evaluator, out: pathlib.Path) -> None:
+    """Simulates what is missing, and writes the results."""
     for note in job.notes:
         console.print(f"note: {note}")
-    began = time.monotonic()
-    store = ChunkStore(out, evaluator.columns, table.samples, min(table.lanes, table.samples))
+    began, table, outputs = time.monotonic(), job.study.tolerance, evaluator.outputs
+    numbers = [place for place, column in enumerate(evaluator.columns) if "[" not in column]
+    keep = [*numbers, *[place for place in range(len(evaluator.columns)) if place not in set(numbers)]]
+    columns = tuple(evaluator.columns[place] for place in keep)
+    store = ChunkStore(out, columns, table.samples, min(table.lanes, table.samples), len(numbers), CURVES)
     known = known_actuators(job, evaluator)
-    sweep(evaluator, job.population, sample, store, range(len(evaluator.columns)), "tolerance")
+    sample = choose_sample(job)
+    sweep(evaluator, job.population, sample, store, keep, "tolerance")
     if leads():
-        seconds = time.monotonic() - began
-        summary = summarise(job, sample, store, known, evaluator.outputs, seconds)
-        write_samples(out / "samples.npz", job, sample, store, evaluator.outputs)
+        summary = summarise(job, sample, store, known, outputs, time.monotonic() - began)
+        write_samples(out / "samples.npz", job, sample, store, outputs)
         write_json(out / "summary.json", summary)
-        write_text(out / "report.html", render(job, store, known, evaluator.outputs, summary))
+        write_text(out / "report.html", render(job, store, known, outputs, summary))
         store.remove()
         console.print(f"report: {(out / 'report.html').resolve()}")
-        if summary["failed"]["count"] == table.samples:
-            raise SimulationError(
-                "every sample's simulation failed; narrow the tolerances, or check the nominal values"
-            )
     meet()
 
 

@@ -133,7 +133,9 @@ def _measured_effects(measured: dict[str, MeasuredLoops], pressures: list[float]
 def histogram(output: Output, values: np.ndarray, limit: Limit | None, measured: list[float]) -> go.Figure:
     """How often which value occurs, in the unit shown; limits in red, measured units as ticks below."""
     defined = values[np.isfinite(values)]
-    counts, edges = np.histogram(defined, BINS)
+    low, high = (defined.min(), defined.max()) if len(defined) else (0.0, 1.0)
+    slack = 1e-9 * max(abs(low), abs(high), 1e-9)  # a saturated output differs by rounding only
+    counts, edges = np.histogram(defined, BINS, (low - slack, high + slack))
     share = 100 * counts / max(len(values), 1)
     figure = go.Figure(
         go.Bar(x=(edges[1:] + edges[:-1]) / 2, y=share, width=np.diff(edges), marker={"color": LINE, "opacity": 0.55})

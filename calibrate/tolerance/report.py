@@ -42,7 +42,9 @@ def render(
 def _unusual(job: PopulationJob, values: dict[str, float]) -> list[tuple[str, float, float]]:
     """The quantities of a sample that lie farthest out, with their normal scores."""
     scores = [
-        (entry, values[entry], float(scipy.special.ndtri(margin.cdf(values[entry])))) for entry, margin in _margins(job)
+        (entry, values[entry], float(scipy.special.ndtri(margin.cdf(values[entry]))))
+        for entry, margin in _margins(job)
+        if values[entry] is not None
     ]
     return sorted(scores, key=lambda score: -abs(score[2]))[:4]
 

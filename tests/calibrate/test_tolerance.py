@@ -199,6 +199,34 @@ def test_bad_samples_are_counted_and_named_and_touch_no_other(done, tmp_path):
     assert f'failed simulations<b class="bad">{len(failed)}' in (tmp_path / "out" / "report.html").read_text()
 
 
+SMALL_CHAMBER = STUDY.replace("lower = 4e-5, upper = 8e-5", "lower = 1e-5, upper = 1.01e-5") + (
+    '[parameters]\n"chamber.volume" = {value = 1.005e-5}\n'
+)
+"""Chambers smaller than the diaphragm's stroke: the gas has no volume left."""
+
+
+@pytest.mark.parametrize("command", ["tolerance", "sensitivity"])
+def test_a_study_whose_every_sample_fails_says_so_each_time(tmp_path, command):
+    study = write_study(tmp_path, SMALL_CHAMBER.replace("steps = [50]", "steps = []"))
+    study.write_text(study.read_text().replace('"steady_error_50" = {lower = -0.2, upper = 0.2}', ""))
+    sentences = {
+        "tolerance": "failed: every sample's simulation failed; narrow the tolerances, or check the nominal values\n",
+        "sensitivity": "failed: too many simulations failed for any index; narrow the spreads, or raise base under "
+        "[sensitivity]\n",
+    }
+    for _ in range(2):  # the second time the results are there already
+        outcome = run_command(command, study, "--out", tmp_path / "out")
+        assert (outcome.status, outcome.err) == (1, sentences[command])
+        assert read(tmp_path / "out" / "summary.json")["failed"]["count"] > 0
+
+
+def test_a_nominal_actuator_that_fails_is_named_before_anything_is_written(tmp_path):
+    outcome = run_command("tolerance", write_study(tmp_path, SMALL_CHAMBER), "--out", tmp_path / "out")
+    sentence = "the nominal actuator's step to 50 % left the finite numbers; check that its parameters are physical"
+    assert (outcome.status, outcome.err) == (1, f"failed: {sentence}\n")
+    assert not (tmp_path / "out").exists()
+
+
 def test_latin_hypercube_in_single_precision(done, tmp_path):
     text = STUDY.replace("lanes = 8", 'lanes = 24\nsampler = "latin-hypercube"\nprecision = "single"')
     assert run_command("tolerance", write_study(tmp_path, text), "--out", tmp_path / "out").status == 0
@@ -287,7 +315,7 @@ BAD = [
     (
         "duty",
         "[experiments]\nsteps = [120]",
-        "steps need one or more duties above 0 up to 100 %, but they are [120.0]; correct them",
+        "steps need one or more different duties above 0 up to 100 %, but they are [120.0]; correct them",
     ),
     (
         "pressures",
@@ -310,6 +338,37 @@ BAD = [
         "nothing",
         '[population]\nvary = ["diaphragm.damping"]',
         "a population needs a quantity that varies, but vary and fixed leave none; vary one",
+    ),
+    (
+        "limit without end",
+        '[tolerance.limits]\n"hysteresis_0mbar" = {upper = inf}',
+        "study.toml: tolerance.limits.hysteresis_0mbar.upper: Input should be a finite number, but it is inf; correct "
+        "it",
+    ),
+    (
+        "nominal outside",
+        '[population.parameters]\n"diaphragm.stiffness" = {lower = 20000}',
+        "the nominal 'diaphragm.stiffness' must lie between the ends of its distribution, but 12000 is outside 20000 "
+        "to inf; correct them, or the value under [parameters]",
+    ),
+    (
+        "fixed and spread",
+        '[population]\nfixed = ["diaphragm.mass"]\n[population.parameters]\n"diaphragm.mass" = {relative = 0.1}',
+        "'diaphragm.mass' can't be fixed and have a spread; drop one of the two",
+    ),
+    (
+        "correlated twice",
+        "".join(
+            f'[[population.correlation]]\nparameters = ["diaphragm.mass", "chamber.volume"]\nvalue = {value}\n'
+            for value in (0.9, -0.9)
+        ),
+        "the correlation of 'chamber.volume' and 'diaphragm.mass' is stated twice, and differently; drop one",
+    ),
+    (
+        "units and spread",
+        f'[components]\nvane_force = "map"\n[population]\nrelative = 0.1\nunits = "{EXAMPLE}/fleet/units"',
+        "a population of fitted units has their spread, but [population] states relative too; drop that, or give the "
+        "parameters of one actuator",
     ),
     (
         "both",
@@ -336,6 +395,14 @@ def test_bad_studies_are_refused_in_one_sentence(tmp_path, text, sentence):
         (
             ["--coordinator", "localhost:1", "--processes", "2", "--process", "2"],
             "--process must count from 0 to 1, but it is 2; correct it",
+        ),
+        (
+            ["--coordinator", "localhost", "--processes", "2", "--process", "0"],
+            "--coordinator must be HOST:PORT, but it is 'localhost'; write e.g. localhost:12345",
+        ),
+        (
+            ["--coordinator", "localhost:1", "--processes", "0", "--process", "0"],
+            "--processes must be one or more, but it is 0; correct it",
         ),
     ],
 )

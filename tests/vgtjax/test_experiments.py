@@ -95,8 +95,9 @@ def test_readings_are_what_the_outputs_announce(experiment):
 
 def test_straight_branches_are_read_exactly():
     """Branches `width` apart; the second pressure moves the way out by -300 Pa and the way back by 500 Pa."""
-    x_d = 10e-3 * LOOP.traces[0].pwm / 100
-    middle, width = -2.0e4 - 4e6 * x_d, 2000.0
+    way = 10e-3 * LOOP.traces[0].pwm / 90
+    x_d = np.minimum(way, 10e-3)  # a stop at 90 % of duty, into which the pressure goes on pulling
+    middle, width = -2.0e4 - 4e6 * way, 2000.0
     out = np.arange(len(x_d)) <= len(x_d) // 2
     cold, hot = np.where(out, -width / 2, width / 2), np.where(out, -width / 2 - 300, width / 2 + 500)
     found = READ(LOOP, np.stack([x_d, x_d]), AMBIENT + np.stack([middle + cold, middle + hot]), AMBIENT)
@@ -115,6 +116,15 @@ def test_straight_branches_are_read_exactly():
     }
     for name, value in exact.items():
         np.testing.assert_allclose(found[name], value, rtol=1e-9, err_msg=name)  # rounding of 1e5 Pa against 300
+
+
+def test_a_rod_that_turns_back_before_its_stop_has_no_end_pressure():
+    x_d = 9e-3 * LOOP.traces[0].pwm / 100
+    p_act = AMBIENT - 2.0e4 - 4e6 * x_d
+    found = READ(LOOP, np.stack([x_d, x_d]), np.stack([p_act, p_act]), AMBIENT)
+    assert np.isfinite(found["start_pressure_0mbar"])
+    assert np.isnan(found["end_pressure_0mbar"])
+    assert np.isnan(found["saturation_shift_1500mbar"])
 
 
 def test_an_exponential_step_has_its_closed_form_times():
@@ -330,12 +340,13 @@ def test_steps_change_in_the_physical_direction(change, name, direction, steps):
         (lambda: SlowLoop(()), r"pressures must be one or more and rise by millibars, but they are \[\] Pa; sort them"),
         (lambda: SlowLoop((1e5, 0.0)), r"but they are \[100000.0, 0.0\] Pa; sort them"),
         (lambda: SlowLoop((0.0, 0.0)), r"but they are \[0.0, 0.0\] Pa; sort them"),
-        (lambda: SlowLoop(seconds=1.0), r"a slow loop needs 2 s or more .* they are 1 s and 100 %; correct them"),
+        (lambda: SlowLoop(seconds=1.0), r"a slow loop needs 2 s to an hour .* they are 1 s and 100 %; correct them"),
         (lambda: SlowLoop(duty=0.0), r"a duty above 0 up to 100 %, but they are 30 s and 0 %"),
         (lambda: SlowLoop(duty=101.0), r"but they are 30 s and 101 %"),
-        (lambda: StepResponse((), target=[]), r"one or more duties above 0 up to 100 %, but they are \[\]"),
+        (lambda: StepResponse((), target=[]), r"one or more different duties above 0 up to 100 %, but they are \[\]"),
         (lambda: StepResponse((50.0, 120.0), target=[0, 0]), r"but they are \[50.0, 120.0\]; correct them"),
-        (lambda: StepResponse(hold=0.4, target=[0, 0]), "held for 0.5 s or more, but hold is 0.4; hold it longer"),
+        (lambda: StepResponse((50.0, 50.0), target=[0, 0]), r"but they are \[50.0, 50.0\]; correct them"),
+        (lambda: StepResponse(hold=0.4, target=[0, 0]), "held for 0.5 s to an hour, but hold is 0.4 s; correct it"),
         (lambda: StepResponse(target=[0]), "one target a duty, but there are 1 for 2; give both"),
     ],
 )

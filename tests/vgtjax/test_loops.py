@@ -40,12 +40,13 @@ def test_a_run_that_visits_the_span_twice_is_none():
     assert find_loop(np.linspace(0, 20, 2000), twice, np.concatenate([p_act, p_act])) is None
 
 
-def rested(width=2000.0, noise=0.0, offset=0.0, samples=3000):
-    """A rod that rests, is pulled out, rests at the top and comes back; its chamber starts vented."""
+def rested(width=2000.0, noise=0.0, offset=0.0, samples=3000, pressed=5e3):
+    """A rod that rests, is pulled out, is pressed into a stop at the top and comes back; its chamber starts vented."""
     time = np.linspace(0, 30, samples)
     way = np.interp(time, [0, 3, 13, 15, 25, 30], [0, 0, 1, 1, 0, 0])
     closing = time < 14
     p_act = -1.5e4 - 10e-3 * 4e6 * way + np.where(closing, -0.5, 0.5) * width
+    p_act = p_act - pressed * np.interp(time, [13, 14, 15], [0, 1, 0])
     p_act = np.where(way > 0, p_act, np.where(closing, 0.0, -8e3))
     rng = np.random.default_rng(4)
     x_d = 10e-3 * way + offset + noise * 8e-6 * rng.normal(size=samples)
@@ -67,6 +68,13 @@ def test_ends_stand_noise():
     # highest mean of five among noisy ones lies 8 um too high.
     assert start == pytest.approx(-1.6e4 - 4e6 * LIFT, abs=80.0)
     assert end == pytest.approx(-1.6e4 - 4e6 * (10e-3 - LIFT), abs=80.0 + 32.0)
+
+
+def test_a_rod_that_turns_back_before_its_stop_has_no_end():
+    _, x_d, p_act = rested(pressed=0.0)
+    start, end = find_ends(x_d, p_act)
+    assert np.isfinite(start)
+    assert np.isnan(end)
 
 
 def test_a_rod_that_stays_has_no_ends():

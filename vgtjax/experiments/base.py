@@ -13,6 +13,9 @@ from ..air import Scalar
 from ..drive import Drive, Start
 from ..trace import Trace
 
+LONGEST = 3600.0
+"""s; a run that is longer is a mistake, not an experiment."""
+
 Readings = dict[str, Float[Array, "..."]]
 
 

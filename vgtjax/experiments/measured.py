@@ -8,7 +8,7 @@ import numpy as np
 from ..loops import POSITIONS, Loop, find_ends, find_loop
 from ..trace import Trace
 from .base import Readings
-from .slow_loop import label, loop_readings
+from .slow_loop import EFFECTS, label, loop_readings
 
 VENTED = 0.01
 """Part of a slow loop from rest, at its start, in which the duty is too low for the converter to evacuate."""
@@ -59,6 +59,8 @@ def measure_loops(traces: Sequence[Trace], points: Sequence[float] = (0.0, 1.5e5
     closing, opening = np.stack([loop.closing for loop in read]), np.stack([loop.opening for loop in read])
     assert read[0].position.shape == POSITIONS.shape, "loops are read at the positions of every reading"
     readings = loop_readings([label(at) for at in pressures], closing, opening, start, end)
+    if pressures[0] != min(points, default=pressures[0]):  # effects count from the lowest operating point
+        readings = {name: value for name, value in readings.items() if not name.startswith(EFFECTS)}
     return MeasuredLoops(tuple(pressures), read, readings)
 
 

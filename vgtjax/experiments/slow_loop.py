@@ -1,7 +1,5 @@
 """The slow loop: the duty rises and falls so slowly that position over pressure is the hysteresis (section 4.2)."""
 
-import math
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -10,14 +8,17 @@ from jaxtyping import Array, Float
 
 from ..air import Scalar
 from ..errors import InputError
-from ..loops import LIFT, POSITIONS
+from ..loops import LIFT, POSITIONS, PRESSED
 from ..trace import Trace
-from .base import AbstractExperiment, Output, Readings, first_reach
+from .base import LONGEST, AbstractExperiment, Output, Readings, first_reach
 
 INTERVAL = 0.01
 """s between samples; a rod that crosses 10 mm in 10 s moves 10 um in it."""
 SHOWN = (3e-3, 5e-3, 7e-3)
 """m; the three positions at which open- and closed-vane effects are stated (Figs. 4.8, 4.9)."""
+
+EFFECTS = ("saturation_shift", "open_vane_effect", "closed_vane_effect")
+"""What the names of differences to the lowest turbine pressure begin with."""
 
 
 class SlowLoop(AbstractExperiment):
@@ -38,9 +39,9 @@ class SlowLoop(AbstractExperiment):
                 "turbine pressures must be one or more and rise by millibars, but they are "
                 f"{list(self.turbine_pressures)} Pa; sort them"
             )
-        if not 2 <= self.seconds < math.inf or not 0 < self.duty <= 100:
+        if not 2 <= self.seconds <= LONGEST or not 0 < self.duty <= 100:
             raise InputError(
-                f"a slow loop needs 2 s or more and a duty above 0 up to 100 %, but they are {self.seconds:g} s and "
+                f"a slow loop needs 2 s to an hour and a duty above 0 up to 100 %, but they are {self.seconds:g} s and "
                 f"{self.duty:g} %; correct them"
             )
 
@@ -136,5 +137,7 @@ def _branches(x_d: Float[Array, " time"], p_act: Float[Array, " time"]) -> tuple
 
 
 def _ends(x_d: Float[Array, " time"], p_act: Float[Array, " time"]) -> tuple[Array, Array]:
-    """Pressure where the rod has left its rest by `LIFT`, and where it is that far from its top."""
-    return first_reach(x_d, p_act, x_d[0] + LIFT), first_reach(x_d, p_act, jnp.max(x_d) - LIFT)
+    """Pressure where the rod has left its rest by `LIFT`, and where it is that far from the stop if it gets there."""
+    before, end = (first_reach(x_d, p_act, jnp.max(x_d) - distance) for distance in (2 * LIFT, LIFT))
+    stopped = jnp.min(p_act) < end - PRESSED * (before - end)
+    return first_reach(x_d, p_act, x_d[0] + LIFT), jnp.where(stopped, end, jnp.nan)

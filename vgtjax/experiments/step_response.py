@@ -8,12 +8,12 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..air import Scalar
-from ..errors import InputError
+from ..errors import InputError, SimulationError
 from ..loops import LIFT
 from ..model import AbstractModel
 from ..simulate import simulate
 from ..trace import Trace
-from .base import AbstractExperiment, Output, Readings, first_reach
+from .base import LONGEST, AbstractExperiment, Output, Readings, first_reach
 
 INTERVAL = 2e-3
 """s between samples; linear between them, a response of 0.1 s is read to some microseconds."""
@@ -41,12 +41,14 @@ class StepResponse(AbstractExperiment):
     target: Float[Array, " duties"] = eqx.field(converter=jnp.asarray, kw_only=True)
 
     def __check_init__(self) -> None:
-        if not self.duties or not all(0 < duty <= 100 for duty in self.duties):
+        named = {f"{duty:g}" for duty in self.duties}
+        if not named or len(named) < len(self.duties) or not all(0 < duty <= 100 for duty in self.duties):
             raise InputError(
-                f"steps need one or more duties above 0 up to 100 %, but they are {list(self.duties)}; correct them"
+                "steps need one or more different duties above 0 up to 100 %, but they are "
+                f"{list(self.duties)}; correct them"
             )
-        if not self.hold >= 0.5:
-            raise InputError(f"a step must be held for 0.5 s or more, but hold is {self.hold:g}; hold it longer")
+        if not 0.5 <= self.hold <= LONGEST:
+            raise InputError(f"a step must be held for 0.5 s to an hour, but hold is {self.hold:g} s; correct it")
         if self.target.shape != (len(self.duties),):
             raise InputError(
                 f"there must be one target a duty, but there are {self.target.size} for {len(self.duties)}; give both"
@@ -114,9 +116,15 @@ class StepResponse(AbstractExperiment):
 def nominal_target(model: AbstractModel, response: StepResponse) -> StepResponse:
     """`response` with the final positions of a nominal actuator as targets.
 
-    **Raises:** as [`simulate`][].
+    **Raises:** `SimulationError` when one of the steps leaves the finite numbers.
     """
-    ends = [simulate(model, trace).x_d[_sample(REST + response.hold)] for trace in response.traces]
+    ends = [simulate(model, trace, throw=False).x_d[_sample(REST + response.hold)] for trace in response.traces]
+    for duty, end in zip(response.duties, ends, strict=True):
+        if not np.isfinite(end):
+            raise SimulationError(
+                f"the nominal actuator's step to {duty:g} % left the finite numbers; check that its parameters are "
+                "physical"
+            )
     return dataclasses.replace(response, target=jnp.stack(ends))
 
 
