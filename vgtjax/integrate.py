@@ -2,6 +2,8 @@
 
 import abc
 import math
+from collections.abc import Callable
+from typing import Any
 
 import diffrax
 import equinox as eqx
@@ -85,24 +87,38 @@ class FixedStep(AbstractStepping):
     ) -> State:
         """See the base class. Reverse mode checkpoints the march over intervals."""
 
-        count = drive.duration.shape[0]
-
         def interval(y, inputs):
             return self.advance(model, y, inputs, substeps, unroll=UNROLL), y
 
-        def block(y, inputs):
-            return jax.lax.scan(interval, y, inputs)
+        return scan_in_blocks(interval, state, drive, adjoint)
 
-        # The last interval of a trace has no length, so repeating it moves nothing.
-        blocks = jax.tree.map(lambda leaf: jnp.pad(leaf, (0, -count % BLOCK), mode="edge").reshape(-1, BLOCK), drive)
-        match adjoint:
-            case diffrax.ForwardMode() | diffrax.DirectAdjoint():
-                states = jax.lax.scan(block, state, blocks)[1]
-            case diffrax.RecursiveCheckpointAdjoint(checkpoints=checkpoints):
-                states = eqxi.scan(block, state, blocks, kind="checkpointed", checkpoints=checkpoints)[1]
-            case _:
-                raise _unsuitable(adjoint)
-        return jax.tree.map(lambda leaf: leaf.reshape(-1, *leaf.shape[2:])[:count], states)
+
+def scan_in_blocks(step: Callable[[Any, Any], Any], carry: Any, inputs: Any, adjoint: diffrax.AbstractAdjoint) -> Any:
+    """What `jax.lax.scan(step, carry, inputs)` yields, the intervals of a march in blocks of `BLOCK`.
+
+    In reverse mode (`RecursiveCheckpointAdjoint`) only what begins some of the blocks is kept.
+
+    **Raises:** `InputError` for any other adjoint than that, `ForwardMode` and `DirectAdjoint`.
+    """
+    count = len(jax.tree.leaves(inputs)[0])
+
+    def block(carry, inputs):
+        return jax.lax.scan(step, carry, inputs)
+
+    def split(leaf):
+        # The last interval of a march has no length: repeated, it moves nothing, and what it yields is cut off.
+        padding = [(0, -count % BLOCK)] + [(0, 0)] * (leaf.ndim - 1)
+        return jnp.pad(leaf, padding, mode="edge").reshape(-1, BLOCK, *leaf.shape[1:])
+
+    blocks = jax.tree.map(split, inputs)
+    match adjoint:
+        case diffrax.ForwardMode() | diffrax.DirectAdjoint():
+            found = jax.lax.scan(block, carry, blocks)[1]
+        case diffrax.RecursiveCheckpointAdjoint(checkpoints=checkpoints):
+            found = eqxi.scan(block, carry, blocks, kind="checkpointed", checkpoints=checkpoints)[1]
+        case _:
+            raise _unsuitable(adjoint)
+    return jax.tree.map(lambda leaf: leaf.reshape(-1, *leaf.shape[2:])[:count], found)
 
 
 BLOCK = 20

@@ -43,7 +43,8 @@ class Parameter:
     size: int | None = None
 
 
-def _as_float_array(value: Any) -> Any:
+def as_float_array(value: Any) -> Any:
+    """A value as a floating array, in its own precision if it has one; a component stays what it is."""
     if isinstance(value, eqx.Module):  # a component that stands in the place of plain numbers
         return value
     if hasattr(value, "dtype") and jnp.issubdtype(value.dtype, jnp.inexact):
@@ -69,7 +70,7 @@ def parameter(
     """
     return eqx.field(
         default=default,
-        converter=_as_float_array,
+        converter=as_float_array,
         metadata={"parameter": Parameter(symbol, unit, source, default=default, **row)},
     )
 
@@ -107,7 +108,7 @@ def replace_parameters(model: eqx.Module, values: dict[str, Any]) -> Any:
     return eqx.tree_at(
         lambda m: [get_parameter(m, name) for name in names],
         model,
-        [_as_float_array(values[name]).astype(get_parameter(model, name).dtype) for name in names],
+        [as_float_array(values[name]).astype(get_parameter(model, name).dtype) for name in names],
     )
 
 

@@ -1,0 +1,105 @@
+"""Feedback linearisation with a friction observer [5.6-5.9] (Canudas de Wit, Olsson, Astrom and Lischinsky, 1995)."""
+
+import equinox as eqx
+import jax.core
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from ..air import Scalar
+from ..converter import Converter
+from ..diaphragm import Diaphragm
+from ..errors import InputError
+from ..friction import LuGre
+from ..parameters import parameter
+from .balance import holding_duty
+from .base import AbstractController, Log, Measurement, Memory, Reference
+from .differentiator import AbstractDifferentiator, FilteredDifference
+
+
+class ObserverState(eqx.Module):
+    """Observed deflection of the bristles in m, and what the differentiator remembers."""
+
+    deflection: Scalar
+    differentiator: Memory
+
+
+class FrictionCompensation(AbstractController):
+    """A PD on the position error, with the model's spring, inertia and observed friction added to it [5.6-5.8].
+
+    `z' = v - sigma_0 |v| z / g(v) - k e`, `F = theta (sigma_0 z + sigma_1 z' + sigma_2 v)` with `e` position minus
+    reference; the chamber pressure that gives `F_0 + F - k_p e - k_d e' + m x_ref'' + b_d x_ref' + k_sm x_ref` is asked
+    for by the duty that holds it. The dot of `z'` is missing in print, and its `F_eq` is the actuating force itself.
+
+    The proof needs the transfer function [5.9] to be strictly positive real, which is checked when this is built:
+    `sigma_1 (b_d + k_d) > sigma_0 m` and `k_p + k_sm > 0`. With an integrator it never is, so there is none. The
+    proof ignores the lag of the chamber pressure. Gains that a study varies later are not checked again.
+
+    **Raises:** `InputError` where [5.9] is not strictly positive real.
+    """
+
+    proportional_gain: Scalar = parameter(12000.0, symbol="k_p", unit="N/m", source="5.8, value assumed", assumed=True)
+    derivative_gain: Scalar = parameter(100.0, symbol="k_d", unit="N s/m", source="5.8, value assumed", assumed=True)
+    observer_gain: Scalar = parameter(1.0, symbol="k", unit="1/s", source="5.6, value assumed", assumed=True)
+    load: Scalar = parameter(1.0, symbol="theta", unit="1", source="5.7")
+    converter: Converter = eqx.field(default_factory=Converter)
+    diaphragm: Diaphragm = eqx.field(default_factory=Diaphragm)
+    friction: LuGre = eqx.field(default_factory=LuGre)
+    differentiator: AbstractDifferentiator = eqx.field(default_factory=lambda: FilteredDifference(0.02))
+
+    def __check_init__(self) -> None:
+        damping, stiffness = self.damping_margin(), self.proportional_gain + self.diaphragm.stiffness
+        if isinstance(damping, jax.core.Tracer) or isinstance(stiffness, jax.core.Tracer):
+            return
+        if np.any(np.asarray(damping) <= 0):
+            raise InputError(
+                f"derivative_gain must exceed {np.max(self.derivative_gain - damping):.4g} N s/m for a strictly "
+                f"positive real [5.9], but it is {np.min(self.derivative_gain):.4g}; raise it"
+            )
+        if np.any(np.asarray(stiffness) <= 0):
+            raise InputError(
+                f"proportional_gain must exceed minus the spring's {np.min(self.diaphragm.stiffness):.4g} N/m for a "
+                f"strictly positive real [5.9], but it is {np.min(self.proportional_gain):.4g}; raise it"
+            )
+
+    def damping_margin(self) -> Array:
+        """How far in N s/m `k_d` lies above its bound `sigma_0 m / sigma_1 - b_d`."""
+        friction, diaphragm = self.friction, self.diaphragm
+        bound = friction.bristle_stiffness * diaphragm.mass / friction.bristle_damping - diaphragm.damping
+        return self.derivative_gain - bound
+
+    def initial_state(self, measurement: Measurement, period: float) -> ObserverState:
+        """Relaxed bristles, at rest."""
+        position = measurement.position
+        return ObserverState(jnp.zeros_like(position), self.differentiator.initial_state(position))
+
+    def update(
+        self, state: ObserverState, measurement: Measurement, reference: Reference, period: float
+    ) -> tuple[ObserverState, Scalar, Log]:
+        """See the base class; logs `velocity` in m/s, `friction` in N and the wanted `pressure` in Pa absolute."""
+        memory, velocity = self.differentiator.update(state.differentiator, measurement.position, period)
+        error, error_rate = measurement.position - reference.position, velocity - reference.velocity
+        deflection, friction = self._observe(state.deflection, velocity, error, period)
+        body = self.diaphragm
+        force = (
+            body.preload
+            + friction
+            - self.proportional_gain * error
+            - self.derivative_gain * error_rate
+            + body.mass * reference.acceleration
+            + body.damping * reference.velocity
+            + body.stiffness * reference.position
+        )
+        pressure = measurement.ambient - force / body.area
+        duty = holding_duty(self.converter, measurement, pressure)
+        log = {"velocity": velocity, "friction": friction, "pressure": pressure}
+        return ObserverState(deflection, memory), duty, log
+
+    def _observe(self, deflection: Scalar, velocity: Scalar, error: Scalar, period: float) -> tuple[Scalar, Scalar]:
+        """One implicit Euler step, as fast sliding forgets within less than a sample; and the friction force in N."""
+        model = self.friction
+        forgetting = model.bristle_stiffness * jnp.abs(velocity) / model.stribeck(velocity)
+        onward = (deflection + period * (velocity - self.observer_gain * error)) / (1 + period * forgetting)
+        rate = (onward - deflection) / period
+        elastic = model.bristle_stiffness * onward + model.bristle_damping * rate
+        return onward, self.load * (elastic + model.viscous_damping * velocity)
