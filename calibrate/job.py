@@ -54,7 +54,7 @@ def prepare(path: pathlib.Path | None, parameters: pathlib.Path | None, needs: t
     **Raises:** `InputError` for the first thing that is wrong.
     """
     path = EXAMPLE if path is None else path
-    study = load_study(path)
+    study = _holding_replaced(load_study(path))
     if not study.trace:
         raise InputError(f"{path.name}: a study needs at least one [[trace]], but it has none; add one with its file")
     stated_values = {name: given.value for name, given in study.parameters.items()}
@@ -75,6 +75,14 @@ def prepare(path: pathlib.Path | None, parameters: pathlib.Path | None, needs: t
         traces = [(source.use, load_source(source, start, bounds, (*start.needs, *needs))) for source in mine]
         units.append(Unit(name, start, bounds, traces))
     return Job(study, path.read_text(encoding="utf-8-sig"), fingerprint(study, sources, given), units)
+
+
+def _holding_replaced(study: Study) -> Study:
+    """`study` with those parameters held that a flow map over plunger position has replaced."""
+    if study.model != "plunger-map":
+        return study
+    fixed = [*study.fit.fixed, "converter.*orifice*"]
+    return study.model_copy(update={"fit": study.fit.model_copy(update={"fixed": fixed})})
 
 
 def load_source(

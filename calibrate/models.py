@@ -36,6 +36,12 @@ MAGNETIC_FORCE: dict[str, Any] = {
     "static": vgtjax.Converter,
     "coil": lambda: vgtjax.Converter(magnetic_force=vgtjax.Coil()),
 }
+FLOW_MAP = {
+    "plunger-map": {"table": "lift-table"},
+    "static-map": {"steady-plunger": "steady-plunger", "polynomial": "polynomial", "printed": "printed"},
+}
+"""Kinds of [`fit_flow_map`][vgtjax.fit_flow_map] by the names in a study, for both reduced models; the first is the
+default."""
 
 
 def _choose(kind: str, name: str, available: dict[str, Any]) -> Any:
@@ -45,24 +51,56 @@ def _choose(kind: str, name: str, available: dict[str, Any]) -> Any:
 
 
 def build_model(study: Study) -> vgtjax.AbstractModel:
-    """The model that a study names, with printed parameters.
+    """The model that a study names, with printed parameters; a flow map is fitted to those that the study states.
 
-    **Raises:** `InputError` for a component that is unknown, or a model that this version does not have.
+    **Raises:** `InputError` for a component that is unknown, or that the model does not have.
     """
     chosen: Components = study.components
+    if chosen.flow_map is not None and study.model not in FLOW_MAP:
+        raise InputError(
+            f"flow_map belongs to the models {' and '.join(FLOW_MAP)}, but the study's is '{study.model}'; remove it"
+        )
     friction = _choose("friction", chosen.friction, FRICTION)()
     vane_force = _choose("vane_force", chosen.vane_force, VANE_FORCE)()
     line = _choose("line", chosen.line, LINE)()
     chamber = _choose("chamber", chosen.chamber, CHAMBER)()
     converter = _choose("magnetic_force", chosen.magnetic_force, MAGNETIC_FORCE)()
-    match study.model:
-        case "full":
-            return vgtjax.Actuator(
-                converter=converter, friction=friction, vane_force=vane_force, line=line, chamber=chamber
+    if study.model == "mechanical":
+        return vgtjax.MechanicalActuator(friction=friction, vane_force=vane_force)
+    full = vgtjax.Actuator(converter=converter, friction=friction, vane_force=vane_force, line=line, chamber=chamber)
+    return full if study.model == "full" else _reduce(full, study)
+
+
+def _reduce(full: vgtjax.Actuator, study: Study) -> vgtjax.AbstractModel:
+    """The reduced model of a study, its flow map fitted to the converter that the study states."""
+    chosen, kinds = study.components, FLOW_MAP[study.model]
+    for name, only in (("line", "none"), ("chamber", "isothermal")):
+        if name in chosen.model_fields_set and getattr(chosen, name) != only:
+            raise InputError(
+                f"model = '{study.model}' has {name} = '{only}' only, but it is '{getattr(chosen, name)}'; remove it"
             )
-        case "mechanical":
-            return vgtjax.MechanicalActuator(friction=friction, vane_force=vane_force)
-    raise InputError(f"model = '{study.model}' is not available in this version; use 'full' or 'mechanical'")
+    kind = next(iter(kinds.values())) if chosen.flow_map is None else _choose("flow_map", chosen.flow_map, kinds)
+    stated = {name: given for name, given in study.parameters.items() if name.startswith(("converter.", "air."))}
+    values, _ = start_values(full, study.model_copy(update={"model": "full", "parameters": stated}))
+    full = vgtjax.replace_parameters(full, values)
+    flow_map: Any = vgtjax.fit_flow_map(full, kind).flow_map
+    if study.model == "plunger-map":
+        return vgtjax.reduce_to_plunger_map(full, flow_map)
+    return vgtjax.reduce_to_static_map(full, flow_map)
+
+
+def _shapes_the_map(study: Study, name: str) -> bool:
+    """Whether a stated parameter is one of the converter that the flow map has replaced.
+
+    **Raises:** `InputError` when it has bounds, which only a parameter of the model may have.
+    """
+    if study.model != "static-map" or not name.startswith("converter."):
+        return False
+    if study.parameters[name].lower is not None or study.parameters[name].upper is not None:
+        raise InputError(
+            f"'{name}' only shapes the flow map of model = 'static-map', so it has a value and no bounds; remove them"
+        )
+    return True
 
 
 def on_given_knots(model: vgtjax.AbstractModel, values: dict[str, Any]) -> Any:
@@ -90,6 +128,8 @@ def start_values(model: vgtjax.AbstractModel, study: Study) -> tuple[dict[str, A
     values: dict[str, Any] = {}
     bounds: Bounds = {}
     for name, given in study.parameters.items():
+        if _shapes_the_map(study, name):
+            continue
         entries = _entries_of(model, name)
         for key in ("value", "lower", "upper"):
             _check_length(name, key, getattr(given, key), entries)

@@ -44,6 +44,14 @@ from .parameters import (
     select as select,
 )
 from .pneumatic import PneumaticActuator as PneumaticActuator
+from .reduced import (
+    FlowMapFit as FlowMapFit,
+    PlungerMapActuator as PlungerMapActuator,
+    StaticMapActuator as StaticMapActuator,
+    fit_flow_map as fit_flow_map,
+    reduce_to_plunger_map as reduce_to_plunger_map,
+    reduce_to_static_map as reduce_to_static_map,
+)
 from .runtime import configure as configure
 from .simulate import RESULTS as RESULTS, Solution as Solution, simulate as simulate
 from .trace import Trace as Trace

@@ -87,10 +87,7 @@ VALUES = [
     ),
 ]
 
-LATER = "is not available in this version; use"
 MODELS = [
-    bad("plunger map", f'model = "plunger-map"\n{TRACE}', f"model = 'plunger-map' {LATER} 'full' or 'mechanical'"),
-    bad("static map", f'model = "static-map"\n{TRACE}', f"model = 'static-map' {LATER} 'full' or 'mechanical'"),
     bad(
         "a table without order",
         f'{TRACE}[components]\nvane_force = "map"\n[parameters]\n"vane_force.crank_angle" = {{value = [4, 3]}}\n',
