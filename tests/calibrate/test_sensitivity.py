@@ -87,7 +87,8 @@ def test_indices_run_over_time(summary):
     curve = summary["over_time"]["step_position_50"]
     assert len(curve["time"]) == 51
     total = curve["quantities"]["converter.magnetic_force"]["total"]
-    assert total[0] is None or total[0] < 1.5
+    assert total[0] is None, "a rod at rest has no spread to share out"
+    assert curve["deviation"][0] < 8e-3  # mm, the sensor's noise
     # At the end the curve is the final position, whose indices stand in the table.
     last = index_of(summary, "steady_error_50", "converter.magnetic_force")["total"]["value"]
     assert total[-1] == pytest.approx(last, abs=0.05)
