@@ -46,8 +46,9 @@ def measure_loops(traces: Sequence[Trace], points: Sequence[float] = (0.0, 1.5e5
     for (trace, x_d, p_act), rest in zip(runs, rests, strict=True):
         # Effects of the gas are as small as the sensors' offsets. Before it moves, the chamber is vented and the rod at
         # the same stop in every trace.
+        vented = _at_rest(trace, p_act)
         place = x_d - (0.0 if rest is None else rest - common)
-        gauge = p_act - (_at_rest(trace, p_act) or trace.atmosphere)
+        gauge = p_act - (trace.atmosphere if vented is None else vented)
         loop = find_loop(trace.time, place, gauge)
         if loop is not None:
             found.setdefault(_operating_point(trace, points), (loop, find_ends(place, gauge)))
