@@ -54,11 +54,8 @@ class Actuator(AbstractModel):
         """
         ambient, reservoir = self._ambient(drive), self._reservoir(0.0, drive)
         balanced = ambient - self.diaphragm.balance_force(start.position) / self.diaphragm.area
-        unknown = jnp.where(
-            start.position_known, balanced, self.converter.working_pressure(drive.pwm, ambient, reservoir)
-        )
-        pressure = jnp.where(start.pressure_known, start.pressure, unknown)
-        pressure = jnp.where(start.at_rest, ambient, pressure)
+        working = self.converter.working_pressure(drive.pwm, ambient, reservoir)
+        pressure = start.chamber_pressure(ambient, balanced, working)
         rod = self._rod.start(start, self._drive_force(ambient, pressure))
         gas = Gas(pressure, jnp.broadcast_to(self.air.temperature, jnp.shape(pressure)))
         lift = self.converter.rest_position(drive.pwm, ambient, reservoir, pressure)

@@ -1,6 +1,7 @@
 """What acts on a model from outside: a duty held between samples, and pressures linear between them."""
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 Values = Float[Array, "..."]
@@ -53,3 +54,13 @@ class Start(eqx.Module):
     position: Values
     """Mean position of the first 50 ms in m."""
     position_known: Values
+
+    def chamber_pressure(self, ambient: Values, balanced: Values, working: Values) -> Values:
+        """Chamber pressure at the first sample in Pa absolute: ambient at rest, or else the first that is known.
+
+        **Arguments:** pressures in Pa absolute: of the air; in balance with the position, which counts where that is
+        known; and the converter's working pressure at the first duty.
+        """
+        unknown = jnp.where(self.position_known, balanced, working)
+        pressure = jnp.where(self.pressure_known, self.pressure, unknown)
+        return jnp.where(self.at_rest, ambient, pressure)

@@ -36,9 +36,7 @@ class Capsule(eqx.Module):
         """
         ambient, diaphragm = self.ambient(drive), self.rod.diaphragm
         balanced = ambient - diaphragm.balance_force(start.position) / diaphragm.area
-        unknown = jnp.where(start.position_known, balanced, working_pressure)
-        pressure = jnp.where(start.pressure_known, start.pressure, unknown)
-        pressure = jnp.where(start.at_rest, ambient, pressure)
+        pressure = start.chamber_pressure(ambient, balanced, working_pressure)
         return CapsuleState(pressure, self.rod.start(start, self._drive_force(ambient, pressure)))
 
     def rates(self, time: Scalar, state: CapsuleState, flow: Scalar, drive: Drive) -> CapsuleState:
