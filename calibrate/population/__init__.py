@@ -1,5 +1,6 @@
 """What studies of a population share: the job, its chunks on disk, processes, and how outputs are shown."""
 
+from .actuators import Actuators as Actuators, read_actuators as read_actuators
 from .chunks import ChunkStore as ChunkStore
 from .job import PopulationJob as PopulationJob, prepare_population as prepare_population
 from .outputs import finite as finite, scaled as scaled

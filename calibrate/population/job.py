@@ -2,7 +2,6 @@
 
 import dataclasses
 import pathlib
-from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -10,15 +9,13 @@ import numpy as np
 import vgtjax
 from vgtjax.errors import InputError
 from vgtjax.experiments import AbstractExperiment, MeasuredLoops, SlowLoop, StepResponse, measure_loops, nominal_target
-from vgtjax.population import Population, fitted_levels, fitted_population
+from vgtjax.population import Population
 
-from ..files import read_json
 from ..job import load_source
-from ..models import build_model, check_bounds, on_given_knots, start_values
-from ..parameter_file import fitted_entries, load_values, unit_files
+from ..models import start_values
 from ..study import TraceSource, expand_traces, fingerprint, load_study
 from ..study_tables import Study
-from .spreads import stated_population
+from .actuators import read_actuators
 
 FLEET = pathlib.Path(__file__).parents[1] / "example" / "fleet" / "study.toml"
 """The study that runs when none is named."""
@@ -53,101 +50,20 @@ def prepare_population(path: pathlib.Path | None, parameters: pathlib.Path | Non
     study = load_study(path)
     if study.model != "full":
         raise InputError(f"a population study needs model = 'full', but it is '{study.model}'; change it")
-    if parameters is None and study.population.units is not None:
-        parameters = path.parent / study.population.units
-    model = on_given_knots(build_model(study), {name: given.value for name, given in study.parameters.items()})
-    values = _given_values(parameters, study, model)
-    models = _models(model, study, values)
+    actuators = read_actuators(path, study, parameters, levels=levels)
+    population = actuators.population
     sources = expand_traces(study, path.parent)
-    measured = _measured(study, sources, models[0])
-    population, notes = _population(study, dict(zip(values, models, strict=True)), parameters, levels)
-    notes += _more_notes(population.model, sources, measured)
+    measured = _measured(study, sources, actuators.first)
     return PopulationJob(
         study,
         path.read_text(encoding="utf-8-sig"),
-        fingerprint(study, sources, values),
+        fingerprint(study, sources, actuators.values),
         population,
-        {} if None in values else dict(zip(map(str, values), models, strict=True)),
+        actuators.fitted,
         _experiments(study, population.model, measured),
         measured,
-        notes,
+        actuators.notes + _more_notes(population.model, sources, measured),
     )
-
-
-def _given_values(
-    parameters: pathlib.Path | None, study: Study, model: vgtjax.AbstractModel
-) -> dict[str | None, dict[str, Any]]:
-    """Values by unit; those of the nominal actuator under `None`."""
-    if parameters is None:
-        return {None: {}}
-    files = unit_files(parameters) if parameters.is_dir() and not (parameters / "parameters.json").exists() else {}
-    if not files:
-        return {None: load_values(parameters, None, study, model)}
-    return {unit: load_values(file, None, study, model) for unit, file in files.items()}
-
-
-def _models(
-    model: vgtjax.AbstractModel, study: Study, values: dict[str | None, dict[str, Any]]
-) -> list[vgtjax.AbstractModel]:
-    """A model for every unit, all on the knots of the first; what the study states goes before a nominal actuator."""
-    models: list[vgtjax.AbstractModel] = []
-    knots: dict[str, Any] = {}
-    for given in values.values():
-        start = vgtjax.replace_parameters(on_given_knots(model, given), given)
-        stated, bounds = start_values(start, study)
-        start = vgtjax.replace_parameters(start, stated)
-        check_bounds(start, bounds)
-        knots = knots or {
-            name: np.asarray(vgtjax.get_parameter(start, name)).tolist() for name in vgtjax.parameter_table(start)
-        }
-        models.append(on_given_knots(start, knots))
-    return models
-
-
-def _population(
-    study: Study,
-    models: dict[str | None, vgtjax.AbstractModel],
-    parameters: pathlib.Path | None,
-    levels: bool,
-) -> tuple[Population, tuple[str, ...]]:
-    table = study.population
-    if None in models:
-        population = stated_population(models[None], table)
-        notes = []
-        if not table.parameters and "relative" not in table.model_fields_set:
-            notes.append(
-                "the study states no tolerances, so every quantity has a standard deviation of "
-                f"{table.relative:.0%} of its value; state them under [population]"
-            )
-        if levels and population.correlation is not None:
-            notes.append("sensitivity indices need independent quantities, so the stated correlations are left out")
-        return (population.independent() if levels else population), tuple(notes)
-    assert parameters is not None
-    stated = table.model_fields_set - {"units"}
-    if stated:
-        raise InputError(
-            f"a population of fitted units has their spread, but [population] states {', '.join(sorted(stated))} too; "
-            "drop that, or give the parameters of one actuator"
-        )
-    entries = [fitted_entries(file) for file in unit_files(parameters).values()]
-    common = [entry for entry in entries[0] if all(entry in other for other in entries)]
-    population = fitted_population(list(models.values()), common)
-    doubts = _unconverged(parameters)
-    if not levels:
-        return population, doubts
-    note = (
-        "sensitivity indices need independent quantities, so the correlation of the fitted units is left out, and each "
-        "curve varies by a common factor; errors of the fits no longer cancel then, so outputs spread more "
-        "than the units do"
-    )
-    return fitted_levels(population, list(models.values())), (note, *doubts)
-
-
-def _unconverged(folder: pathlib.Path) -> tuple[str, ...]:
-    """A note on fitted units whose fit did not converge, where the fit's summaries are still beside them."""
-    summaries = {unit: file.with_name("summary.json") for unit, file in unit_files(folder).items()}
-    bad = [unit for unit, file in summaries.items() if file.exists() and not read_json(file).get("converged", True)]
-    return (f"the fits of {', '.join(bad)} have not converged, but count like the others",) if bad else ()
 
 
 def _more_notes(
