@@ -19,6 +19,11 @@ def spread(tree: PyTree[Array]) -> PyTree[Array]:
     return jax.tree.map(lambda leaf: eqx.filter_shard(leaf, _sharding(*[None] * (leaf.ndim - 1), "lane")), tree)
 
 
+def spread_rows(tree: PyTree[Array]) -> PyTree[Array]:
+    """Arrays with their first axis spread over all devices, of one process; its length a multiple of their number."""
+    return eqx.filter_shard(tree, _sharding("lane"))
+
+
 def replicate(tree: Any) -> Any:
     """Arrays of any PyTree whole on every device, so that a compiled function always meets the same layout."""
     return eqx.filter_shard(tree, _sharding())

@@ -1,13 +1,12 @@
 """The command `sensitivity`: which quantity's spread each output comes from, by every index, with intervals."""
 
-import dataclasses
 import pathlib
 import time
 from typing import Any
 
-import equinox as eqx
 import numpy as np
 
+from vgtjax.converter import without_chatter
 from vgtjax.errors import SimulationError
 from vgtjax.population import Evaluator
 from vgtjax.sensitivity import RadialDesign
@@ -28,12 +27,6 @@ from ..population import (
 from .analysis import analyse_all, chosen_outputs
 from .report import render
 from .summary import summarise
-
-OPENING = 1e-5
-"""m of lift over which the atmosphere's orifice opens where derivatives are taken. At the default 1 um some actuators
-chatter as they release: that moves no output by more than a pascal, but so finely that a derivative sees nothing else
-(580 Pa instead of 5 Pa of loop width by the level of that orifice, of the twenty units' mean). At 10 um widths are
-within 0.2 Pa."""
 
 
 def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathlib.Path) -> None:
@@ -71,7 +64,7 @@ def _compute(job: PopulationJob, evaluator: Evaluator, design: RadialDesign, out
     sweep(evaluator, population, design, store, keep, "sensitivity")
     with console.status("exact gradients"):
         points = np.concatenate([population.nominal[None], _base_values(job, design)])
-        smooth = Evaluator(_without_chatter(population.model), population.factors, job.experiments, lanes=table.lanes)
+        smooth = Evaluator(without_chatter(population.model), population.factors, job.experiments, lanes=table.lanes)
         gradients = smooth.gradient(points)[:, keep]
     if leads():
         with console.status("indices"):
@@ -88,10 +81,6 @@ def _has_indices(summary: dict[str, Any]) -> bool:
     return any(
         row["total"]["value"] is not None for output in summary["outputs"].values() for row in output["quantities"]
     )
-
-
-def _without_chatter(model: Any) -> Any:
-    return eqx.tree_at(lambda m: m.converter, model, dataclasses.replace(model.converter, opening_width=OPENING))
 
 
 def _base_values(job: PopulationJob, design: RadialDesign) -> np.ndarray:

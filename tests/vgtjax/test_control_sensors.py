@@ -8,7 +8,7 @@ import pytest
 import vgtjax
 from vgtjax.control import Measurement, Sensor, Sensors, quantise
 
-TRUTH = Measurement(*(jnp.asarray(value) for value in (5e-3, 6e4, 2e4, 1.01e5)))
+TRUTH = Measurement(*(jnp.asarray(value) for value in (5e-3, 6e4, 2e4, 1.01e5, 1.5e5)))
 SAMPLES = 20_000
 
 
@@ -18,7 +18,7 @@ def readings(sensors, seed=0):
 
 def test_ideal_sensors_tell_exactly_the_truth():
     found = readings(Sensors.ideal())
-    for name in ("position", "pressure", "reservoir", "ambient"):
+    for name in ("position", "pressure", "reservoir", "ambient", "turbine"):
         np.testing.assert_array_equal(getattr(found, name), getattr(TRUTH, name))
 
 
@@ -32,12 +32,17 @@ def test_the_bench_sensors_have_white_noise_of_8_um_and_60_pa():
         assert abs(np.corrcoef(noise[1:], noise[:-1])[0, 1]) < 5 / SAMPLES**0.5
     position, pressure = np.asarray(found.position), np.asarray(found.pressure)
     assert abs(np.corrcoef(position, pressure)[0, 1]) < 5 / SAMPLES**0.5
+    # Rounding of some 1e5 Pa in double precision.
+    np.testing.assert_allclose(position / 1e-6, np.round(position / 1e-6), atol=1e-9)
+    np.testing.assert_allclose(pressure / 3.1, np.round(pressure / 3.1), atol=1e-9)
+    np.testing.assert_array_equal(found.turbine, TRUTH.turbine)
 
 
 def test_a_key_is_a_seed():
     once, again, other = (np.asarray(readings(Sensors.bench(), seed).position) for seed in (1, 1, 2))
     np.testing.assert_array_equal(once, again)
-    assert not np.any(once == other)
+    # Five standard errors, as above.
+    assert abs(np.corrcoef(once, other)[0, 1]) < 5 / SAMPLES**0.5
 
 
 def test_quantised_readings_are_the_nearest_multiples():

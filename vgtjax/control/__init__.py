@@ -31,6 +31,7 @@ from .reference import (
     AbstractSignal as AbstractSignal,
     Constant as Constant,
     FadeIn as FadeIn,
+    Later as Later,
     Ramps as Ramps,
     Sampled as Sampled,
     Sine as Sine,

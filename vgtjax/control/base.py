@@ -27,6 +27,8 @@ class Measurement(eqx.Module):
     """Reservoir pressure in Pa absolute."""
     ambient: Scalar
     """Atmospheric pressure in Pa."""
+    turbine: Scalar = eqx.field(default_factory=lambda: jnp.zeros(()))
+    """Pressure at the turbine's inlet in Pa gauge."""
 
 
 class Reference(eqx.Module):

@@ -23,8 +23,8 @@ def effort(run: ClosedLoop, settled: float = 0.0) -> Scalar:
 
 
 def chatter(run: ClosedLoop, settled: float = 0.0) -> Scalar:
-    """Mean absolute change of the duty from one sample to the next in percent."""
-    return _mean(jnp.abs(jnp.diff(run.duty)), run.time[1:] >= settled)
+    """Root mean square change of the duty from one sample to the next in percent."""
+    return jnp.sqrt(_mean(jnp.square(jnp.diff(run.duty)), run.time[1:] >= settled))
 
 
 def _mean(values: Array, counted: Bool[Array, " time"]) -> Scalar:

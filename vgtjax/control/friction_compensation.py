@@ -4,7 +4,7 @@ import equinox as eqx
 import jax.core
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, PyTree
 
 from ..air import Scalar
 from ..converter import Converter
@@ -12,24 +12,30 @@ from ..diaphragm import Diaphragm
 from ..errors import InputError
 from ..friction import LuGre
 from ..parameters import parameter
+from ..vane_force import AbstractVaneForce, NoVaneForce
 from .balance import holding_duty
 from .base import AbstractController, Log, Measurement, Memory, Reference
-from .differentiator import AbstractDifferentiator, FilteredDifference
+from .differentiator import AbstractDifferentiator, LevantDifferentiator
+from .vane_load import Motion, VaneLoad
 
 
 class ObserverState(eqx.Module):
-    """Observed deflection of the bristles in m, and what the differentiator remembers."""
+    """Observed deflection of the bristles in m, and what vanes and differentiator remember."""
 
     deflection: Scalar
+    vanes: PyTree[Scalar]
     differentiator: Memory
 
 
 class FrictionCompensation(AbstractController):
-    """A PD on the position error, with the model's spring, inertia and observed friction added to it [5.6-5.8].
+    """A PD on the position error, with the model's spring, inertia, vanes and observed friction added [5.6-5.8].
 
     `z' = v - sigma_0 |v| z / g(v) - k e`, `F = theta (sigma_0 z + sigma_1 z' + sigma_2 v)` with `e` position minus
-    reference; the chamber pressure that gives `F_0 + F - k_p e - k_d e' + m x_ref'' + b_d x_ref' + k_sm x_ref` is asked
-    for by the duty that holds it. The dot of `z'` is missing in print, and its `F_eq` is the actuating force itself.
+    reference; the chamber pressure that gives `F_0 + F + F_v - k_p e - k_d e' + m x_ref'' + b_d x_ref' + k_sm x_ref` is
+    asked for by the duty that holds it. The dot of `z'` is missing in print, and its `F_eq` is the actuating force
+    itself. `F_v` is the force on the vanes as far as it is known; what is not known of it is an error until `k e` has
+    taken it for friction. The differentiator is told the acceleration of the reference, so that it may be slow: noise
+    of the velocity lets the observed bristles relax.
 
     The proof needs the transfer function [5.9] to be strictly positive real, which is checked when this is built:
     `sigma_1 (b_d + k_d) > sigma_0 m` and `k_p + k_sm > 0`. With an integrator it never is, so there is none. The
@@ -39,13 +45,14 @@ class FrictionCompensation(AbstractController):
     """
 
     proportional_gain: Scalar = parameter(12000.0, symbol="k_p", unit="N/m", source="5.8, value assumed", assumed=True)
-    derivative_gain: Scalar = parameter(100.0, symbol="k_d", unit="N s/m", source="5.8, value assumed", assumed=True)
-    observer_gain: Scalar = parameter(1.0, symbol="k", unit="1/s", source="5.6, value assumed", assumed=True)
-    load: Scalar = parameter(1.0, symbol="theta", unit="1", source="5.7")
+    derivative_gain: Scalar = parameter(200.0, symbol="k_d", unit="N s/m", source="5.8, value assumed", assumed=True)
+    observer_gain: Scalar = parameter(10.0, symbol="k", unit="1/s", source="5.6, value assumed", assumed=True)
+    load: Scalar = parameter(1.0, symbol="theta", unit="1", source="5.7", held=True)
     converter: Converter = eqx.field(default_factory=Converter)
     diaphragm: Diaphragm = eqx.field(default_factory=Diaphragm)
     friction: LuGre = eqx.field(default_factory=LuGre)
-    differentiator: AbstractDifferentiator = eqx.field(default_factory=lambda: FilteredDifference(0.02))
+    vane_force: AbstractVaneForce = eqx.field(default_factory=NoVaneForce)
+    differentiator: AbstractDifferentiator = eqx.field(default_factory=lambda: LevantDifferentiator(0.7, width=2e-3))
 
     def __check_init__(self) -> None:
         damping, stiffness = self.damping_margin(), self.proportional_gain + self.diaphragm.stiffness
@@ -71,19 +78,25 @@ class FrictionCompensation(AbstractController):
     def initial_state(self, measurement: Measurement, period: float) -> ObserverState:
         """Relaxed bristles, at rest."""
         position = measurement.position
-        return ObserverState(jnp.zeros_like(position), self.differentiator.initial_state(position))
+        vanes = self.vane_force.initial_state()
+        return ObserverState(jnp.zeros_like(position), vanes, self.differentiator.initial_state(position))
 
     def update(
         self, state: ObserverState, measurement: Measurement, reference: Reference, period: float
     ) -> tuple[ObserverState, Scalar, Log]:
         """See the base class; logs `velocity` in m/s, `friction` in N and the wanted `pressure` in Pa absolute."""
-        memory, velocity = self.differentiator.update(state.differentiator, measurement.position, period)
+        memory, velocity = self.differentiator.update(
+            state.differentiator, measurement.position, period, reference.acceleration
+        )
         error, error_rate = measurement.position - reference.position, velocity - reference.velocity
         deflection, friction = self._observe(state.deflection, velocity, error, period)
-        body = self.diaphragm
+        body, vane_load = self.diaphragm, VaneLoad(self.vane_force, self.diaphragm)
+        motion = Motion(measurement.position, velocity, measurement.ambient, measurement.turbine)
+        vanes = vane_load.after(motion, state.vanes, period)
         force = (
             body.preload
             + friction
+            + vane_load(motion, vanes)
             - self.proportional_gain * error
             - self.derivative_gain * error_rate
             + body.mass * reference.acceleration
@@ -93,7 +106,7 @@ class FrictionCompensation(AbstractController):
         pressure = measurement.ambient - force / body.area
         duty = holding_duty(self.converter, measurement, pressure)
         log = {"velocity": velocity, "friction": friction, "pressure": pressure}
-        return ObserverState(deflection, memory), duty, log
+        return ObserverState(deflection, vanes, memory), duty, log
 
     def _observe(self, deflection: Scalar, velocity: Scalar, error: Scalar, period: float) -> tuple[Scalar, Scalar]:
         """One implicit Euler step, as fast sliding forgets within less than a sample; and the friction force in N."""

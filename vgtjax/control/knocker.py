@@ -26,8 +26,9 @@ class Knocker(AbstractController):
     `u_k = +alpha sign(u(t) - u(t_p))` for `t_p + t_k <= t < t_p + t_k + tau`, else 0; `t_p` is when the pulse before
     began, so that one begins every `t_k`. The print has the other sign and a pulse that begins at once; its source
     pushes the way the controller moves. Before the first pulse, the duty counts as zero. Times are rounded
-    to samples, and a cost has no derivative with respect to them. The saturation of pulses is not the controller's:
-    its anti-windup does not see them.
+    to samples, and a cost has no derivative with respect to them. The sign is that of a difference in duty over itself
+    plus `sign_width`, so that it does not jump. The saturation of pulses is not the controller's: its anti-windup does
+    not see them.
 
     **Raises:** `InputError` for a pulse that does not end before the next one begins.
     """
@@ -36,6 +37,7 @@ class Knocker(AbstractController):
     amplitude: Scalar = parameter(2.0, symbol="alpha", unit="%", source="5.3.1")
     width: Scalar = parameter(0.02, symbol="tau", unit="s", source="5.3.1", held=True)
     interval: Scalar = parameter(0.04, symbol="t_k", unit="s", source="5.3.1", held=True)
+    sign_width: Scalar = parameter(1e-9, symbol="w", unit="%", source="assumed", assumed=True, held=True)
 
     def __check_init__(self) -> None:
         if isinstance(self.width, jax.core.Tracer) or isinstance(self.interval, jax.core.Tracer):
@@ -61,7 +63,9 @@ class Knocker(AbstractController):
         elapsed = jnp.where(begins, 0.0, state.elapsed)
         latest = jnp.where(begins, command, state.latest)
         previous = jnp.where(begins, state.latest, state.previous)
-        pulse = jnp.where(elapsed < self.width - 0.5 * period, self.amplitude * jnp.sign(command - previous), 0.0)
+        moved = command - previous
+        push = self.amplitude * moved / (jnp.abs(moved) + self.sign_width)
+        pulse = jnp.where(elapsed < self.width - 0.5 * period, push, 0.0)
         return (
             KnockerState(memory, elapsed + period, latest, previous),
             command + pulse,

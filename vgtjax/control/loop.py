@@ -7,6 +7,7 @@ from typing import Any
 import diffrax
 import equinox as eqx
 import jax
+import jax.core
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -17,7 +18,7 @@ from ..integrate import UNROLL, FixedStep, scan_in_blocks
 from ..model import AbstractModel, State
 from ..simulate import RESULTS, Solution, model_dtype
 from .base import AbstractController, Log, Measurement, Reference, saturate
-from .reference import reference_at
+from .fading import fade
 from .scenario import Scenario
 
 
@@ -84,6 +85,7 @@ def close_loop(
     period: float = 1e-3,
     stepping: FixedStep | None = None,
     adjoint: diffrax.AbstractAdjoint | None = None,
+    derivative_memory: float | Scalar = math.inf,
     throw: bool = True,
 ) -> ClosedLoop:
     """Runs a controller on a plant for `duration` seconds, sampled every `period` seconds.
@@ -99,6 +101,9 @@ def close_loop(
     - `stepping`: steps of the plant between samples, [`FixedStep`][] by default.
     - `adjoint`: `diffrax.ForwardMode()` by default; `diffrax.RecursiveCheckpointAdjoint()` for reverse mode, whose
       memory beyond what is returned grows with the square root of the number of samples.
+    - `derivative_memory`: s; what a sample leaves to the next loses its derivatives with this time constant. Infinite,
+      derivatives are exact. Of a loop that sticks and slips, or hunts, exact ones may grow without end and say nothing
+      about where a cost falls; then some multiple of the loop's own time constants keeps what matters.
     - `throw`: whether a run that leaves the finite numbers raises; when false, look at `result` of the answer.
       A batch wants `throw=False`, or one bad lane raises for all.
 
@@ -110,6 +115,10 @@ def close_loop(
             f"a plant must be driven by the duty alone, but {type(plant).__name__} needs {', '.join(plant.needs)}; "
             "use e.g. Actuator"
         )
+    if not isinstance(derivative_memory, jax.core.Tracer) and not derivative_memory > 0:
+        raise InputError(
+            f"derivative_memory must be positive, but it is {derivative_memory} s; use e.g. 1, or infinity"
+        )
     if not (0 < period < math.inf and period <= duration < math.inf):
         raise InputError(
             f"period must be positive and at most the duration, but they are {period} s and {duration} s; "
@@ -118,7 +127,8 @@ def close_loop(
     stepping = FixedStep() if stepping is None else stepping
     adjoint = diffrax.ForwardMode() if adjoint is None else adjoint
     intervals, substeps = round(duration / period), stepping.substeps(plant, period)
-    return _close_loop(plant, controller, scenario, intervals, period, stepping, substeps, adjoint, throw)
+    kept = jnp.exp(-period / jnp.asarray(derivative_memory, float))
+    return _close_loop(plant, controller, scenario, intervals, period, stepping, substeps, adjoint, kept, throw)
 
 
 @eqx.filter_jit
@@ -131,23 +141,25 @@ def _close_loop(
     stepping: FixedStep,
     substeps: int,
     adjoint: diffrax.AbstractAdjoint,
+    kept: Scalar,
     throw: bool,
 ) -> ClosedLoop:
     dtype = model_dtype(plant)
     controller, scenario = _cast(controller, dtype), _cast(scenario, dtype)
     time = jnp.arange(intervals + 1, dtype=dtype) * period
     drive = scenario.drive(time, period)
-    reference = jax.vmap(lambda t: reference_at(scenario.reference, t))(time)
+    reference = scenario.references(time)
     inputs = (drive, reference, scenario.sensors.draw(scenario.key, intervals + 1))
 
     def measure(state: State, drive: Drive, deviates: Array) -> Measurement:
         position, pressure = plant.observe(state, drive)
         assert drive.reservoir is not None, "a scenario has one"
-        truth = Measurement(position, pressure, drive.reservoir.start, plant.air.pressure + drive.ambient_shift)
+        ambient = plant.air.pressure + drive.ambient_shift
+        truth = Measurement(position, pressure, drive.reservoir.start, ambient, drive.turbine.start)
         return scenario.sensors(truth, deviates)
 
     def sample(carry: Any, inputs: Any) -> tuple[Any, _Sample]:
-        state, memory = carry
+        state, memory = fade(carry, kept)
         drive, reference, deviates = inputs
         measured = measure(state, drive, deviates)
         memory, command, log = controller.update(memory, measured, reference, period)

@@ -4,7 +4,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from ..air import Scalar
 from ..errors import InputError
@@ -12,6 +12,7 @@ from ..parameters import parameter
 from ..reduced import AbstractFlowMap
 from .base import FULL_DUTY
 from .design_model import DesignModel
+from .vane_load import Motion
 
 DUTIES = 21
 """Duties at which the slope of a flow map is looked at; it is smooth in between."""
@@ -19,14 +20,18 @@ PRESSURES = 41
 """Pressures, from a tenth of the atmosphere to all of it."""
 SPEEDS = 101
 """Speeds at which stability is checked."""
+SECANT = 1e3
+"""Pa to either side of a pressure between which the slope of the map is taken: at a knot its tangent jumps, and a step
+that is linearised by the tangent jumps with it."""
 
 
 class ObservedState(eqx.Module):
-    """Velocity in m/s, deflection of the bristles in m and chamber pressure in Pa absolute."""
+    """Velocity in m/s, deflection of the bristles in m, chamber pressure in Pa absolute, and the vanes' state."""
 
     velocity: Scalar
     deflection: Scalar
     pressure: Scalar
+    vanes: PyTree[Scalar] = None
 
 
 class PressureObserver(eqx.Module):
@@ -35,16 +40,18 @@ class PressureObserver(eqx.Module):
     A copy of the [`DesignModel`][] that is corrected by the error of its velocity `e2 = v - vh` alone. With
     `w = alpha2 e2 + K2 sign(e2)`:
 
-        m vh' = (p_atm - ph) A_d - F_0 - k_sm x - B vh - theta S(v) zh + m w
-        zh' = v - sigma_0 alpha |v| zh - a (m/sigma_0) w
-        ph' = (R T f(u, ph) + A_d v ph)/V - b (m/A_d) w
+        m vh' = (p_atm - ph) A_d - F_0 - k_sm x - B vh - theta S(v) zh - F_v + m w
+        zh' = v - sigma_0 alpha |v| zh - q a (m/sigma_0) w
+        ph' = n (R T f(u, ph) + A_d v ph)/V - q b (m/A_d) w
 
     so that `K4 = -a (m/sigma_0) K2`, `K6 = -b (m/A_d) K2`, and `alpha4`, `alpha6` likewise. Both are negative: pressure
     and bristles both brake, and with the `K6 > 0` of the print the error of the pressure grows. `alpha2 > 0` alone is
-    the smooth version, `K2 > 0` alone the switching one. A copy of the position, as in [5.12], would do nothing.
+    the smooth version, `K2 > 0` alone the switching one. A copy of the position, as in [5.12], would do nothing. The
+    force on the vanes `F_v` is the design model's, its state followed along the measured motion; `q` is 1 but for the
+    stops.
 
     **Stability.** Once `e2` is zero, `w` is `-(A_d e4 + theta S e3)/m`. With `phi3 = sigma_0 e3`, `phi4 = A_d e4` in N,
-    `y = sigma_1 alpha |v|`, `c = sigma_0/sigma_1` and `F = (R T df/dp + A_d v)/V`:
+    `y = sigma_1 alpha |v|`, `c = sigma_0/sigma_1` and `F = n (R T df/dp + A_d v)/V`:
 
         phi3' = -(c y + a theta (1 - y)) phi3 - a phi4;   phi4' = -b theta (1 - y) phi3 - (b - F) phi4
 
@@ -60,17 +67,22 @@ class PressureObserver(eqx.Module):
     not again for gains that a study varies later. "Sufficiently large" gains (after [5.20]) are wrong: `1 - y` changes
     its sign at some 6.5 mm/s. For sliding, `K2` must exceed `|A_d e4 + theta S e3|/m`, which depends on the first
     errors and is not checked; 30 m/s2 is worth 6 kPa. At standstill only `F` tells pressure from friction: their sum
-    is soon right, each by itself at a rate of `a |F| / (a + b + |F|)`. End stops are not in the model: what they carry
-    counts as pressure or friction.
+    is soon right, each by itself at a rate of `a |F| / (a + b + |F|)`.
+
+    **End stops.** A rod that rests on a stop says nothing of pressure and friction, as the stop carries what is left:
+    `w = (R - A_d e4 - theta S e3)/m` with any `R`. So both are corrected by a share `q` of `w` that is 1 between the
+    stops and 0 on one, `DesignModel.off_stops`, and on a stop the flow map alone tells the pressure. With `q`, `a` and
+    `b` become `q a` and `q b`, whose ratio in `V_O` is the same, and
+    `V_O' = q V_O'(a, b) + (1 - q) (a/(b theta) F phi4^2 - c y phi3^2)`, which falls with any `q` where `F < 0`.
 
     **Raises:** `InputError` for gains or a flow map that break a condition above, or without any correction.
     """
 
     model: DesignModel = eqx.field(default_factory=DesignModel)
-    friction_rate: Scalar = parameter(6.0, symbol="a", unit="1/s", source="5.12, value assumed", assumed=True)
-    pressure_rate: Scalar = parameter(90.0, symbol="b", unit="1/s", source="5.12, value assumed", assumed=True)
+    friction_rate: Scalar = parameter(5.0, symbol="a", unit="1/s", source="5.12, value assumed", assumed=True)
+    pressure_rate: Scalar = parameter(50.0, symbol="b", unit="1/s", source="5.12, value assumed", assumed=True)
     injection_rate: Scalar = parameter(
-        1700.0,
+        1400.0,
         symbol="alpha_2",
         unit="1/s",
         source="5.12, value assumed",
@@ -132,58 +144,45 @@ class PressureObserver(eqx.Module):
     def initial_state(self, pressure: Scalar) -> ObservedState:
         """At rest with relaxed bristles, at a pressure in Pa absolute."""
         nothing = jnp.zeros_like(pressure)
-        return ObservedState(nothing, nothing, pressure)
+        return ObservedState(nothing, nothing, pressure, self.model.vane_force.initial_state())
 
-    def step(
-        self,
-        state: ObservedState,
-        position: Scalar,
-        velocity: Scalar,
-        duty: Scalar,
-        ambient: Scalar,
-        period: float,
-    ) -> tuple[ObservedState, Scalar]:
+    def step(self, state: ObservedState, motion: Motion, duty: Scalar, period: float) -> tuple[ObservedState, Scalar]:
         """One step of implicit Euler, to the sample at which position and velocity are known.
 
         The map is linearised about the last pressure. The sign is implicit too (Acary and Brogliato, 2010): while
         sliding it takes the value within -1 and 1 that makes `e2` zero at the sample, which is the equivalent value
         of [5.16]. So nothing chatters, whatever the period, and the rates may be used in a control law.
 
-        **Arguments:** in m, m/s, percent (held since the last sample), Pa and s.
+        **Arguments:** `motion` at the sample; `duty` in percent, held since the last one; `period` in s.
 
         **Returns:** the state at the sample, and the rate `zh'` in m/s there.
         """
-        model, body = self.model, self.model.diaphragm
-        by_deflection = self.friction_rate * body.mass / model.friction.bristle_stiffness
-        by_pressure = self.pressure_rate * body.mass / body.area
+        model, body, velocity = self.model, self.model.diaphragm, motion.velocity
+        told = model.off_stops(motion.position)
+        by_deflection = told * self.friction_rate * body.mass / model.friction.bristle_stiffness
+        by_pressure = told * self.pressure_rate * body.mass / body.area
         # Every unknown is a constant plus a factor times the correction w.
         forgetting = 1 + period * model.forgetting(velocity)
         deflection = Affine((state.deflection + period * velocity) / forgetting, -period * by_deflection / forgetting)
-        pressure = self._pressure(state.pressure, position, velocity, duty, ambient, period, by_pressure)
-        free = jnp.zeros_like(velocity)
+        pressure = self._pressure(state.pressure, motion, duty, period, by_pressure)
+        vanes = model.vane_load.after(motion, state.vanes, period)
         friction = model.load * model.stiffness(velocity)
-        push = model.acceleration(position, free, friction * deflection.constant, pressure.constant, ambient)
+        resistance = friction * deflection.constant + model.vane_load(motion, vanes)
+        still = jnp.zeros_like(velocity)
+        push = model.acceleration(motion.position, still, resistance, pressure.constant, motion.ambient)
         lag = 1 + period * model.damping / body.mass
         by_w = 1 - (body.area * pressure.factor + friction * deflection.factor) / body.mass
         speed = Affine((state.velocity + period * push) / lag, period * by_w / lag)
         w = self._correction(velocity - speed.constant, speed.factor)
-        found = ObservedState(speed(w), deflection(w), pressure(w))
+        found = ObservedState(speed(w), deflection(w), pressure(w), vanes)
         return found, model.deflection_rate(velocity, found.deflection) - by_deflection * w
 
-    def _pressure(
-        self,
-        pressure: Scalar,
-        position: Scalar,
-        velocity: Scalar,
-        duty: Scalar,
-        ambient: Scalar,
-        period: float,
-        by_pressure: Scalar,
-    ) -> "Affine":
+    def _pressure(self, pressure: Scalar, motion: Motion, duty: Scalar, period: float, by_pressure: Scalar) -> "Affine":
         def rate(at: Scalar) -> Scalar:
-            return self.model.pressure_rate(self.model.flow_map(duty, at, ambient), position, velocity, at)
+            flow = self.model.flow_map(duty, at, motion.ambient)
+            return self.model.pressure_rate(flow, motion.position, motion.velocity, at)
 
-        now, slope = jax.jvp(rate, (pressure,), (jnp.ones_like(pressure),))
+        now, slope = rate(pressure), (rate(pressure + SECANT) - rate(pressure - SECANT)) / (2 * SECANT)
         growth = 1 - period * slope
         return Affine(pressure + period * now / growth, -period * by_pressure / growth)
 
@@ -211,7 +210,8 @@ def _stability_margin(observer: PressureObserver) -> tuple[Array, Array]:
     a, b, load = observer.friction_rate, observer.pressure_rate, model.load
     speed = jnp.linspace(0.0, 1.0, SPEEDS) * observer.largest_velocity
     travel = jnp.where(jnp.isfinite(body.travel), body.travel, 0.0)
-    growth = (model.gas_energy * _largest_slope(model.flow_map) + body.area * speed) / model.volume(travel)
+    slopes = model.gas_energy * _largest_slope(model.flow_map) + body.area * speed
+    growth = model.exponent * slopes / model.volume(travel)
     forgetting = model.friction.bristle_stiffness / model.friction.bristle_damping
     lost = jax.vmap(model.forgetting)(speed) / forgetting
     rest = b - growth

@@ -137,6 +137,17 @@ class FadeIn(AbstractSignal):
         return self.signal(time) * _smooth_step((time - self.at) / self.rise)
 
 
+class Later(AbstractSignal):
+    """A signal from `begin` seconds of its own time on."""
+
+    signal: AbstractSignal
+    begin: Scalar = number()
+
+    def __call__(self, time: Scalar) -> Scalar:
+        """See the base class."""
+        return self.signal(time + self.begin)
+
+
 class Sampled(AbstractSignal):
     """A spline of degree five, held before its first sample and after its last. Make it with `through`."""
 

@@ -9,7 +9,8 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from ..air import Scalar
 from ..drive import Drive, Ramp, Start
 from ..trace import ASSUMED_RESERVOIR
-from .reference import AbstractSignal, Constant, number
+from .base import Reference
+from .reference import AbstractSignal, Constant, number, reference_at
 from .sensors import Sensors
 
 
@@ -28,12 +29,13 @@ def balanced_at(position: float) -> Start:
 class Scenario(eqx.Module):
     """Reference, surroundings, sensors and start of one run; all leaves are arrays, so scenarios can be batched.
 
-    `reference` in m. `turbine` in Pa gauge and `reservoir` in Pa absolute are taken at the samples, and linear between
-    them. `duty_before` in percent was held before the first sample: it decides where the plunger rests then.
-    `ambient_shift` in Pa as in [`Drive`][]. `key` is the seed of the noise.
+    `reference` in m: a signal, or a [`Reference`][] with one value a sample. `turbine` in Pa gauge and `reservoir` in
+    Pa absolute are taken at the samples, and linear between them. `duty_before` in percent was held before the first
+    sample: it decides where the plunger rests then. `ambient_shift` in Pa as in [`Drive`][]. `key` is the seed of the
+    noise.
     """
 
-    reference: AbstractSignal
+    reference: AbstractSignal | Reference
     turbine: AbstractSignal = eqx.field(default_factory=lambda: Constant(0.0))
     reservoir: AbstractSignal = eqx.field(default_factory=lambda: Constant(ASSUMED_RESERVOIR))
     sensors: Sensors = eqx.field(default_factory=Sensors.ideal)
@@ -41,6 +43,12 @@ class Scenario(eqx.Module):
     duty_before: Scalar = number(default=0.0)
     ambient_shift: Scalar = number(default=0.0)
     key: PRNGKeyArray = eqx.field(default_factory=lambda: jax.random.key(0))
+
+    def references(self, time: Float[Array, " time"]) -> Reference:
+        """The reference at every sample."""
+        if isinstance(self.reference, Reference):
+            return self.reference
+        return jax.vmap(lambda t: reference_at(self.reference, t))(time)
 
     def drive(self, time: Float[Array, " time"], period: float) -> Drive:
         """Inputs over the interval that each sample begins but for the duty; the last interval has no length."""

@@ -15,6 +15,10 @@ POSITION_NOISE = 8e-6
 """m; standard deviation of a sample of the bench's position sensor at 1 kHz."""
 PRESSURE_NOISE = 60.0
 """Pa; that of its pressure sensors."""
+POSITION_QUANTUM = 1e-6
+"""m; step of the converter that reads the position on the bench."""
+PRESSURE_QUANTUM = 3.1
+"""Pa; that of its pressures."""
 
 
 class Sensor(eqx.Module):
@@ -42,11 +46,12 @@ class Sensor(eqx.Module):
 
 
 class Sensors(eqx.Module):
-    """Sensors of position in m, and of chamber and reservoir pressure in Pa."""
+    """Sensors of position in m, and of chamber, reservoir and turbine pressure in Pa."""
 
     position: Sensor
     pressure: Sensor
     reservoir: Sensor
+    turbine: Sensor = eqx.field(default_factory=Sensor)
 
     @classmethod
     def ideal(cls) -> "Sensors":
@@ -55,20 +60,22 @@ class Sensors(eqx.Module):
 
     @classmethod
     def bench(cls) -> "Sensors":
-        """The bench's: 8 um and 60 Pa."""
-        return cls(Sensor(POSITION_NOISE), Sensor(PRESSURE_NOISE), Sensor(PRESSURE_NOISE))
+        """The bench's: 8 um in steps of 1 um, 60 Pa in steps of 3.1 Pa; the turbine's pressure is known."""
+        pressure = Sensor(PRESSURE_NOISE, quantum=PRESSURE_QUANTUM)
+        return cls(Sensor(POSITION_NOISE, quantum=POSITION_QUANTUM), pressure, pressure)
 
-    def draw(self, key: PRNGKeyArray, samples: int) -> Float[Array, "samples 3"]:
+    def draw(self, key: PRNGKeyArray, samples: int) -> Float[Array, "samples 4"]:
         """Standard normal deviates for a run, from a key that is the seed."""
-        return jax.random.normal(key, (samples, 3), dtype=self.position.noise.dtype)
+        return jax.random.normal(key, (samples, 4), dtype=self.position.noise.dtype)
 
-    def __call__(self, truth: Measurement, deviates: Float[Array, " 3"]) -> Measurement:
+    def __call__(self, truth: Measurement, deviates: Float[Array, " 4"]) -> Measurement:
         """What the sensors say at one sample. The atmosphere is known."""
         return Measurement(
             self.position(truth.position, deviates[0]),
             self.pressure(truth.pressure, deviates[1]),
             self.reservoir(truth.reservoir, deviates[2]),
             truth.ambient,
+            self.turbine(truth.turbine, deviates[3]),
         )
 
 
