@@ -1,4 +1,4 @@
-"""The command `reproduce`: what the thesis states in chapters 2 to 4 beside what we get."""
+"""The command `reproduce`: what the thesis states in chapters 2 to 5 beside what we get."""
 
 import collections
 import hashlib
@@ -51,7 +51,7 @@ def render(results: list[Result]) -> str:
     ]
     return render_page(
         "reproduction.html.jinja",
-        title="Chapters 2 to 4 of the thesis, reproduced",
+        title="Chapters 2 to 5 of the thesis, reproduced",
         sections=sections,
         counts=collections.Counter(result.verdict for result in results),
         figures=[(title, text, figure_html(draw())) for title, text, draw in figures.ALL],

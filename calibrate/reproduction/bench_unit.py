@@ -42,10 +42,9 @@ def _step(duty: float) -> tuple[vgtjax.Trace, float, float]:
     return measured, float(begin), float(release)
 
 
-def static_error(duty: float, signal: str, *, fitted: bool) -> float:
+def static_error(model: vgtjax.AbstractModel, duty: float, signal: str) -> float:
     """Measured less simulated once a step has settled in mbar or mm, counted from the rest before it."""
     measured, begin, release = _step(duty)
-    model = fitted_actuator() if fitted else experiments.actuator()
     column, scale = SCALE[signal]
     error = getattr(measured, column) - np.asarray(getattr(vgtjax.simulate(model, measured), column))
     settled = (measured.time > release - SETTLED) & (measured.time < release)

@@ -70,8 +70,8 @@ def _fall_over_rise() -> Found:
 def _static_error(duty: float, signal: str) -> Found:
     """Static error of our fit of a bench unit, and that of the printed parameters, in mbar or mm."""
     return Found(
-        bench_unit.static_error(duty, signal, fitted=True),
-        {"printed": f"{bench_unit.static_error(duty, signal, fitted=False):.2g}"},
+        bench_unit.static_error(bench_unit.fitted_actuator(), duty, signal),
+        {"printed": f"{bench_unit.static_error(experiments.actuator(), duty, signal):.2g}"},
     )
 
 

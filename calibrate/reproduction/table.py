@@ -5,10 +5,12 @@ from collections.abc import Iterator
 from . import (
     air_flow,
     chamber,
+    closed_loops,
     friction,
     identified,
     line,
     loops,
+    reduced_models,
     responses,
     sensitivity,
     sensitivity_friction,
@@ -33,6 +35,8 @@ TOPICS = (
     sensitivity,
     sensitivity_table,
     sensitivity_friction,
+    reduced_models,
+    closed_loops,
 )
 ROWS: tuple[Row, ...] = tuple(sorted((row for topic in TOPICS for row in topic.ROWS), key=lambda row: row.section))
 

@@ -15,4 +15,10 @@ from .polynomial import PolynomialFlow as PolynomialFlow
 from .printed import PrintedFlow as PrintedFlow
 from .static_map import StaticMapActuator as StaticMapActuator
 from .steady_plunger import SteadyPlungerFlow as SteadyPlungerFlow
-from .validation import Deviation as Deviation, deviation as deviation, validation_traces as validation_traces
+from .validation import (
+    Deviation as Deviation,
+    Validation as Validation,
+    deviation as deviation,
+    validate as validate,
+    validation_traces as validation_traces,
+)

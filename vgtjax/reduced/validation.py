@@ -1,13 +1,15 @@
-"""How far a reduced model is from the full one (section 5.2.3)."""
+"""How far models are from each other and from a bench trace (section 5.2.3)."""
 
 import dataclasses
+from collections.abc import Mapping
 
 import numpy as np
 from jaxtyping import Float
 
+from ..errors import InputError
 from ..integrate import AbstractStepping
 from ..model import AbstractModel
-from ..simulate import simulate
+from ..simulate import Solution, simulate
 from ..trace import ASSUMED_RESERVOIR, Trace
 
 RAMP_SECONDS = 20.0
@@ -16,12 +18,30 @@ RAMP_SECONDS = 20.0
 
 @dataclasses.dataclass(frozen=True)
 class Deviation:
-    """Root mean square and peak of the difference between two models along a trace: m and Pa."""
+    """Root mean square and peak of the difference between two runs: m and Pa."""
 
     position_rmse: float
     position_peak: float
     pressure_rmse: float
     pressure_peak: float
+
+    @classmethod
+    def between(cls, ours: Solution | Trace, theirs: Solution | Trace) -> "Deviation":
+        """That of two runs with position and pressure at the same times."""
+        position, pressure = _difference(ours, theirs, "x_d"), _difference(ours, theirs, "p_act")
+        return cls(_rms(position), _peak(position), _rms(pressure), _peak(pressure))
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Validation:
+    """Several models along one bench trace.
+
+    `measured` is the trace less the offsets of its sensors; `solutions` and `deviations` have the names of the models.
+    """
+
+    measured: Trace
+    solutions: dict[str, Solution]
+    deviations: dict[str, Deviation]
 
 
 def deviation(
@@ -31,9 +51,28 @@ def deviation(
 
     **Raises:** as [`simulate`][] does.
     """
-    ours, theirs = (simulate(which, trace, stepping=stepping) for which in (model, reference))
-    position, pressure = ours.x_d - theirs.x_d, ours.p_act - theirs.p_act
-    return Deviation(_rms(position), _peak(position), _rms(pressure), _peak(pressure))
+    return Deviation.between(*(simulate(which, trace, stepping=stepping) for which in (model, reference)))
+
+
+def validate(
+    models: Mapping[str, AbstractModel], trace: Trace, *, stepping: AbstractStepping | None = None
+) -> Validation:
+    """Models beside what was measured [section 5.2.3].
+
+    A sensor's offset is not known: the mean error of the first model, which is the best one, stands for it, and the
+    same offset is taken from what all are compared with.
+
+    **Raises:** `InputError` for a trace without position and pressure; as [`simulate`][] does.
+    """
+    if trace.x_d is None or trace.p_act is None:
+        raise InputError(
+            f"{trace.name}: a validation needs the columns x_d and p_act, but one of them is missing; record both"
+        )
+    solutions = {name: simulate(model, trace, stepping=stepping) for name, model in models.items()}
+    first = next(iter(solutions.values()))
+    without_offset = {name: getattr(trace, name) - _difference(trace, first, name).mean() for name in ("x_d", "p_act")}
+    measured = dataclasses.replace(trace, **without_offset)
+    return Validation(measured, solutions, {name: Deviation.between(run, measured) for name, run in solutions.items()})
 
 
 def validation_traces(interval: float = 1e-3, reservoir: float = ASSUMED_RESERVOIR) -> tuple[Trace, ...]:
@@ -48,6 +87,10 @@ def validation_traces(interval: float = 1e-3, reservoir: float = ASSUMED_RESERVO
     time = np.arange(0.0, RAMP_SECONDS, interval)
     traces.append(("ramp", time, 100.0 * (1 - np.abs(2 * time / RAMP_SECONDS - 1))))
     return tuple(Trace(t, pwm=pwm, p_res=np.full_like(t, reservoir), name=name) for name, t, pwm in traces)
+
+
+def _difference(ours: Solution | Trace, theirs: Solution | Trace, name: str) -> Float[np.ndarray, " time"]:
+    return np.asarray(getattr(ours, name)) - np.asarray(getattr(theirs, name))
 
 
 def _rms(values: Float[np.ndarray, " time"]) -> float:
