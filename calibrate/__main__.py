@@ -50,7 +50,7 @@ def fit(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
 @main.command()
 @click.option("--out", type=PATH, required=True, metavar="DIR", help="Folder for the results.")
 def reproduce(out: pathlib.Path) -> None:
-    """Checks the numbers of the thesis's chapters 2 to 4 against this model."""
+    """Checks the numbers of the thesis's chapters 2 to 5 against this model."""
     _run("reproduce", out)
 
 
@@ -58,6 +58,12 @@ def reproduce(out: pathlib.Path) -> None:
 def identify(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathlib.Path) -> None:
     """Identifies part by part from STUDY, as its traces allow (a TOML file; a small example if omitted)."""
     _run("identify", study, parameters, out)
+
+
+@_study_command
+def tune(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathlib.Path) -> None:
+    """Tunes a controller's gains by the gradient of its closed loops (a fleet of twenty if STUDY is omitted)."""
+    _run("tune", study, parameters, out)
 
 
 def _population_command(function: Callable[..., None]) -> Callable[..., None]:

@@ -152,6 +152,91 @@ class SensitivityTable(Table):
     threshold: Share = 0.05
 
 
+NotNegative = Annotated[float, pydantic.Field(ge=0, allow_inf_nan=False)]
+Gauge = Annotated[float, pydantic.Field(ge=0, le=1e6)]
+"""Pa gauge at the turbine's inlet."""
+
+
+class ReferenceEntry(Table):
+    """One reference of the position: m, s, rad/s. Which keys it has depends on its kind."""
+
+    kind: Literal["sine", "steps", "ramps", "signal-1", "signal-2", "trace"]
+    name: str | None = None
+    begin: NotNegative = 0.0
+    """s of the signal at which runs begin."""
+    amplitude: Finite | None = None
+    rate: Positive | None = None
+    offset: Finite | None = None
+    phase: Finite | None = None
+    times: list[Finite] | None = None
+    levels: list[Finite] | None = None
+    initial: Finite | None = None
+    rise: Positive | None = None
+    rounding: Positive | None = None
+    file: str | None = None
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """What the study states of the signal itself."""
+        own = self.model_fields_set - {"kind", "name", "begin"}
+        return {key: getattr(self, key) for key in sorted(own)}
+
+
+class CostTable(Table):
+    """What counts as one in the cost of a closed loop; a scale that is not given leaves its term out."""
+
+    tracking: Positive = 1e-5
+    """m"""
+    effort: Positive | None = None
+    """%"""
+    chatter: Positive | None = 5.0
+    """% from one sample to the next."""
+    largest_error: Positive | None = None
+    """m; beyond it every error costs ten times more."""
+    worst: Annotated[float, pydantic.Field(ge=0, le=1)] = 0.5
+
+
+class UnseenTable(Table):
+    """What tuned gains are tried on that they were not tuned on."""
+
+    reference: Annotated[list[ReferenceEntry], pydantic.Field(min_length=1)] | None = None
+    turbine_pressure: Annotated[list[Gauge], pydantic.Field(min_length=1)] | None = None
+    plants: Annotated[int, pydantic.Field(ge=0)] = 12
+
+
+class ControlTable(Table):
+    """A controller, what it has to do, and which of its gains are tuned."""
+
+    design: Literal["pi", "pid", "pi-knocker", "friction-compensation", "backstepping", "adaptive-backstepping"] = (
+        "backstepping"
+    )
+    free: list[str] | None = None
+    fixed: list[str] = []
+    gains: dict[str, StartValue] = {}
+    reference: list[ReferenceEntry] | None = None
+    turbine_pressure: Annotated[list[Gauge], pydantic.Field(min_length=1)] = [0.0]
+    plants: Count = 8
+    duration: Positive = 8.0
+    settled: NotNegative = 2.0
+    period: Positive = 1e-3
+    sensors: Literal["bench", "ideal"] = "bench"
+    seed: Annotated[int, pydantic.Field(ge=0)] = 0
+    lanes: Count = 64
+    derivative_memory: list[Annotated[float, pydantic.Field(gt=0)]] | None = None
+    """s; infinite is exact."""
+    cost: CostTable = CostTable()
+    unseen: UnseenTable = UnseenTable()
+
+    @pydantic.model_validator(mode="after")
+    def _long_enough(self) -> "ControlTable":
+        if not self.settled < self.duration or not self.period < self.duration:
+            raise ValueError(
+                f"a run must go on after settled and be longer than a period, but duration is {self.duration:g} s, "
+                f"settled {self.settled:g} s and period {self.period:g} s; lengthen duration"
+            )
+        return self
+
+
 class Study(Table):
     """A whole study file."""
 
@@ -165,3 +250,4 @@ class Study(Table):
     experiments: ExperimentsTable = ExperimentsTable()
     tolerance: ToleranceTable = ToleranceTable()
     sensitivity: SensitivityTable = SensitivityTable()
+    control: ControlTable = ControlTable()

@@ -10,6 +10,8 @@ from support import EXAMPLE
 import vgtjax
 from calibrate.models import CHAMBER, FRICTION, LINE, MAGNETIC_FORCE, VANE_FORCE, build_model, start_values
 from calibrate.study_tables import Study
+from calibrate.tune.designs import DESIGNS, build_controller
+from calibrate.tune.references import build_references
 
 ROOT = pathlib.Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -37,11 +39,29 @@ def test_study_examples_are_studies(text):
     assert vgtjax.select(model, study.fit.free, study.fit.fixed).entries
 
 
+def test_the_controller_of_the_example_can_be_built():
+    control = next(found.control for text in blocks("toml") if (found := _study(text)).control.gains)
+    controller = build_controller(control.design, vgtjax.Actuator())
+    assert vgtjax.select(controller, free=control.free).entries
+    assert set(start_values(controller, Study(parameters=control.gains))[0]) == set(control.gains)
+    assert len(build_references(control.reference, ROOT)) == 2
+
+
+def _study(text):
+    return Study.model_validate(tomllib.loads(text))
+
+
 def test_every_component_is_named():
     listed = next(text for text in blocks("toml") if text.startswith("[components]\nfriction"))
     for registry in (FRICTION, VANE_FORCE, LINE, MAGNETIC_FORCE, CHAMBER):
         for name in registry:
             assert re.search(rf"\b{name}\b", listed), name
+
+
+def test_every_design_is_named():
+    listed = next(text for text in blocks("toml") if "[control]" in text)
+    for name in DESIGNS:
+        assert re.search(rf"\b{name}\b", listed), name
 
 
 def test_ci_finds_both_commands():

@@ -9,10 +9,10 @@ import tempfile
 
 import click
 
-_CASES = ("forward", "jacobian", "batch", "fit", "cold-start", "population", "memory")
-_LONG = ("memory",)
+_CASES = ("forward", "jacobian", "batch", "fit", "cold-start", "population", "tuning", "memory")
+_LONG = ("tuning", "memory")
 """Only when asked for: ten minutes and more."""
-_PACKAGES = ("jax", "diffrax", "numba", "scipy", "casadi")
+_PACKAGES = ("jax", "diffrax", "numba", "scipy", "casadi", "cma")
 
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})

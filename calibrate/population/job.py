@@ -101,7 +101,7 @@ def _experiments(
     if pressures is None:
         seen = {at for loops in measured.values() for at in loops.turbine_pressures}
         # Gas that acts on nothing gives the same loop at every pressure.
-        pressures = sorted(seen or set(POINTS)) if _feels_gas(model) else [0.0]
+        pressures = sorted(seen or set(POINTS)) if feels_gas(model) else [0.0]
     loop = SlowLoop(tuple(pressures), table.loop_seconds, table.loop_duty)
     if not table.steps:
         return (loop,)
@@ -109,7 +109,7 @@ def _experiments(
     return loop, nominal_target(model, steps)
 
 
-def _feels_gas(model: vgtjax.AbstractModel) -> bool:
+def feels_gas(model: vgtjax.AbstractModel) -> bool:
     """Whether turbine pressure acts on a model at all."""
     return not isinstance(getattr(model, "vane_force", None), vgtjax.NoVaneForce) or isinstance(
         getattr(model, "friction", None), vgtjax.AdaptiveLuGre

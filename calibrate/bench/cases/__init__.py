@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from ..table import Section
-from . import batch, cold_start, fit, forward, jacobian, population
+from . import batch, cold_start, fit, forward, jacobian, population, tuning
 
 CASES: dict[str, Callable[[], Section]] = {
     "forward": forward.measure,
@@ -12,6 +12,7 @@ CASES: dict[str, Callable[[], Section]] = {
     "fit": fit.measure,
     "cold-start": cold_start.measure,
     "population": population.measure_population,
+    "tuning": tuning.measure,
     "memory": population.measure_memory,
 }
 """By the name on the command line, in the order in which they run."""

@@ -1,0 +1,3 @@
+"""The command `tune`: gains of a controller, tuned through the gradient of its closed loops."""
+
+from .command import run as run

@@ -1,0 +1,104 @@
+"""The command `tune`: gains by the exact gradient of their closed loops, resumably, with a report."""
+
+import dataclasses
+import pathlib
+import time
+
+import numpy as np
+
+from vgtjax.errors import InputError, SimulationError
+from vgtjax.tuning import Tuner, TuningProgress, conditions
+
+from ..console import console
+from ..files import PROGRESS, claim, read_json, write_json, write_text
+from .gains_file import gain_rows, gains_json
+from .job import TuneJob, prepare_tuning
+from .outcome import compare, summarise
+from .report import render
+
+
+def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathlib.Path) -> None:
+    """Writes `gains.json`, `summary.json` and `report.html`; goes on where an earlier run was interrupted.
+
+    **Raises:** `InputError` before anything is written; `SimulationError` when the start's closed loops fail, and,
+    after everything is written, when tuning did not converge or tuned gains fail in a true closed loop.
+    """
+    job = prepare_tuning(study, parameters)
+    claim(out, "tune", job.fingerprint)
+    if (out / "report.html").exists():
+        console.print(f"nothing to do: {out} holds this study's results")
+    else:
+        _compute(job, out)
+    console.print(f"report: {(out / 'report.html').resolve()}")
+    _verdict(read_json(out / "summary.json"))
+
+
+def _compute(job: TuneJob, out: pathlib.Path) -> None:
+    for note in job.notes:
+        console.print(f"note: {note}")
+    console.print(f"{len(job.smooth.cases)} closed loops, {len(job.smooth.selection.entries)} free gains")
+    progress, seconds = _tune(job, out / PROGRESS)
+    with console.status("simulating all closed loops"):
+        outcome = compare(job, progress, seconds)
+    tuned = job.true.controller_at(outcome.coordinates)
+    rows = gain_rows(job, outcome.coordinates)
+    summary = summarise(job, outcome, {name: float(value) for name, value in conditions(tuned).items()})
+    write_json(out / "gains.json", gains_json(job, rows))
+    write_json(out / "summary.json", summary)
+    with console.status("writing the report"):
+        write_text(out / "report.html", render(job, outcome, rows, summary))
+    (out / PROGRESS).unlink(missing_ok=True)
+
+
+def _tune(job: TuneJob, saved: pathlib.Path) -> tuple[TuningProgress, float]:
+    """Tunes, keeping the progress on disk; also the seconds it took."""
+    earlier, resume = _load_progress(saved)
+    began = time.monotonic() - earlier
+    with console.status("compiling the closed loops and their derivatives"):
+        tuner = Tuner(job.smooth, resume)
+    if resume is not None:
+        console.print(f"resuming after step {resume.iteration}")
+    console.print(f"{'step':>6} {'cost':>12} {'worst um':>10} {'memory s':>9} {'damping':>10} {'seconds':>8}")
+    _show(job, tuner, began)
+    while not tuner.progress.finished:
+        before = tuner.progress.iteration
+        with console.status(f"step {before + 1}"):
+            progress = tuner.step()
+        write_json(saved, {"seconds": time.monotonic() - began, "progress": dataclasses.asdict(progress)})
+        if progress.iteration > before:
+            _show(job, tuner, began)
+    console.print(tuner.progress.verdict)
+    return tuner.progress, time.monotonic() - began
+
+
+def _show(job: TuneJob, tuner: Tuner, began: float) -> None:
+    progress = tuner.progress
+    taken = "" if not progress.rejected_in_a_row else "  rejected"
+    console.print(
+        f"{progress.iteration:6d} {progress.cost:12.6g} {1e6 * np.max(tuner.cases.rms):10.4g} "
+        f"{job.smooth.memories[progress.stage]:9.3g} {progress.damping:10.3g} {time.monotonic() - began:8.1f}{taken}"
+    )
+
+
+def _load_progress(saved: pathlib.Path) -> tuple[float, TuningProgress | None]:
+    """Seconds already spent, and where tuning was; nothing where nothing is saved."""
+    if not saved.exists():
+        return 0.0, None
+    try:
+        content = read_json(saved)
+        progress = content["progress"]
+        lists = {"coordinates": tuple(progress["coordinates"]), "history": tuple(progress["history"])}
+        return float(content["seconds"]), TuningProgress(**{**progress, **lists})
+    except (InputError, KeyError, TypeError, ValueError):
+        console.print(f"note: {saved} can't be read, so tuning begins anew")
+        return 0.0, None
+
+
+def _verdict(summary: dict) -> None:
+    if summary["failed"]:
+        raise SimulationError(
+            f"with the tuned gains {len(summary['failed'])} closed loops leave the finite numbers, the first of them "
+            f"'{summary['failed'][0]}'; raise worst under [control.cost], or tune on more plants"
+        )
+    if not summary["converged"]:
+        raise SimulationError(f"tuning ended early: {summary['verdict']}")

@@ -1,0 +1,160 @@
+"""From a study to a tuning problem, and to what tuned gains are tried on afterwards."""
+
+import dataclasses
+import itertools
+import math
+import pathlib
+from collections.abc import Mapping
+
+import jax
+import numpy as np
+
+import vgtjax
+from vgtjax.control import AbstractController, Sensors
+from vgtjax.errors import InputError
+from vgtjax.estimation.calibration import Bounds
+from vgtjax.sensitivity import SobolSample
+from vgtjax.tuning import MEMORIES, Cases, Objective, Problem, cross_cases, plan_tuning, soften, soften_cases
+
+from ..models import check_bounds, start_values
+from ..population import Actuators, feels_gas, read_actuators
+from ..study import expand_traces, fingerprint, load_study
+from ..study_tables import ControlTable, ReferenceEntry, Study
+from .designs import build_controller
+from .references import DEFAULT, DEFAULT_UNSEEN, build_references
+
+EXAMPLE = pathlib.Path(__file__).parents[1] / "example" / "control" / "study.toml"
+"""The study that runs when none is named."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class TuneJob:
+    """Everything that tuning needs; nothing has been written yet.
+
+    `smooth` is what is tuned, with switching laws softened; `true` has the same cases as they are; `unseen` has other
+    references, turbine pressures, plants and noise.
+    """
+
+    study: Study
+    text: str
+    fingerprint: str
+    bounds: Bounds
+    smooth: Problem
+    true: Problem
+    unseen: Problem
+    notes: tuple[str, ...]
+
+
+def prepare_tuning(path: pathlib.Path | None, parameters: pathlib.Path | None) -> TuneJob:
+    """Reads and checks a study of a controller.
+
+    **Raises:** `InputError` for the first thing that is wrong.
+    """
+    path = EXAMPLE if path is None else path
+    study = load_study(path)
+    if study.model != "full":
+        raise InputError(f"controllers are tuned on model = 'full', but it is '{study.model}'; change it")
+    table, folder = study.control, path.parent
+    actuators = read_actuators(path, study, parameters)
+    nominal = actuators.population.model
+    controller, bounds = _controller(table, nominal)
+    tuned_on, tried_on, notes = choose_plants(study, actuators)
+    cases = _cases(table, tuned_on, DEFAULT if table.reference is None else table.reference, folder, table.seed)
+    smooth = _plan(table, soften(controller), soften_cases(cases), bounds)
+    unseen = _unseen_cases(table, tried_on, folder)
+    if max(table.turbine_pressure) > 0 and not feels_gas(nominal):
+        notes += ("turbine pressure acts on nothing, as the study's vane_force is 'none'",)
+    return TuneJob(
+        study,
+        path.read_text(encoding="utf-8-sig"),
+        fingerprint(study, expand_traces(study, folder), actuators.values),
+        bounds,
+        smooth,
+        dataclasses.replace(smooth, controller=controller, cases=cases),
+        dataclasses.replace(smooth, controller=controller, cases=unseen),
+        (*actuators.notes, *notes) if "population" in study.model_fields_set else notes,
+    )
+
+
+def _controller(table: ControlTable, nominal: vgtjax.Actuator) -> tuple[AbstractController, Bounds]:
+    controller = build_controller(table.design, nominal)
+    stated = Study(parameters=table.gains)
+    values, bounds = start_values(controller, stated)
+    controller = vgtjax.replace_parameters(controller, values)
+    check_bounds(controller, bounds)
+    return controller, bounds
+
+
+def choose_plants(
+    study: Study, actuators: Actuators
+) -> tuple[dict[str, vgtjax.AbstractModel], dict[str, vgtjax.AbstractModel], tuple[str, ...]]:
+    """Plants that gains are tuned on, plants that they are tried on, and what is to be said of the choice."""
+    table, population = study.control, actuators.population
+    if actuators.fitted:
+        names = list(actuators.fitted)
+        chosen = {names[round(i)] for i in np.linspace(0, len(names) - 1, min(table.plants, len(names)))}
+        rest = [name for name in names if name not in chosen][: table.unseen.plants]
+        note = () if rest else ("gains are tuned on all units, so they are tried on the same ones",)
+        tuned_on = {name: model for name, model in actuators.fitted.items() if name in chosen}
+        return tuned_on, {name: actuators.fitted[name] for name in rest} or tuned_on, note
+    if "population" not in study.model_fields_set:
+        alone = {"nominal": population.model}
+        return alone, alone, ("the study states no [population], so gains are tuned and tried on one actuator",)
+    points = SobolSample(population.dimensions, table.plants + table.unseen.plants, table.seed)
+    rows = population.values(points.points(0, table.plants + table.unseen.plants))
+    drawn = {f"sample {i}": population.factors.unpack(population.model, row) for i, row in enumerate(rows)}
+    names = list(drawn)
+    tried = {name: drawn[name] for name in names[table.plants :]}
+    return {name: drawn[name] for name in names[: table.plants]}, tried or drawn, ()
+
+
+def _cases(
+    table: ControlTable,
+    plants: Mapping[str, vgtjax.AbstractModel],
+    references: tuple[ReferenceEntry, ...] | list[ReferenceEntry],
+    folder: pathlib.Path,
+    seed: int,
+    pressures: list[float] | None = None,
+) -> Cases:
+    return cross_cases(
+        plants,
+        build_references(references, folder),
+        table.turbine_pressure if pressures is None else pressures,
+        duration=table.duration,
+        period=table.period,
+        sensors=Sensors.bench() if table.sensors == "bench" else Sensors.ideal(),
+        seed=seed,
+    )
+
+
+def _unseen_cases(table: ControlTable, plants: Mapping[str, vgtjax.AbstractModel], folder: pathlib.Path) -> Cases:
+    unseen = table.unseen
+    references = DEFAULT_UNSEEN if unseen.reference is None else unseen.reference
+    pressures = unseen.turbine_pressure
+    if pressures is None:
+        seen = sorted(set(table.turbine_pressure))
+        # Between those that were seen, and the highest of them.
+        pressures = [*(0.5 * (low + high) for low, high in itertools.pairwise(seen)), seen[-1]]
+    return _cases(table, plants, references, folder, table.seed + 1, pressures)
+
+
+def _plan(table: ControlTable, controller: AbstractController, cases: Cases, bounds: Bounds) -> Problem:
+    cost = table.cost
+    objective = Objective(
+        tracking=cost.tracking,
+        effort=math.inf if cost.effort is None else cost.effort,
+        chatter=math.inf if cost.chatter is None else cost.chatter,
+        largest_error=math.inf if cost.largest_error is None else cost.largest_error,
+        worst=cost.worst,
+        settled=table.settled,
+    )
+    return plan_tuning(
+        controller,
+        cases,
+        objective,
+        free=table.free,
+        fixed=table.fixed,
+        bounds=bounds,
+        memories=MEMORIES if table.derivative_memory is None else table.derivative_memory,
+        lanes=max(jax.device_count(), table.lanes),
+    )

@@ -1,0 +1,235 @@
+"""The command `tune` as a user runs it, on one actuator and a PI."""
+
+import json
+import pathlib
+
+import numpy as np
+import pytest
+from commands import assert_refused, read, run_command
+
+import calibrate.tune.command as command
+import vgtjax
+from calibrate.study_tables import ReferenceEntry
+from calibrate.tune.job import EXAMPLE, prepare_tuning
+from calibrate.tune.references import build_references
+from vgtjax.control import reference_at
+
+STUDY = """
+name = "a quick PI"
+[control]
+design = "pi"
+duration = 0.5
+settled = 0.1
+period = 2e-3
+{more}
+[[control.reference]]
+kind = "sine"
+amplitude = 0.001
+rate = 12.0
+offset = 0.005
+[control.unseen]
+[[control.unseen.reference]]
+kind = "sine"
+name = "slower"
+amplitude = 0.002
+rate = 6.0
+offset = 0.004
+"""
+
+
+def write(folder: pathlib.Path, more: str = "", text: str = STUDY) -> pathlib.Path:
+    path = folder / "study.toml"
+    path.write_text(text.format(more=more), encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory) -> pathlib.Path:
+    """The folder of a finished run."""
+    folder = tmp_path_factory.mktemp("tune")
+    outcome = run_command("tune", write(folder), "--out", folder / "out")
+    assert outcome.status == 0, outcome.err
+    return folder / "out"
+
+
+@pytest.fixture(scope="module")
+def summary(done) -> dict:
+    return read(done / "summary.json")
+
+
+def test_a_run_writes_its_three_files_and_no_more(done):
+    assert {path.name for path in done.iterdir()} == {".study.json", "gains.json", "summary.json", "report.html"}
+
+
+def test_gains_have_the_form_of_parameters(done):
+    gains = read(done / "gains.json")
+    assert gains["design"] == "pi"
+    assert list(gains["parameters"]) == ["proportional_gain", "integral_gain", "tracking_time"]
+    row = gains["parameters"]["proportional_gain"]
+    assert set(row) == {
+        "value", "unit", "free", "std_error", "initial", "lower", "upper", "at_bound", "identifiable"
+    }  # fmt: skip
+    assert row["unit"] == "%/m"
+    assert row["initial"] == 6000.0
+    assert row["value"] != row["initial"]
+
+
+def test_the_summary_is_that_of_closed_loops_with_these_gains(done, summary):
+    """Simulated once more from `gains.json`."""
+    job = prepare_tuning(done.parent / "study.toml", None)
+    values = {name: row["value"] for name, row in read(done / "gains.json")["parameters"].items()}
+    controller = vgtjax.replace_parameters(job.true.controller, values)
+    coordinates = np.asarray(job.true.transform.to_coordinates(job.true.selection.pack(controller)))
+    for name, problem in (("tuned_on_smoothed", job.smooth), ("tuned_on", job.true), ("unseen", job.unseen)):
+        found = problem.evaluate(coordinates)
+        rows = summary["cases"][name]
+        # Gains went through their logarithms.
+        np.testing.assert_allclose([row["tuned"]["rms"] for row in rows], found.rms, rtol=1e-6)
+        np.testing.assert_allclose([row["tuned"]["cost"] for row in rows], found.costs, rtol=1e-6)
+        assert summary["cost"][name]["tuned"] == pytest.approx(problem.combine(found.costs), rel=1e-6)
+    assert summary["converged"]
+    assert summary["cost"]["tuned_on"]["tuned"] < 0.5 * summary["cost"]["tuned_on"]["start"]
+    ratio = summary["cost"]["tuned_on"]["tuned"] / summary["cost"]["tuned_on_smoothed"]["tuned"]
+    assert summary["gap"] == pytest.approx(ratio - 1, abs=1e-9)
+    assert summary["cases"]["unseen"][0]["reference"] == "slower"
+
+
+def test_the_same_command_again_does_nothing_and_another_study_is_refused(done):
+    study = done.parent / "study.toml"
+    again = run_command("tune", study, "--out", done)
+    assert again.status == 0
+    assert "nothing to do" in again.out
+    folder = done.parent / "other"
+    folder.mkdir()
+    other = run_command("tune", write(folder, "seed = 1"), "--out", done)
+    assert other.status == 2
+    assert "holds the results of another study" in other.err
+
+
+def test_a_run_that_was_interrupted_goes_on_where_it_was(done, summary, monkeypatch):
+    """Killed after two steps; the rest is what the run in one go did."""
+    out, steps = done.parent / "resumed", []
+    write_json = command.write_json
+
+    def stop(path, content):
+        write_json(path, content)
+        steps.append(path.name)
+        if len(steps) == 2:
+            raise RuntimeError("killed")
+
+    monkeypatch.setattr(command, "write_json", stop)
+    with pytest.raises(RuntimeError, match="killed"):
+        run_command("tune", done.parent / "study.toml", "--out", out)
+    assert {path.name for path in out.iterdir()} == {".study.json", ".progress.json"}
+    monkeypatch.setattr(command, "write_json", write_json)
+    outcome = run_command("tune", done.parent / "study.toml", "--out", out)
+    assert outcome.status == 0
+    assert "resuming after step 2" in outcome.out
+    np.testing.assert_allclose(read(out / "summary.json")["history"], summary["history"], rtol=1e-6)
+
+
+def test_progress_that_cannot_be_read_begins_anew(done):
+    out = done.parent / "broken"
+    out.mkdir()
+    (out / ".study.json").write_text((done / ".study.json").read_text(encoding="utf-8"), encoding="utf-8")
+    (out / ".progress.json").write_text(json.dumps({"seconds": 1.0}), encoding="utf-8")
+    outcome = run_command("tune", done.parent / "study.toml", "--out", out)
+    assert outcome.status == 0
+    assert "so tuning begins anew" in outcome.out
+
+
+def test_a_report_carries_everything(done):
+    text = (done / "report.html").read_text(encoding="utf-8")
+    for part in (
+        "proportional_gain",
+        "Closed loops that tuning has not seen",
+        "Smoothed and true closed loops",
+        "slower",
+    ):
+        assert part in text
+    assert "<script src" not in text
+
+
+@pytest.mark.parametrize(
+    ("more", "sentence"),
+    [
+        (
+            "plants = 0",
+            "study.toml: control.plants: Input should be greater than or equal to 1, but it is 0; correct it",
+        ),
+        ('fre = ["*"]', "study.toml: unknown key 'control.fre'; did you mean 'free'?"),
+        (
+            'free = ["propotional_gain"]',
+            "parameter name or pattern 'propotional_gain' matches nothing; did you mean 'proportional_gain'?",
+        ),
+        (
+            "gains = {proportional_gain = {value = -1.0}}",
+            "'proportional_gain' must be finite and not negative, but it is -1; correct it",
+        ),
+        (
+            "gains = {proportional_gain = {lower = 7000.0}}",
+            "'proportional_gain' must be at least 7000, but it is 6000; change one under [parameters]",
+        ),
+        (
+            "derivative_memory = [0.0]",
+            "study.toml: control.derivative_memory: Input should be greater than 0, but it is 0.0; correct it",
+        ),
+    ],
+)
+def test_bad_studies_get_one_sentence(more, sentence, tmp_path):
+    out = tmp_path / "out"
+    assert_refused(run_command("tune", write(tmp_path, more), "--out", out), sentence, out)
+
+
+@pytest.mark.parametrize(
+    ("entry", "sentence"),
+    [
+        ({"kind": "sine", "rate": 1.0}, "a reference of kind 'sine' needs amplitude; add it"),
+        ({"kind": "signal-1", "times": [1.0]}, "a reference of kind 'signal-1' has no times; remove it"),
+        ({"kind": "trace"}, "a reference of kind 'trace' needs file; add it"),
+    ],
+)
+def test_references_have_the_keys_of_their_kind(entry, sentence, tmp_path):
+    with pytest.raises(vgtjax.InputError, match=sentence):
+        build_references([ReferenceEntry(**entry)], tmp_path)
+
+
+def test_two_references_of_one_name_are_refused(tmp_path):
+    with pytest.raises(vgtjax.InputError, match="two references are called 'signal-1'; give each its own name"):
+        build_references([ReferenceEntry(kind="signal-1")] * 2, tmp_path)
+
+
+def test_a_reference_may_begin_later_and_be_a_trace():
+    folder = pathlib.Path(vgtjax.__file__).parents[1] / "calibrate" / "example"
+    entries = [
+        ReferenceEntry(kind="sine", amplitude=0.001, rate=2.0, begin=1.5),
+        ReferenceEntry(kind="trace", file="step_80.csv"),
+    ]
+    signals = build_references(entries, folder)
+    assert float(reference_at(signals["sine"], 0.25).position) == pytest.approx(0.001 * np.sin(2 * 1.75))
+    trace = vgtjax.load_trace(folder / "step_80.csv")
+    # A spline through the samples.
+    at = reference_at(signals["trace"], trace.time[500] - trace.time[0]).position
+    assert float(at) == pytest.approx(trace.x_d[500], abs=1e-9)
+
+
+def test_a_design_needs_the_friction_that_it_observes(tmp_path):
+    text = '[components]\nfriction = "coulomb"\n[control]\ndesign = "backstepping"\n'
+    path = tmp_path / "study.toml"
+    path.write_text(text, encoding="utf-8")
+    outcome = run_command("tune", path, "--out", tmp_path / "out")
+    sentence = (
+        "design = 'backstepping' observes the bristles of LuGre friction, but the study's friction is Coulomb; use "
+        "friction = 'lugre', or design = 'pi'"
+    )
+    assert_refused(outcome, sentence, tmp_path / "out")
+
+
+def test_the_example_tunes_on_some_units_and_tries_others():
+    job = prepare_tuning(EXAMPLE, None)
+    tuned_on, tried_on = ({label.plant for label in p.cases.labels} for p in (job.true, job.unseen))
+    assert tuned_on
+    assert tried_on
+    assert not tuned_on & tried_on
+    seen = {label.reference for label in job.true.cases.labels}
+    assert not seen & {label.reference for label in job.unseen.cases.labels}

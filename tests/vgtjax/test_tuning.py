@@ -1,0 +1,374 @@
+"""Tuning through the gradient: cost, derivatives, conditions of the designs, and the steps of the optimiser."""
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import vgtjax
+from vgtjax import control
+from vgtjax.control import (
+    PI,
+    PID,
+    AdaptiveBackstepping,
+    Constant,
+    FrictionCompensation,
+    Knocker,
+    PressureObserver,
+    Sine,
+)
+from vgtjax.control.fading import fade
+from vgtjax.converter import GENTLE_OPENING
+from vgtjax.tuning import Objective, Tuner, conditions, cross_cases, gain_names, plan_tuning, soften, soften_cases, tune
+
+SECONDS, SETTLED = 0.6, 0.2
+"""Long enough for a controller to matter, short enough for many tests."""
+REFERENCES = {"sine": Sine(0.003, 15.0, 0.005), "hold": Constant(0.004)}
+"""The first is so fast that a stiff controller's duty saturates."""
+OBJECTIVE = Objective(tracking=1e-4, effort=200.0, chatter=1.0, largest_error=2e-4, settled=SETTLED)
+
+
+def pi(actuator):
+    return PI(base=control.StaticBalance(actuator.converter, actuator.diaphragm))
+
+
+@pytest.fixture(scope="module")
+def cases(actuator):
+    weak = vgtjax.replace_parameters(actuator, {"diaphragm.stiffness": 11_800.0})
+    plants = {"printed": actuator, "weak": weak}
+    return soften_cases(cross_cases(plants, REFERENCES, duration=SECONDS))
+
+
+@pytest.fixture(scope="module")
+def problem(actuator, cases):
+    return plan_tuning(pi(actuator), cases, OBJECTIVE)
+
+
+@pytest.fixture(scope="module")
+def tuned(problem):
+    tuner = Tuner(problem)
+    progress = [tuner.progress]
+    while not tuner.progress.finished:
+        progress.append(tuner.step())
+    return progress
+
+
+def test_the_cost_is_what_the_objective_says(problem):
+    """Written once more, with numpy, from the runs."""
+    runs = problem.simulate(problem.start, range(4))
+    late = np.asarray(runs.time[0]) >= SETTLED
+    error, duty = np.asarray(runs.error)[:, late], np.asarray(runs.duty)
+    change = np.diff(duty, axis=1)[:, late[1:]]
+    beyond = np.maximum(np.abs(error) - 2e-4, 0)
+    terms = [(error / 1e-4) ** 2, (duty[:, late] / 200) ** 2, change**2, 10 * (beyond / 1e-4) ** 2]
+    expected = np.stack([term.mean(1) for term in terms], 1)
+    found = problem.evaluate(problem.start)
+    # The same sums in another order.
+    np.testing.assert_allclose(found.terms, expected, rtol=1e-9)
+    assert np.all(expected.max(0) > 0), "a term that is zero here is not tested"
+    np.testing.assert_allclose(found.rms, np.sqrt((error**2).mean(1)), rtol=1e-9)
+    np.testing.assert_allclose(found.peak, np.abs(error).max(1), rtol=1e-12)
+    costs = expected.sum(1)
+    whole = 0.5 * costs.mean() + 0.5 * (costs**8).mean() ** (1 / 8)
+    assert problem.cost(problem.start) == pytest.approx(whole, rel=1e-9)
+
+
+@pytest.mark.parametrize(("share", "expected"), [(0.0, 2.5), (1.0, 4.0)])
+def test_mean_and_worst_case_are_the_ends_of_the_combination(share, expected):
+    costs = jnp.asarray([1.0, 2.0, 3.0, 4.0])
+    # A power of 200 leaves 4 (1/4)^(1/200), 0.7 % less.
+    assert float(Objective(worst=share, power=200.0).combine(costs)) == pytest.approx(expected, rel=1e-2)
+
+
+def test_the_combination_of_large_costs_does_not_overflow():
+    assert float(Objective().combine(jnp.asarray([1e60, 1.0]))) == pytest.approx(1e60 * (0.25 + 0.5 * 0.5**0.125))
+
+
+def test_derivatives_of_the_combination():
+    costs = np.array([1.0, 2.0, 5.0])
+    first, second = OBJECTIVE.derivatives(costs)
+    step = 1e-5 * np.eye(3)
+    slopes = [float(OBJECTIVE.combine(costs + d) - OBJECTIVE.combine(costs - d)) / 2e-5 for d in step]
+    # Central differences: 1e-10 of the third derivative, 1e-11 of rounding.
+    np.testing.assert_allclose(first, slopes, rtol=1e-8)
+    bends = [(OBJECTIVE.derivatives(costs + d)[0] - OBJECTIVE.derivatives(costs - d)[0]) / 2e-5 for d in step]
+    np.testing.assert_allclose(second, bends, rtol=1e-7, atol=1e-9)
+    assert np.linalg.eigvalsh(second)[0] > -1e-12, "convex, or the model of a step has no minimum"
+
+
+def stiff(actuator):
+    return dataclasses.replace(pi(actuator), proportional_gain=60_000.0)
+
+
+CONTROLLERS = {
+    "pid": lambda a: PID(stiff(a)),
+    "knocker": lambda a: soften(Knocker(stiff(a))),
+    "friction-compensation": lambda a: FrictionCompensation(converter=a.converter, diaphragm=a.diaphragm),
+}
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_slopes_by_every_gain_are_those_of_central_differences(name, actuator, cases):
+    """With noise and friction; the loops are those that are tuned."""
+    problem = plan_tuning(CONTROLLERS[name](actuator), cases, OBJECTIVE)
+    found = problem.linearise(problem.start)
+    step = 1e-5
+    differences = [
+        (problem.evaluate(problem.start + d).costs - problem.evaluate(problem.start - d).costs) / (2 * step)
+        for d in step * np.eye(len(problem.start))
+    ]
+    differences = np.stack(differences, 1)
+    # 1e-8 where no sample crosses a kink (plunger, reversal, limit); one that does is off by its share of all.
+    scale = np.linalg.norm(differences, axis=0)
+    assert np.all(scale > 0)
+    np.testing.assert_array_less(np.linalg.norm(found.slopes - differences, axis=0), 1e-3 * scale)
+
+
+def test_the_curvature_is_twice_the_gram_matrix_of_the_residuals(problem):
+    """Residuals' columns by central differences of single runs."""
+    columns, step = [], 1e-5
+    for direction in np.eye(len(problem.start)):
+        ends = [problem.simulate(problem.start + side * step * direction, [0]) for side in (1, -1)]
+        upper, lower = (OBJECTIVE.residuals(jax.tree.map(lambda leaf: leaf[0], end)) for end in ends)
+        columns.append(np.ravel(upper - lower) / (2 * step))
+    gram = 2 * np.array(columns) @ np.array(columns).T
+    found = problem.linearise(problem.start).curvatures[0]
+    np.testing.assert_allclose(found, gram, rtol=5e-3, atol=5e-3 * np.abs(gram).max())
+
+
+def test_tuning_lowers_the_cost_within_bounds_and_says_how_it_ended(actuator, cases, problem, tuned):
+    last = tuned[-1]
+    assert last.converged
+    assert last.verdict
+    # The default gains are loose: an order of magnitude is there to be gained.
+    assert last.cost < 0.1 * last.history[0]
+    assert all(later <= earlier for earlier, later in zip(last.history, last.history[1:], strict=False))
+    assert problem.cost(np.asarray(last.coordinates)) == pytest.approx(last.cost, rel=1e-9)
+    bounds = {"proportional_gain": (None, 9000.0), "integral_gain": (19_000.0, None)}
+    held = plan_tuning(pi(actuator), cases, OBJECTIVE, bounds=bounds, fixed=["tracking_time"])
+    assert held.selection.entries == ("proportional_gain", "integral_gain")
+    tuner = Tuner(held)
+    while not tuner.progress.finished:
+        tuner.step()
+    gains = held.controller_at(np.asarray(tuner.progress.coordinates))
+    assert float(gains.proportional_gain) == pytest.approx(9000.0)
+    # The exponential of a logarithm rounds.
+    assert float(gains.integral_gain) >= 19_000.0 * (1 - 1e-12)
+    assert float(gains.tracking_time) == 0.1
+
+
+def test_one_call_tunes_the_softened_loops_and_returns_the_controller_as_it_is(actuator, cases):
+    knocker = Knocker(pi(actuator))
+    few = cases.take([0])
+    tuned, progress = tune(knocker, few, OBJECTIVE, free=["controller.proportional_gain"], memories=[np.inf])
+    assert progress.converged
+    assert progress.cost < progress.history[0]
+    assert float(tuned.sign_width) == float(knocker.sign_width)
+    assert float(tuned.controller.proportional_gain) == pytest.approx(np.exp(progress.coordinates[0]), rel=1e-12)
+
+
+def test_tuning_that_was_interrupted_goes_on_as_if_it_had_not_been(problem, tuned):
+    place = 3
+    resumed = Tuner(problem, tuned[place])
+    assert resumed.progress == tuned[place]
+    again = resumed.step()
+    assert again.coordinates == pytest.approx(tuned[place + 1].coordinates, rel=1e-9)
+    assert again.history == pytest.approx(tuned[place + 1].history, rel=1e-9)
+
+
+def _failing(problem, when):
+    """The problem, whose closed loops leave the finite numbers `when` coordinates say so."""
+
+    class Failing(type(problem)):
+        def linearise(self, coordinates, memory=np.inf):
+            found = super().linearise(coordinates, memory)
+            if not when(coordinates):
+                return found
+            bad = np.array([True, False, False, False])
+            broken = dataclasses.replace(
+                found.cases, terms=np.where(bad[:, None], np.nan, found.cases.terms), failed=bad
+            )
+            return dataclasses.replace(found, cases=broken)
+
+    return Failing(**{field.name: getattr(problem, field.name) for field in dataclasses.fields(problem)})
+
+
+def test_a_step_at_which_a_closed_loop_fails_is_rejected(problem):
+    start = problem.start
+    tuner = Tuner(_failing(problem, lambda at: not np.array_equal(at, start)))
+    progress = tuner.step()
+    assert progress.coordinates == tuple(start)
+    assert (progress.failed, progress.rejected_in_a_row) == (1, 1)
+    assert progress.cost == progress.history[0]
+
+
+def test_a_start_whose_closed_loops_fail_is_named(problem):
+    with pytest.raises(vgtjax.SimulationError, match=r"1 closed loops leave .* 'printed, sine, 0 mbar'; start from"):
+        Tuner(_failing(problem, lambda at: True))
+
+
+def test_derivatives_that_overflow_end_their_stage_and_not_the_tuning(problem):
+    class Overflowing(type(problem)):
+        def linearise(self, coordinates, memory=np.inf):
+            found = super().linearise(coordinates, memory)
+            return found if memory < 1 else dataclasses.replace(found, slopes=np.full_like(found.slopes, np.inf))
+
+    fields = {field.name: getattr(problem, field.name) for field in dataclasses.fields(problem)}
+    tuner = Tuner(Overflowing(**(fields | {"memories": (np.inf, 0.1)})))
+    assert tuner.step().stage == 1
+    assert tuner.step().cost < tuner.progress.history[0]
+    only = Tuner(Overflowing(**(fields | {"memories": (np.inf,)})))
+    assert only.step().verdict == "derivatives of a closed loop leave the finite numbers"
+    assert not only.progress.converged
+
+
+def test_a_closed_loop_that_fails_is_not_a_number_and_spoils_no_other(problem):
+    plants = eqx.tree_at(lambda p: p.diaphragm.mass, problem.cases.plants, jnp.asarray([0.63, jnp.nan, 0.63, 0.63]))
+    broken = dataclasses.replace(problem, cases=dataclasses.replace(problem.cases, plants=plants))
+    found, whole = broken.evaluate(problem.start), problem.evaluate(problem.start)
+    assert found.failed.tolist() == [False, True, False, False]
+    assert np.isnan(found.costs[1])
+    np.testing.assert_allclose(np.delete(found.costs, 1), np.delete(whole.costs, 1), rtol=1e-9)
+    assert broken.cost(problem.start) == np.inf
+
+
+def _compensation(gain):
+    return FrictionCompensation(derivative_gain=gain)
+
+
+BOUNDS = {
+    "friction-compensation": (_compensation, "derivative_gain above its bound [5.9]", 60.0, 70.0),
+    "knocker": (lambda w: Knocker(PI(), width=w), "width below interval [5.5]", 0.041, 0.039),
+    "observer": (lambda a: PressureObserver(friction_rate=a), "friction_rate below its bound [5.21]", 30.0, 3.0),
+    "adaptive": (
+        lambda w: AdaptiveBackstepping(pressure_weight=w, pressure_coupling=0.0),
+        "pressure_weight above its bound [5.71]",
+        1e-12,
+        1e-6,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BOUNDS)
+def test_conditions_are_those_that_a_design_checks_when_it_is_built(name):
+    build, condition, outside, inside = BOUNDS[name]
+    kept = conditions(build(inside))
+    assert float(kept[condition]) > 0
+    with pytest.raises(vgtjax.InputError):
+        build(outside)
+    # What can't be built by its constructor can be looked at all the same.
+    leaf = {"friction-compensation": "derivative_gain", "knocker": "width", "observer": "friction_rate"}
+    broken = vgtjax.replace_parameters(build(inside), {leaf.get(name, "pressure_weight"): outside})
+    assert float(conditions(broken)[condition]) < 0
+
+
+def test_steps_stay_inside_the_conditions_of_the_design(actuator, cases):
+    """From a start at the edge, with a cost that wants to go through it."""
+    start = FrictionCompensation(derivative_gain=63.4, converter=actuator.converter)
+    problem = plan_tuning(
+        start, cases, Objective(tracking=1.0, chatter=0.01, settled=SETTLED), free=["derivative_gain"]
+    )
+    tuner, seen = Tuner(problem), []
+    for _ in range(3):
+        progress = tuner.step()
+        seen.append(problem.conditions(np.asarray(progress.coordinates)).min())
+        problem.controller_at(np.asarray(progress.coordinates))  # raises where the design does not hold
+    assert min(seen) >= 0
+    assert progress.cost <= progress.history[0]
+
+
+def test_a_start_outside_the_conditions_is_refused(actuator, cases):
+    edge = vgtjax.replace_parameters(FrictionCompensation(), {"derivative_gain": 63.0})
+    with pytest.raises(vgtjax.InputError, match=r"every condition of the design .* 'derivative_gain above its bound"):
+        plan_tuning(edge, cases, OBJECTIVE)
+
+
+def test_a_problem_without_gains_is_refused(actuator, cases):
+    with pytest.raises(vgtjax.InputError, match="at least one free gain, but free and fixed leave none; free one"):
+        plan_tuning(pi(actuator), cases, OBJECTIVE, free=["integral_gain"], fixed=["*"])
+
+
+def test_gains_are_what_a_controller_does_and_not_what_it_believes():
+    assert gain_names(PI(base=control.StaticBalance())) == ["proportional_gain", "integral_gain", "tracking_time"]
+    assert "observer.friction_rate" in gain_names(control.Backstepping())
+    assert not [name for name in gain_names(control.Backstepping()) if "model" in name or "load" in name]
+    own = [name for name in gain_names(FrictionCompensation()) if not name.startswith("differentiator.")]
+    assert own == ["proportional_gain", "derivative_gain", "observer_gain"]
+
+
+def test_softening_widens_what_switches_and_nothing_else(actuator):
+    sharp = Knocker(PID(PI(), differentiator=control.LevantDifferentiator(0.5)))
+    soft = soften(sharp)
+    assert float(soft.sign_width) == 0.2
+    assert float(soft.controller.differentiator.width) == 3e-5
+    assert soften(soft) == soft, "twice is once"
+    wide = Knocker(PI(), sign_width=5.0)
+    assert float(soften(wide).sign_width) == 5.0, "nothing is made sharper"
+    plant = soften(actuator)
+    assert plant.converter.opening_width == GENTLE_OPENING
+    assert eqx.tree_equal(dataclasses.replace(plant.converter, opening_width=1e-6), actuator.converter)
+
+
+def test_smoothed_cases_have_sensors_without_steps(actuator):
+    sensors = control.Sensors(control.Sensor(8e-6, quantum=1e-6), control.Sensor(60.0, quantum=3.0), control.Sensor())
+    soft = soften_cases(cross_cases({"a": actuator}, REFERENCES, duration=0.1, sensors=sensors)).scenarios.sensors
+    assert not np.any(soft.position.quantum)
+    assert not np.any(soft.pressure.quantum)
+    np.testing.assert_array_equal(soft.position.noise, [8e-6, 8e-6])
+
+
+def test_cases_cross_everything_and_begin_where_the_reference_does(actuator):
+    references = {**REFERENCES, "rise": control.signal_2()}
+    cases = cross_cases({"a": actuator, "b": actuator}, references, [0.0, 3e5], duration=0.1)
+    assert len(cases) == 12
+    assert str(cases.labels[3]) == "a, hold, 3000 mbar"
+    begins = np.asarray(cases.scenarios.start.position)
+    np.testing.assert_allclose(begins[:6], [0.005, 0.005, 0.004, 0.004, 0.0, 0.0])
+    np.testing.assert_array_equal(np.asarray(cases.scenarios.start.at_rest)[:6], [0, 0, 0, 0, 1, 1])
+    assert len({tuple(row) for row in np.asarray(jax.random.key_data(cases.scenarios.key))}) == 12
+    assert [str(label) for label in cases.take([3, 0]).labels] == ["a, hold, 3000 mbar", "a, sine, 0 mbar"]
+
+
+def test_cases_that_cannot_be_crossed_are_refused(actuator):
+    with pytest.raises(vgtjax.InputError, match="at least one plant, one reference and one turbine pressure"):
+        cross_cases({"a": actuator}, {}, duration=1.0)
+    other = vgtjax.Actuator(friction=vgtjax.Coulomb())
+    with pytest.raises(vgtjax.InputError, match="models of one structure, but their components or settings differ"):
+        cross_cases({"a": actuator, "b": other}, REFERENCES, duration=1.0)
+
+
+@pytest.mark.parametrize(
+    ("settings", "sentence"),
+    [
+        ({"tracking": 0.0}, "tracking of an objective must be positive, but it is 0.0; correct it"),
+        ({"worst": 1.5}, "worst of an objective must be within 0 and 1"),
+        ({"power": 0.5}, "power of an objective must be one or more"),
+    ],
+)
+def test_an_objective_without_sense_is_refused(settings, sentence):
+    with pytest.raises(vgtjax.InputError, match=sentence):
+        Objective(**settings)
+
+
+@pytest.mark.parametrize("kept", [1.0, 0.5, 0.0])
+def test_derivatives_fade_geometrically_and_values_not_at_all(kept):
+    """`x' = a x` ten times: `d x10/da` is the sum of `a^9 kept^k`, which is `10 a^9` when nothing fades."""
+
+    def last(a):
+        x = jnp.asarray(1.0)
+        for _ in range(10):
+            x = a * fade(x, jnp.asarray(kept))
+        return x
+
+    value, slope = jax.jvp(last, (jnp.asarray(1.1),), (jnp.asarray(1.0),))
+    assert float(value) == pytest.approx(1.1**10, rel=1e-12)
+    assert float(slope) == pytest.approx(1.1**9 * sum(kept**k for k in range(10)), rel=1e-12)
+
+
+def test_a_memory_of_derivatives_must_be_positive(actuator):
+    scenario = control.Scenario(Constant(0.005))
+    with pytest.raises(vgtjax.InputError, match=r"derivative_memory must be positive, but it is 0\.0 s; use e\.g\. 1"):
+        control.close_loop(actuator, PI(), scenario, 0.1, derivative_memory=0.0)
