@@ -58,7 +58,7 @@ def _tune(job: TuneJob, saved: pathlib.Path) -> tuple[TuningProgress, float]:
         tuner = Tuner(job.smooth, resume)
     if resume is not None:
         console.print(f"resuming after step {resume.iteration}")
-    console.print(f"{'step':>6} {'cost':>12} {'worst um':>10} {'memory s':>9} {'damping':>10} {'seconds':>8}")
+    console.print(f"{'step':>6} {'cost':>12} {'worst um':>10} {'trials':>7} {'memory s':>9} {'seconds':>8}")
     _show(job, tuner, began)
     while not tuner.progress.finished:
         before = tuner.progress.iteration
@@ -73,10 +73,9 @@ def _tune(job: TuneJob, saved: pathlib.Path) -> tuple[TuningProgress, float]:
 
 def _show(job: TuneJob, tuner: Tuner, began: float) -> None:
     progress = tuner.progress
-    taken = "" if not progress.rejected_in_a_row else "  rejected"
     console.print(
-        f"{progress.iteration:6d} {progress.cost:12.6g} {1e6 * np.max(tuner.cases.rms):10.4g} "
-        f"{job.smooth.memories[progress.stage]:9.3g} {progress.damping:10.3g} {time.monotonic() - began:8.1f}{taken}"
+        f"{progress.iteration:6d} {progress.cost:12.6g} {1e6 * np.max(tuner.cases.rms):10.4g} {progress.trials:7d} "
+        f"{job.smooth.memories[progress.stage]:9.3g} {time.monotonic() - began:8.1f}"
     )
 
 

@@ -21,8 +21,8 @@ from .cases import Cases
 from .gains import check, gain_names
 from .objective import Objective
 
-MEMORIES = (0.1, 1.0, math.inf)
-"""s; what a gain changes within a tenth of a second first, in the end all that it changes."""
+MEMORIES = (math.inf, 1.0, 0.3, 0.1)
+"""s; all that a gain changes, and what it changes within a second and less."""
 LANES = 64
 """Closed loops that run side by side; memory grows with them, their duration, and the number of gains."""
 
@@ -153,8 +153,7 @@ def plan_tuning(
     - `free`, `fixed`: names or fnmatch patterns of the controller's parameters, e.g. `observer.*_rate`; `None` frees
       all that are not held, but for what the controller believes of the plant.
     - `bounds`: ends of single gains by name, `None` for none.
-    - `memories`: s, each a `derivative_memory` of [`close_loop`][]; the next one is taken when derivatives with the one
-      before no longer find a lower cost. Infinite is exact.
+    - `memories`: s, each a `derivative_memory` of [`close_loop`][]; infinite is exact. Those that find most are used.
     - `lanes`: closed loops that run side by side; memory grows with it.
 
     **Raises:** `InputError` for a name that matches nothing, a start outside its bounds, a start that breaks a

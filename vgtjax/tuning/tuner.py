@@ -14,20 +14,21 @@ from .objective import Objective
 from .problem import CaseCosts, Linearisation, Problem, plan_tuning
 from .smoothing import soften, soften_cases
 
-LONGEST_STEP = 1.5
-"""Of a coordinate at once: a factor of 4.5 of a positive gain."""
+LONGEST_STEP = 1.0
+"""Of a coordinate at once: a factor of 2.7 of a positive gain."""
 CONVERGED = 1e-3
-"""Tuning has converged when the model promises less than this part of the cost: far below what another noise does."""
-STALL, STALLED = 4, 5e-3
-"""It has also converged when so many steps together gained less than this part. Laws that switch leave kinks, and a
-slope that no step follows."""
-MAX_REJECTED = 4
-"""Steps in a row that raised the cost, each damped more, after which derivatives say nothing more."""
-FIRST_DAMPING = 0.1
+"""A step that promises less than this part of the cost is not worth it: far below what another noise does."""
+STALL, STALLED = 3, 5e-3
+"""Derivatives of one memory are given up when so many steps together gained less than this part; tuning ends when the
+best step of all memories does."""
+TRIALS = 5
+"""Steps of one linearisation that may raise the cost, each damped more, before its derivatives are given up."""
+FIRST_DAMPING, HIGHEST_DAMPING = 0.1, 1e3
 TRUSTED = 1e-3
 """Below this damping the curvature is taken in proportion to it. Where derivatives shake more than the cost does, as
 of a loop that hunts, Gauss and Newton's curvature is far too high, and steps that gain more than it promised say so."""
 BOLDEST = TRUSTED / 64
+BOLDER = 4.0
 MAX_ITERATIONS = 60
 
 
@@ -36,16 +37,17 @@ class TuningProgress:
     """Where tuning stands after a step; enough to resume it.
 
     `coordinates` are the accepted ones of the problem's transform, `stage` is the number of the memory of derivatives
-    that is in use since iteration `stage_began`, `history` the cost after every iteration, the start first. `failed`
-    counts steps at which a closed loop left the finite numbers.
+    that is in use since iteration `stage_began`, or is to be chosen anew; `history` is the cost after every iteration,
+    the start first. `trials` counts evaluations, `failed` those at which a closed loop left the finite numbers.
     """
 
     coordinates: tuple[float, ...]
     damping: float = FIRST_DAMPING
     stage: int = 0
     stage_began: int = 0
+    choosing: bool = True
     iteration: int = 0
-    rejected_in_a_row: int = 0
+    trials: int = 0
     failed: int = 0
     converged: bool = False
     verdict: str = ""
@@ -62,26 +64,44 @@ class TuningProgress:
         return bool(self.verdict)
 
 
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Found:
+    """A step to a lower cost, and the damping and memory that led there."""
+
+    coordinates: np.ndarray
+    cost: float
+    cases: CaseCosts
+    damping: float
+    stage: int
+    chosen: bool = False
+
+
 class Tuner:
     """Tuning under way, one step at a time.
 
     A step minimises the quadratic model of `J` that Gauss and Newton's method makes of every closed loop's residuals
     (convex composite: the model keeps the curvature of the power mean), damped as by Levenberg and Marquardt, within
     the bounds and the conditions of the design. These cost nothing to evaluate, so each step solves them as they are,
-    by SciPy's SLSQP: no gain outside them is ever simulated. A step at which a closed loop fails is rejected.
+    by SciPy's SLSQP: no gain outside them is ever simulated. The damping is searched for by the cost itself, which
+    takes a fraction of the time of its derivatives; a trial at which a closed loop fails is never taken.
+
+    At first, and whenever derivatives no longer find much, those of every memory of the problem propose a step, and the
+    best of them go on.
 
     **Arguments:** `start`: the last progress of an interrupted run; by default the gains that the controller has.
 
     **Raises:** `SimulationError` when a closed loop fails with the start's gains.
+
+    `cases` are the costs at the accepted coordinates.
     """
 
     def __init__(self, problem: Problem, start: TuningProgress | None = None):
         self.problem = problem
         self.progress = TuningProgress(tuple(problem.start.tolist())) if start is None else start
-        self._here = problem.linearise(np.asarray(self.progress.coordinates), self._memory)
-        cost = problem.combine(self._here.cases.costs)
+        self.cases = problem.evaluate(self._coordinates)
+        cost = problem.combine(self.cases.costs)
         if not np.isfinite(cost):
-            failed = [str(problem.cases.labels[i]) for i in np.flatnonzero(~np.isfinite(self._here.cases.costs))]
+            failed = [str(problem.cases.labels[i]) for i in np.flatnonzero(~np.isfinite(self.cases.costs))]
             raise SimulationError(
                 f"{len(failed)} closed loops leave the finite numbers with the start's gains, the first of them "
                 f"'{failed[0]}'; start from gains that are stable there"
@@ -89,78 +109,89 @@ class Tuner:
         if start is None:
             self.progress = dataclasses.replace(self.progress, history=(cost,))
 
-    @property
-    def cases(self) -> CaseCosts:
-        """Costs at the accepted coordinates."""
-        return self._here.cases
-
     def step(self) -> TuningProgress:
-        """Tries one step, and says where tuning stands then."""
+        """One step to a lower cost; the last one finds that there is none."""
         before = self.progress
-        here = np.asarray(before.coordinates)
-        if not self._here.is_finite:
-            self._end_stage("derivatives of a closed loop leave the finite numbers")
-            return self.progress
-        damping = before.damping
-        move, promised = self._propose(here, damping)
-        while promised < CONVERGED * before.cost and damping > BOLDEST and not before.rejected_in_a_row:
-            damping /= 4
-            move, promised = self._propose(here, damping)
-        if promised < CONVERGED * before.cost:
-            self._end_stage(f"a further step promises less than {CONVERGED:.1%} of the cost")
-            return self.progress
-        trial = self.problem.linearise(here + move, self._memory)
-        cost = self.problem.combine(trial.cases.costs)
-        accepted = bool(cost < before.cost)
-        if accepted:
-            self._here = trial
-        ratio = (before.cost - cost) / promised if promised > 0 else -np.inf
-        self.progress = TuningProgress(
-            coordinates=tuple((here + move).tolist()) if accepted else before.coordinates,
-            damping=_next_damping(damping, ratio, before.rejected_in_a_row),
-            stage=before.stage,
-            stage_began=before.stage_began,
-            iteration=before.iteration + 1,
-            rejected_in_a_row=0 if accepted else before.rejected_in_a_row + 1,
-            failed=before.failed + bool(np.any(trial.cases.failed)),
-            history=(*before.history, cost if accepted else before.cost),
-        )
-        self._judge(accepted)
-        return self.progress
-
-    def _judge(self, accepted: bool) -> None:
-        """Ends a stage that has come to its end."""
+        found = None if before.choosing else self._search(before.stage, before.damping)
+        if found is None:
+            found = self._choose()
+        if found is None or before.cost - found.cost < STALLED * before.cost * found.chosen:
+            return self._finish(f"no memory of derivatives finds a cost that is lower by {STALLED:.1%}", found)
+        self._accept(found)
         now = self.progress
+        stalled = now.iteration - now.stage_began >= STALL and 1 - now.cost / now.history[-1 - STALL] < STALLED
+        self.progress = dataclasses.replace(now, choosing=stalled)
         if now.iteration >= MAX_ITERATIONS:
             self.progress = dataclasses.replace(now, verdict=f"not converged after {MAX_ITERATIONS} iterations")
-        elif now.rejected_in_a_row >= MAX_REJECTED:
-            self._end_stage(f"{MAX_REJECTED} steps in a row raised the cost: derivatives no longer tell where it falls")
-        elif accepted and now.iteration - now.stage_began >= STALL and 1 - now.cost / now.history[-1 - STALL] < STALLED:
-            self._end_stage(f"the last {STALL} steps lowered the cost by less than {STALLED:.1%}")
+        return self.progress
 
-    def _end_stage(self, why: str) -> None:
-        """Goes on with derivatives of the next memory, or ends."""
-        now = self.progress
-        if now.stage + 1 == len(self.problem.memories):
-            lowered = now.cost < now.history[0]
-            settled = self._here.is_finite and now.rejected_in_a_row < MAX_REJECTED
-            self.progress = dataclasses.replace(now, verdict=why, converged=lowered or settled)
-            return
+    def _choose(self) -> "_Found | None":
+        """The best step of all memories."""
+        found = [self._search(stage, FIRST_DAMPING) for stage in range(len(self.problem.memories))]
+        steps = [step for step in found if step is not None]
+        return dataclasses.replace(min(steps, key=lambda step: step.cost), chosen=True) if steps else None
+
+    def _accept(self, found: "_Found") -> None:
+        before = self.progress
+        self.cases = found.cases
         self.progress = dataclasses.replace(
-            now, stage=now.stage + 1, stage_began=now.iteration, damping=FIRST_DAMPING, rejected_in_a_row=0
+            before,
+            coordinates=tuple(found.coordinates.tolist()),
+            damping=found.damping,
+            stage=found.stage,
+            stage_began=before.iteration if found.chosen else before.stage_began,
+            iteration=before.iteration + 1,
+            history=(*before.history, found.cost),
         )
-        self._here = self.problem.linearise(np.asarray(now.coordinates), self._memory)
+
+    def _finish(self, why: str, found: "_Found | None") -> TuningProgress:
+        if found is not None:
+            self._accept(found)
+        # Where no derivative was finite, nothing is known.
+        self.progress = dataclasses.replace(self.progress, verdict=why, converged=self.progress.trials > 0)
+        return self.progress
 
     @property
-    def _memory(self) -> float:
-        return self.problem.memories[self.progress.stage]
+    def _coordinates(self) -> np.ndarray:
+        return np.asarray(self.progress.coordinates)
 
-    def _propose(self, here: np.ndarray, damping: float) -> tuple[np.ndarray, float]:
+    def _search(self, stage: int, damping: float) -> "_Found | None":
+        """The best step of the derivatives of one memory; nothing where none lowers the cost."""
+        here, at = self._coordinates, self.problem.linearise(self._coordinates, self.problem.memories[stage])
+        best, raised = None, 0
+        while at.is_finite and raised < TRIALS and BOLDEST <= damping <= HIGHEST_DAMPING:
+            move, promised = self._propose(at, here, damping)
+            if promised < CONVERGED * self.progress.cost:
+                # A bolder step promises more.
+                if best is not None or raised:
+                    break
+                damping /= BOLDER
+                continue
+            cases, cost = self._try(here + move)
+            if cost < (self.progress.cost if best is None else best.cost):
+                best = _Found(here + move, cost, cases, damping, stage)
+                if raised:
+                    break
+                damping /= BOLDER
+            elif best is not None:
+                break
+            else:
+                raised += 1
+                damping *= BOLDER**raised
+        return best
+
+    def _try(self, coordinates: np.ndarray) -> tuple[CaseCosts, float]:
+        cases, before = self.problem.evaluate(coordinates), self.progress
+        failed = before.failed + bool(np.any(cases.failed))
+        self.progress = dataclasses.replace(before, trials=before.trials + 1, failed=failed)
+        return cases, self.problem.combine(cases.costs)
+
+    def _propose(self, at: Linearisation, here: np.ndarray, damping: float) -> tuple[np.ndarray, float]:
         """The step that the model likes best, and what it promises."""
-        slope, curvature = quadratic_model(self.problem, self._here)
+        slope, curvature = quadratic_model(self.problem, at)
         curvature = min(1.0, damping / TRUSTED) * curvature
         scale = np.maximum(np.diag(curvature), 1e-3 * np.max(np.diag(curvature)) + np.finfo(float).tiny)
-        damped, size = curvature + damping * np.diag(scale), self.problem.combine(self._here.cases.costs)
+        damped, size = curvature + damping * np.diag(scale), self.progress.cost
         transform, problem = self.problem.transform, self.problem
         low = np.maximum(transform.lower - here, -LONGEST_STEP)
         high = np.minimum(transform.upper - here, LONGEST_STEP)
@@ -207,17 +238,6 @@ def tune(
         tuner.step()
     sharp = dataclasses.replace(problem, controller=controller)
     return sharp.controller_at(np.asarray(tuner.progress.coordinates)), tuner.progress
-
-
-def _next_damping(damping: float, ratio: float, rejected: int) -> float:
-    """After a step that gained `ratio` times what was promised, and as many rejected ones before it."""
-    if ratio < 0.25:
-        return 4 * 2**rejected * damping
-    if damping <= TRUSTED:
-        # Bolder than the model only as long as it promises too little.
-        return max(BOLDEST, damping / 4) if ratio > 1.5 else min(TRUSTED, 2 * damping) if ratio < 0.75 else damping
-    # What has just been rejected is not tried again at once.
-    return damping / 4 if ratio > 0.75 and not rejected else damping
 
 
 def quadratic_model(
