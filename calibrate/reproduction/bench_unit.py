@@ -1,6 +1,7 @@
 """A bench unit that is not the thesis's: the example that ships, where the thesis only shows pictures of its own."""
 
 import functools
+import pathlib
 
 import numpy as np
 
@@ -20,8 +21,9 @@ SCALE = {"pressure": ("p_act", 1 / experiments.MBAR), "position": ("x_d", 1e3)}
 
 @functools.cache
 def trace(name: str) -> vgtjax.Trace:
-    """A trace of the example."""
-    return vgtjax.load_trace(EXAMPLE.parent / f"{name}.csv")
+    """A trace of the example, or of the same unit beside this file: the ramp, at every second sample."""
+    here = pathlib.Path(__file__).with_name(f"{name}.csv")
+    return vgtjax.load_trace(here if here.exists() else EXAMPLE.parent / f"{name}.csv")
 
 
 @functools.cache
