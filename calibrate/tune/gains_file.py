@@ -13,12 +13,15 @@ from .job import TuneJob
 
 
 def gain_rows(job: TuneJob, coordinates: np.ndarray) -> list[Row]:
-    """Every gain of the design, free and fixed, beside its start."""
+    """Every gain of the design, free and fixed, beside its start; one that moves no error is not identifiable."""
     start, tuned = job.true.controller, job.true.controller_at(coordinates)
     table, free = vgtjax.parameter_table(start), set(job.true.selection.entries)
     everything = vgtjax.select(start, free=gain_names(start))
     at_bound = dict(zip(job.true.selection.entries, job.true.transform.at_bound(coordinates).tolist(), strict=True))
     values = zip(everything.entries, everything.pack(tuned).tolist(), everything.pack(start).tolist(), strict=True)
+    # A short memory: derivatives of a longer one may overflow.
+    bends = job.smooth.linearise(coordinates, min(job.smooth.memories)).curvatures.sum(0)
+    felt = dict(zip(job.true.selection.entries, (np.diag(bends) > 0).tolist(), strict=True))
     rows = []
     for entry, value, initial in values:
         row = table_row(table, entry)
@@ -35,7 +38,7 @@ def gain_rows(job: TuneJob, coordinates: np.ndarray) -> list[Row]:
                 lower=lower,
                 upper=upper,
                 at_bound=bool(at_bound.get(entry, False)),
-                identifiable=True,
+                identifiable=felt.get(entry, False),
                 assumed=row.assumed,
                 source=row.source,
             )

@@ -1,6 +1,7 @@
 """From a study to a tuning problem, and to what tuned gains are tried on afterwards."""
 
 import dataclasses
+import hashlib
 import itertools
 import math
 import pathlib
@@ -67,13 +68,21 @@ def prepare_tuning(path: pathlib.Path | None, parameters: pathlib.Path | None) -
     return TuneJob(
         study,
         path.read_text(encoding="utf-8-sig"),
-        fingerprint(study, expand_traces(study, folder), actuators.values),
+        fingerprint(study, expand_traces(study, folder), actuators.values | _reference_files(table, folder)),
         bounds,
         smooth,
         dataclasses.replace(smooth, controller=controller, cases=cases),
         dataclasses.replace(smooth, controller=controller, cases=unseen),
         (*actuators.notes, *notes) if "population" in study.model_fields_set else notes,
     )
+
+
+def _reference_files(table: ControlTable, folder: pathlib.Path) -> dict[str | None, dict[str, str]]:
+    """What the traces hold that are references, for the fingerprint."""
+    entries = [*(table.reference or ()), *(table.unseen.reference or ())]
+    files = [entry.file for entry in entries if entry.file is not None]
+    digests = {file: hashlib.sha256((folder / file).read_bytes()).hexdigest() for file in files}
+    return {"[[control.reference]]": digests} if digests else {}
 
 
 def _controller(table: ControlTable, nominal: vgtjax.Actuator) -> tuple[AbstractController, Bounds]:
@@ -94,7 +103,9 @@ def choose_plants(
         names = list(actuators.fitted)
         chosen = {names[round(i)] for i in np.linspace(0, len(names) - 1, min(table.plants, len(names)))}
         rest = [name for name in names if name not in chosen][: table.unseen.plants]
-        note = () if rest else ("gains are tuned on all units, so they are tried on the same ones",)
+        same = "gains are tuned on all units, so they are tried on the same ones"
+        mean = "the controller believes in the mean of all fitted units, with those that its gains are tried on"
+        note = (mean if rest else same,)
         tuned_on = {name: model for name, model in actuators.fitted.items() if name in chosen}
         return tuned_on, {name: actuators.fitted[name] for name in rest} or tuned_on, note
     if "population" not in study.model_fields_set:

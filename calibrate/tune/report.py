@@ -39,12 +39,23 @@ def _spread(comparison: Comparison) -> str:
 
 
 def _smoothed(job: TuneJob) -> list[tuple[str, float, float]]:
-    """Switching laws of the controller: their own width, and that while tuning."""
+    """What switches or jumps in controller, plant and sensors: its own width, and that while tuning."""
 
-    def width(problem: Problem, name: str) -> float:
-        return float(vgtjax.get_parameter(problem.controller, name))
+    def widths(problem: Problem) -> dict[str, float]:
+        plants: Any = problem.cases.plants
+        sensors = problem.cases.scenarios.sensors
+        return {
+            "lift over which the atmosphere's orifice opens, m": plants.converter.opening_width,
+            "step of the position's sensor, m": float(np.max(sensors.position.quantum)),
+            "step of the pressure's sensor, Pa": float(np.max(sensors.pressure.quantum)),
+            **{
+                name: float(vgtjax.get_parameter(problem.controller, name))
+                for name in wanted_widths(problem.controller)
+            },
+        }
 
-    return [(name, width(job.true, name), width(job.smooth, name)) for name in wanted_widths(job.true.controller)]
+    true, smooth = widths(job.true), widths(job.smooth)
+    return [(name, true[name], smooth[name]) for name in true]
 
 
 def _table(comparison: Comparison) -> list[dict[str, Any]]:

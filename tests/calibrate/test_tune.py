@@ -72,6 +72,9 @@ def test_gains_have_the_form_of_parameters(done):
     assert row["unit"] == "%/m"
     assert row["initial"] == 6000.0
     assert row["value"] != row["initial"]
+    # This duty never saturates, so nothing tells how fast the integral should forget.
+    told = {name: found["identifiable"] for name, found in gains["parameters"].items()}
+    assert told == {"proportional_gain": True, "integral_gain": True, "tracking_time": False}
 
 
 def test_the_summary_is_that_of_closed_loops_with_these_gains(done, summary):
@@ -211,6 +214,19 @@ def test_a_reference_may_begin_later_and_be_a_trace():
     # A spline through the samples.
     at = reference_at(signals["trace"], trace.time[500] - trace.time[0]).position
     assert float(at) == pytest.approx(trace.x_d[500], abs=1e-9)
+
+
+def test_another_content_of_a_reference_is_another_study(tmp_path):
+    source = pathlib.Path(vgtjax.__file__).parents[1] / "calibrate" / "example" / "step_80.csv"
+    lines = source.read_text(encoding="utf-8").splitlines()
+    text = '[control]\ndesign = "pi"\nduration = 0.2\nsettled = 0.1\n'
+    text += '[[control.reference]]\nkind = "trace"\nfile = "r.csv"\n'
+    (tmp_path / "study.toml").write_text(text, encoding="utf-8")
+    prints = []
+    for count in (1001, 1002):
+        (tmp_path / "r.csv").write_text("\n".join(lines[:count]) + "\n", encoding="utf-8")
+        prints.append(prepare_tuning(tmp_path / "study.toml", None).fingerprint)
+    assert prints[0] != prints[1]
 
 
 def test_a_design_needs_the_friction_that_it_observes(tmp_path):
