@@ -109,7 +109,7 @@ def on_given_knots(model: vgtjax.AbstractModel, values: dict[str, Any]) -> Any:
     **Raises:** `InputError` for knots that don't increase.
     """
     for part in ("vane_force", "friction"):
-        component = getattr(model, part)
+        component = getattr(model, part, None)
         if not isinstance(component, vgtjax.HysteresisMap | vgtjax.AdaptiveLuGre):
             continue
         given = [values.get(f"{part}.{knots}") for knots in ("turbine_pressure", "crank_angle")]
@@ -120,8 +120,8 @@ def on_given_knots(model: vgtjax.AbstractModel, values: dict[str, Any]) -> Any:
     return model
 
 
-def start_values(model: vgtjax.AbstractModel, study: Study) -> tuple[dict[str, Any], Bounds]:
-    """Start values by name and bounds by entry from the study's `[parameters]`.
+def start_values(model: eqx.Module, study: Study, where: str = "[parameters]") -> tuple[dict[str, Any], Bounds]:
+    """Start values by name and bounds by entry from the study's `[parameters]`, which messages call `where`.
 
     **Raises:** `InputError` for an unknown name, a wrong number of values, or a value that is not physical.
     """
@@ -130,7 +130,7 @@ def start_values(model: vgtjax.AbstractModel, study: Study) -> tuple[dict[str, A
     for name, given in study.parameters.items():
         if _shapes_the_map(study, name):
             continue
-        entries = _entries_of(model, name)
+        entries = _entries_of(model, name, where)
         for key in ("value", "lower", "upper"):
             _check_length(name, key, getattr(given, key), entries)
         for position, entry in enumerate(entries):
@@ -145,10 +145,10 @@ def start_values(model: vgtjax.AbstractModel, study: Study) -> tuple[dict[str, A
     return values, bounds
 
 
-def _entries_of(model: vgtjax.AbstractModel, name: str) -> list[str]:
+def _entries_of(model: eqx.Module, name: str, where: str) -> list[str]:
     table = vgtjax.parameter_table(model)
     if any(letter in name for letter in "*?"):
-        raise InputError(f"[parameters] takes names, not patterns, but it has '{name}'; write one line a parameter")
+        raise InputError(f"{where} takes names, not patterns, but it has '{name}'; write one line a parameter")
     found = match_entries(table, [name])
     return [entry for entry in entry_names(table) if entry in found]
 
@@ -171,7 +171,7 @@ def _bound(values: float | list[float] | None, position: int) -> float | None:
     return None if bound is None or math.isinf(bound) else bound
 
 
-def _merge(model: vgtjax.AbstractModel, values: dict[str, Any], name: str, value: Any) -> dict[str, Any]:
+def _merge(model: eqx.Module, values: dict[str, Any], name: str, value: Any) -> dict[str, Any]:
     """A value for a whole parameter, or for one entry of a vector."""
     if not name.endswith("]"):
         return {name: value}
@@ -181,7 +181,7 @@ def _merge(model: vgtjax.AbstractModel, values: dict[str, Any], name: str, value
     return {base: vector.tolist()}
 
 
-def check_value(model: vgtjax.AbstractModel, name: str, value: Any) -> None:
+def check_value(model: eqx.Module, name: str, value: Any) -> None:
     """Whether a value may stand for a parameter.
 
     **Raises:** `InputError` otherwise.
@@ -211,8 +211,8 @@ def passivity_note(model: vgtjax.AbstractModel) -> str | None:
     )
 
 
-def check_bounds(model: vgtjax.AbstractModel, bounds: Bounds) -> None:
-    """Whether the values of a model, free and held, keep to their bounds.
+def check_bounds(model: eqx.Module, bounds: Bounds, where: str = "[parameters]") -> None:
+    """Whether the values of a model, free and held, keep to their bounds; messages call their table `where`.
 
     **Raises:** `InputError` for the first that does not.
     """
@@ -220,6 +220,6 @@ def check_bounds(model: vgtjax.AbstractModel, bounds: Bounds) -> None:
     for entry, value in zip(selection.entries, selection.pack(model).tolist(), strict=True):
         low, high = bounds[entry]
         if low is not None and not low <= value:
-            raise InputError(f"'{entry}' must be at least {low:g}, but it is {value:g}; change one under [parameters]")
+            raise InputError(f"'{entry}' must be at least {low:g}, but it is {value:g}; change one under {where}")
         if high is not None and not value <= high:
-            raise InputError(f"'{entry}' must be at most {high:g}, but it is {value:g}; change one under [parameters]")
+            raise InputError(f"'{entry}' must be at most {high:g}, but it is {value:g}; change one under {where}")

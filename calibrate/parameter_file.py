@@ -3,6 +3,7 @@
 import dataclasses
 import math
 import pathlib
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -47,14 +48,14 @@ class Estimate:
 
 
 def tabulate(
-    start: vgtjax.AbstractModel, model: vgtjax.AbstractModel, estimates: dict[str, Estimate], bounds: Bounds
+    start: Any, model: Any, estimates: dict[str, Estimate], bounds: Bounds, names: Sequence[str] = ("*",)
 ) -> list[Row]:
-    """Every scalar entry of a model beside its start, the estimated ones and the others.
+    """Every scalar entry of a model or a controller beside its start, the estimated ones and the others, or of `names`.
 
     A table that was moved to other knots starts from its old force at the new ones.
     """
     table = vgtjax.parameter_table(model)
-    everything = vgtjax.select(model, free=["*"])
+    everything = vgtjax.select(model, free=names)
     values = np.asarray(everything.pack(model)).tolist()
     knots = {name: np.asarray(vgtjax.get_parameter(model, name)).tolist() for name in table}
     initials = np.asarray(everything.pack(on_given_knots(start, knots))).tolist()

@@ -58,24 +58,26 @@ def _tune(job: TuneJob, saved: pathlib.Path) -> tuple[TuningProgress, float]:
         tuner = Tuner(job.smooth, resume)
     if resume is not None:
         console.print(f"resuming after step {resume.iteration}")
-    console.print(f"{'step':>6} {'cost':>12} {'worst um':>10} {'trials':>7} {'memory s':>9} {'seconds':>8}")
-    _show(job, tuner, began)
+    console.print(f"{'step':>6} {'cost':>12} {'worst um':>10} {'trials':>7} {'exact':>9} {'seconds':>8}")
+    _show(tuner, began)
     while not tuner.progress.finished:
         before = tuner.progress.iteration
         with console.status(f"step {before + 1}"):
             progress = tuner.step()
         write_json(saved, {"seconds": time.monotonic() - began, "progress": dataclasses.asdict(progress)})
         if progress.iteration > before:
-            _show(job, tuner, began)
+            _show(tuner, began)
     console.print(tuner.progress.verdict)
     return tuner.progress, time.monotonic() - began
 
 
-def _show(job: TuneJob, tuner: Tuner, began: float) -> None:
+def _show(tuner: Tuner, began: float) -> None:
+    """A line; `exact` counts the closed loops whose derivatives remember all that the problem lets them."""
     progress = tuner.progress
+    exact = f"{progress.memories.count(0)} of {len(progress.memories)}"
     console.print(
         f"{progress.iteration:6d} {progress.cost:12.6g} {1e6 * np.max(tuner.cases.rms):10.4g} {progress.trials:7d} "
-        f"{job.smooth.memories[progress.stage]:9.3g} {time.monotonic() - began:8.1f}"
+        f"{exact:>9} {time.monotonic() - began:8.1f}"
     )
 
 
@@ -86,7 +88,7 @@ def _load_progress(saved: pathlib.Path) -> tuple[float, TuningProgress | None]:
     try:
         content = read_json(saved)
         progress = content["progress"]
-        lists = {"coordinates": tuple(progress["coordinates"]), "history": tuple(progress["history"])}
+        lists = {name: tuple(progress[name]) for name in ("coordinates", "memories", "history")}
         return float(content["seconds"]), TuningProgress(**{**progress, **lists})
     except (InputError, KeyError, TypeError, ValueError):
         console.print(f"note: {saved} can't be read, so tuning begins anew")

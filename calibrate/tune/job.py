@@ -26,6 +26,8 @@ from .references import DEFAULT, DEFAULT_UNSEEN, build_references
 
 EXAMPLE = pathlib.Path(__file__).parents[1] / "example" / "control" / "study.toml"
 """The study that runs when none is named."""
+GAINS_TABLE = "[control.gains]"
+"""Where a study states start values and bounds of gains."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -88,9 +90,9 @@ def _reference_files(table: ControlTable, folder: pathlib.Path) -> dict[str | No
 def _controller(table: ControlTable, nominal: vgtjax.Actuator) -> tuple[AbstractController, Bounds]:
     controller = build_controller(table.design, nominal)
     stated = Study(parameters=table.gains)
-    values, bounds = start_values(controller, stated)
+    values, bounds = start_values(controller, stated, GAINS_TABLE)
     controller = vgtjax.replace_parameters(controller, values)
-    check_bounds(controller, bounds)
+    check_bounds(controller, bounds, GAINS_TABLE)
     return controller, bounds
 
 

@@ -171,7 +171,7 @@ def test_a_report_carries_everything(done):
         ),
         (
             "gains = {proportional_gain = {lower = 7000.0}}",
-            "'proportional_gain' must be at least 7000, but it is 6000; change one under [parameters]",
+            "'proportional_gain' must be at least 7000, but it is 6000; change one under [control.gains]",
         ),
         (
             "derivative_memory = [0.0]",

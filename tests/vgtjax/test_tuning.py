@@ -23,6 +23,7 @@ from vgtjax.control import (
 from vgtjax.control.fading import fade
 from vgtjax.converter import GENTLE_OPENING
 from vgtjax.tuning import Objective, Tuner, conditions, cross_cases, gain_names, plan_tuning, soften, soften_cases, tune
+from vgtjax.tuning.remembered import APART, linearise_remembered, shaking
 
 SECONDS, SETTLED = 0.6, 0.2
 """Long enough for a controller to matter, short enough for many tests."""
@@ -187,9 +188,9 @@ def _failing(problem, when):
         return dataclasses.replace(cases, terms=np.where(bad[:, None], np.nan, cases.terms), failed=bad)
 
     class Failing(type(problem)):
-        def evaluate(self, coordinates):
-            found = super().evaluate(coordinates)
-            return broken(found) if when(coordinates) else found
+        def evaluate_all(self, candidates):
+            found = zip(candidates, super().evaluate_all(candidates), strict=True)
+            return [broken(cases) if when(at) else cases for at, cases in found]
 
         def linearise(self, coordinates, memory=np.inf):
             found = super().linearise(coordinates, memory)
@@ -212,19 +213,73 @@ def test_a_start_whose_closed_loops_fail_is_named(problem):
         Tuner(_failing(problem, lambda at: True))
 
 
-def test_derivatives_that_overflow_are_not_used(problem):
-    class Overflowing(type(problem)):
-        def linearise(self, coordinates, memory=np.inf):
-            found = super().linearise(coordinates, memory)
-            return found if memory < 1 else dataclasses.replace(found, slopes=np.full_like(found.slopes, np.inf))
+class _Remembering:
+    """Mixed into a problem: spoils what loops with some memory find."""
 
+    spoil = None
+
+    def linearise(self, coordinates, memory=np.inf):
+        found = super().linearise(coordinates, memory)
+        return self.spoil(found, np.broadcast_to(memory, len(self.cases)))
+
+
+def _spoiled(problem, how, memories):
+    kind = type("Spoiled", (_Remembering, type(problem)), {"spoil": staticmethod(how)})
     fields = {field.name: getattr(problem, field.name) for field in dataclasses.fields(problem)}
-    tuner = Tuner(Overflowing(**(fields | {"memories": (np.inf, 0.1)})))
-    assert tuner.step().stage == 1
+    return kind(**(fields | {"memories": memories}))
+
+
+def test_derivatives_that_overflow_are_not_used(problem):
+    def overflow(found, memory):
+        return dataclasses.replace(found, slopes=np.where(memory[:, None] < 1, found.slopes, np.inf))
+
+    tuner = Tuner(_spoiled(problem, overflow, (np.inf, 0.1)))
+    assert tuner.step().memories == (1, 1, 1, 1)
     assert tuner.progress.cost < tuner.progress.history[0]
-    only = Tuner(Overflowing(**(fields | {"memories": (np.inf,)})))
+    only = Tuner(_spoiled(problem, overflow, (np.inf,)))
     assert only.step().finished
     assert not only.progress.converged
+
+
+def test_only_a_loop_whose_derivatives_shake_forgets(problem):
+    """The slopes are then those that each loop has with its own memory."""
+
+    def shake(found, memory):
+        wild = (memory >= 1) & (np.arange(len(memory)) == 2)
+        return dataclasses.replace(found, curvatures=found.curvatures * np.where(wild, 1e12, 1.0)[:, None, None])
+
+    shaken = _spoiled(problem, shake, (np.inf, 1.0, 0.1))
+    found, memories = linearise_remembered(shaken, problem.start, np.zeros(4, int))
+    exact, short = (problem.linearise(problem.start, memory) for memory in (np.inf, 0.1))
+    assert memories[[0, 1, 3]].tolist() == [0, 0, 0]
+    for name in ("slopes", "curvatures"):
+        np.testing.assert_allclose(np.delete(getattr(found, name), 2, 0), np.delete(getattr(exact, name), 2, 0))
+        np.testing.assert_allclose(getattr(found, name)[2], getattr(short, name)[2])
+    assert np.any(short.slopes[2] != exact.slopes[2])
+    assert memories[2] == 2
+    # Calm there, it tries the next longer one again.
+    assert linearise_remembered(shaken, problem.start, memories)[1][2] == 1
+
+
+def test_shaking_is_the_standard_error_of_a_slope_that_chance_made(problem):
+    """Residuals of tracking and derivatives that have nothing to do with each other, one of each in `APART`."""
+    rng, count = np.random.default_rng(0), round((problem.cases.duration - SETTLED) / APART)
+    residuals = rng.normal(size=(4000, count)) / np.sqrt(count)
+    columns = rng.normal(size=(4000, count))
+    slopes, costs = 2 * np.sum(residuals * columns, 1), np.sum(residuals**2, 1)
+    gains = len(problem.start)
+    curvature = np.mean(2 * np.sum(columns**2, 1)) * np.ones((4, gains, gains))
+    terms = np.mean(costs) * np.array([[1.0, 0.0, 0.0, 0.0]] * 4)
+    at = dataclasses.replace(problem.linearise(problem.start), curvatures=curvature)
+    at = dataclasses.replace(at, cases=dataclasses.replace(at.cases, terms=terms))
+    # The standard error of a standard deviation of 4000 is 1.1 %.
+    np.testing.assert_allclose(shaking(problem, at, problem.start), np.std(slopes) / np.mean(costs), rtol=0.04)
+
+
+def test_candidates_side_by_side_cost_what_each_costs_alone(problem):
+    candidates = problem.start + np.array([[0.0], [0.1], [-0.2]])
+    for at, found in zip(candidates, problem.evaluate_all(candidates), strict=True):
+        np.testing.assert_allclose(found.terms, problem.evaluate(at).terms, rtol=1e-9)
 
 
 def test_a_closed_loop_that_fails_is_not_a_number_and_spoils_no_other(problem):

@@ -17,17 +17,21 @@ from .objective import Objective
 Figures = tuple[Array, Array, Array, Array]
 """Terms, RMS and peak error, and whether the run is good, of one closed loop."""
 
-Inputs = tuple[AbstractModel, Scenario]
-"""A plant and what it is put through."""
-
 
 class Timing(NamedTuple):
     """Seconds."""
 
     duration: float
     period: float
-    memory: Array
-    """Of derivatives."""
+
+
+class Row(NamedTuple):
+    """One closed loop: a plant, what it is put through, the gains' coordinates, and seconds that derivatives last."""
+
+    plant: AbstractModel
+    scenario: Scenario
+    coordinates: Float[Array, " gains"]
+    memory: Float[Array, ""]
 
 
 @eqx.filter_jit
@@ -37,16 +41,15 @@ def evaluate(
     transform: Transform,
     objective: Objective,
     timing: Timing,
-    inputs: Inputs,
-    coordinates: Array,
+    rows: Row,
 ) -> tuple[Figures]:
-    """Figures of every case, each with a leading axis of them."""
-    tuned = selection.unpack(controller, transform.to_physical(coordinates))
+    """Figures of every row; every array in and out has a leading axis of them."""
 
-    def one(case: Inputs) -> Figures:
-        return _figures(_run(tuned, case, timing), objective)[1]
+    def one(row: Row) -> Figures:
+        tuned = selection.unpack(controller, transform.to_physical(row.coordinates))
+        return _figures(_run(tuned, row, timing), objective)[1]
 
-    return (jax.vmap(one)(inputs),)
+    return (jax.vmap(one)(rows),)
 
 
 @eqx.filter_jit
@@ -56,39 +59,37 @@ def linearise(
     transform: Transform,
     objective: Objective,
     timing: Timing,
-    inputs: Inputs,
-    coordinates: Array,
-) -> tuple[Figures, Float[Array, "cases gains"], Float[Array, "cases gains gains"]]:
+    rows: Row,
+) -> tuple[Figures, Float[Array, "rows gains"], Float[Array, "rows gains gains"]]:
     """The same, with gradient of the cost and twice the Gram matrix of the residuals' derivatives."""
 
-    def one(case: Inputs) -> tuple[Figures, Array, Array]:
+    def one(row: Row) -> tuple[Figures, Array, Array]:
         def residuals(at: Array) -> tuple[Array, tuple[Array, Figures]]:
             tuned = selection.unpack(controller, transform.to_physical(at))
-            found, figures = _figures(_run(tuned, case, timing), objective)
+            found, figures = _figures(_run(tuned, row, timing), objective)
             return found, (found, figures)
 
-        columns, (found, figures) = jax.jacfwd(residuals, has_aux=True)(coordinates)
+        columns, (found, figures) = jax.jacfwd(residuals, has_aux=True)(row.coordinates)
         columns = columns.reshape(-1, columns.shape[-1])
         return figures, 2 * columns.T @ found.ravel(), 2 * columns.T @ columns
 
-    return jax.vmap(one)(inputs)
+    return jax.vmap(one)(rows)
 
 
 @eqx.filter_jit
-def simulate(controller: AbstractController, timing: Timing, inputs: Inputs) -> ClosedLoop:
-    """Every case as a run."""
-    return jax.vmap(lambda case: _run(controller, case, timing))(inputs)
+def simulate(controller: AbstractController, timing: Timing, rows: Row) -> ClosedLoop:
+    """Every row as a run."""
+    return jax.vmap(lambda row: _run(controller, row, timing))(rows)
 
 
-def _run(controller: AbstractController, case: Inputs, timing: Timing) -> ClosedLoop:
-    plant, scenario = case
+def _run(controller: AbstractController, row: Row, timing: Timing) -> ClosedLoop:
     return close_loop(
-        plant,
+        row.plant,
         controller,
-        scenario,
+        row.scenario,
         timing.duration,
         period=timing.period,
-        derivative_memory=timing.memory,
+        derivative_memory=row.memory,
         throw=False,
     )
 
