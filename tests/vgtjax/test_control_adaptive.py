@@ -230,6 +230,28 @@ def test_what_was_learned_is_forgotten_while_the_duty_saturates():
     assert float(after.drift) == pytest.approx(1e5 / 1.01)
 
 
+def test_learning_fades_before_the_duty_saturates():
+    """A jump there would make derivatives wrong without a sign."""
+    nothing = jnp.asarray(0.0)
+    reference = Reference(jnp.asarray(0.005), nothing, nothing, nothing)
+    before = dataclasses.replace(start_of(BIASED).estimate, load=jnp.asarray(10.0), drift=jnp.asarray(1e5))
+
+    @jax.jit
+    @jax.vmap
+    def sweep(pressure):
+        measured = Measurement(reference.position, pressure, jnp.asarray(2e4), AMBIENT)
+        after, duty = sample(BIASED, before, measured, reference)
+        return after.load, duty
+
+    # 0.1 Pa and 0.003 % of duty from one to the next.
+    load, duty = sweep(jnp.linspace(5.5e4, 6.5e4, 100_001))
+    assert float(duty.min()) == 0
+    assert float(duty.max()) == 100
+    assert np.sum((duty > 0) & (duty < 100)) > 100
+    # A jump would be all of what was learned at once.
+    assert np.max(np.abs(np.diff(load))) < 0.1 * np.ptp(load)
+
+
 @pytest.mark.parametrize(("wanted", "learns"), [(1e-4, True), (-3e-4, False)])
 def test_on_a_stop_is_learned_only_what_leads_off_it(wanted, learns):
     nothing = jnp.asarray(0.0)

@@ -15,6 +15,9 @@ from .design_model import DesignModel
 from .differentiator import AbstractDifferentiator, LevantDifferentiator
 from .friction_observer import DualFrictionObserver, FrictionEstimate, nominal_coefficients, regressors, slide_slope
 
+NEARLY_SATURATED = 0.5
+"""Percent of duty from either end within which learning fades, so that nothing jumps."""
+
 
 class AdaptiveEstimate(eqx.Module):
     """What the controller has learned, or the rates of it a second."""
@@ -101,9 +104,9 @@ class AdaptiveBackstepping(AbstractController):
     The vane force of the design model is left to `dh` too.
 
     End stops and limits of the duty are not in the design model. A stop takes up what drives the rod into it: that part
-    of `a_h` and of what `q` would teach is left out, so that the rod comes off in time. While the duty saturates,
-    nothing is learned, and load and drift are forgotten. Pressure is in Pa: `w3` far below one, as in the default,
-    keeps `q` a velocity (in print (5.65) adds Pa2 to m2/s2).
+    of `a_h` and of what `q` would teach is left out, so that the rod comes off in time. Where the duty saturates,
+    nothing is learned, and load and drift are forgotten; within `NEARLY_SATURATED` of its ends in part. Pressure is in
+    Pa: `w3` far below one, as in the default, keeps `q` a velocity (in print (5.65) adds Pa2 to m2/s2).
 
     **Velocity.** What is fast reaches the duty through `a_h`, from the measured pressure. So the differentiator may be
     slow, which keeps noise out; it is told the reference's acceleration. It has to be linear, as the default is: one
@@ -317,8 +320,8 @@ class AdaptiveBackstepping(AbstractController):
         duty = self._duty(motion, reference, now, errors, _per_second(now, idle, period))
         kept = 1 / (1 + period / self.forgetting_time)
         forgotten = AdaptiveEstimate(idle.friction, kept * idle.load, kept * idle.drift)
-        free = (duty > 0) & (duty < FULL_DUTY)
-        return jax.tree.map(lambda one, other: jnp.where(free, one, other), learned, forgotten)
+        free = jnp.clip(jnp.minimum(duty, FULL_DUTY - duty) / NEARLY_SATURATED, 0.0, 1.0)
+        return jax.tree.map(lambda one, other: other + free * (one - other), learned, forgotten)
 
     def _step(self, now: AdaptiveEstimate, errors: Errors, velocity: Scalar, period: float) -> AdaptiveEstimate:
         friction = self.observer.step(self.model, now.friction, velocity, errors.drive, period)

@@ -1,6 +1,8 @@
 """The quadratic model of the cost of many closed loops, and its lowest point inside the conditions of the design."""
 
 import dataclasses
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import scipy.optimize
@@ -30,21 +32,33 @@ class QuadraticModel:
         damped, transform = curvature + damping * np.diag(scale), problem.transform
         low = np.maximum(transform.lower - here, -radius)
         high = np.minimum(transform.upper - here, radius)
-        conditions = {
-            "type": "ineq",
-            "fun": lambda move: problem.conditions(here + move),
-            "jac": lambda move: problem.condition_slopes(here + move),
-        }
+        move = self._lowest(damped, low, high)
+        if np.any(problem.conditions(here + move) < 0):
+            conditions = {
+                "type": "ineq",
+                "fun": lambda move: problem.conditions(here + move),
+                "jac": lambda move: problem.condition_slopes(here + move),
+            }
+            move = _inside(problem, here, self._lowest(damped, low, high, [conditions]))
+        return here + move
+
+    def _lowest(
+        self,
+        curvature: Float[np.ndarray, "gains gains"],
+        low: Float[np.ndarray, " gains"],
+        high: Float[np.ndarray, " gains"],
+        conditions: Sequence[dict[str, Any]] = (),
+    ) -> Float[np.ndarray, " gains"]:
         found = scipy.optimize.minimize(
-            lambda move: (self.slope @ move + 0.5 * move @ damped @ move) / self.cost,
-            np.zeros_like(here),
-            jac=lambda move: (self.slope + damped @ move) / self.cost,
+            lambda move: (self.slope @ move + 0.5 * move @ curvature @ move) / self.cost,
+            np.zeros_like(self.here),
+            jac=lambda move: (self.slope + curvature @ move) / self.cost,
             method="SLSQP",
             bounds=np.stack([low, high], 1),
-            constraints=[conditions] if len(problem.conditions(here)) else [],
+            constraints=conditions,
             options={"maxiter": 200, "ftol": 1e-10},
         )
-        return here + _inside(problem, here, np.clip(found.x, low, high))
+        return np.clip(found.x, low, high)
 
 
 def model_at(problem: Problem, coordinates: Float[np.ndarray, " gains"], at: Linearisation) -> QuadraticModel:

@@ -26,8 +26,8 @@ CAREFUL = (1 / 50, 0.3, 4.0, 64.0)
 ATTEMPTS, CUT, GROWTH = 3, 0.4, 1.5
 LOWER = 1e-4
 """Part of the cost that a step must gain."""
-STALL, STALLED = 3, 1e-2
-"""Tuning ends when so many steps together gained less than this part: half of what another noise changes."""
+STALL, STALLED = 3, 2e-2
+"""Steps that together gained less than this part are no progress: another noise changes as much."""
 MAX_ITERATIONS = 60
 
 
@@ -36,15 +36,17 @@ class TuningProgress:
     """Where tuning stands after a step; enough to resume it.
 
     `coordinates` are the accepted ones of the problem's transform, `memories` the place of each closed loop's in the
-    problem's; `history` is the cost after every iteration, the start first. `failures` counts linearisations in a row
-    that led to no lower cost, `trials` evaluations, `failed` those at which a closed loop left the finite numbers.
+    problem's; `history` is the cost after every iteration, the start first. `renewals` counts how often memories,
+    damping and radius were begun anew, last after iteration `renewed`; `trials` counts evaluations, `failed` those at
+    which a closed loop left the finite numbers.
     """
 
     coordinates: tuple[float, ...]
     memories: tuple[int, ...]
     damping: float = FIRST_DAMPING
     radius: float = FIRST_RADIUS
-    failures: int = 0
+    renewals: int = 0
+    renewed: int = 0
     iteration: int = 0
     trials: int = 0
     failed: int = 0
@@ -82,8 +84,8 @@ class Tuner:
     the lowest cost is taken; a trial at which a closed loop fails never is.
 
     Each closed loop has derivatives of its own memory, the longest of the problem's with which they do not shake: all
-    of them where the loop is calm, and a short one where it hunts. Tuning ends where steps gain little, or where
-    derivatives that remember more than those that failed find nothing either.
+    of them where the loop is calm, and a short one where it hunts. Where steps gain nothing more, all loops begin anew
+    with short memories if they were long, and else with long ones; tuning ends where that gains nothing either.
 
     **Arguments:** `start`: the last progress of an interrupted run; by default the gains that the controller has.
 
@@ -115,14 +117,14 @@ class Tuner:
             return self._end("no derivative by any gain is finite and other than zero", converged=False)
         self.progress = dataclasses.replace(self.progress, memories=tuple(memories.tolist()))
         found = self._search(model_at(self.problem, here, at))
-        if found is None:
-            return self._fail()
-        self._accept(found)
+        if found is not None:
+            self._accept(found)
         now = self.progress
-        if now.iteration >= STALL and 1 - now.cost / now.history[-1 - STALL] < STALLED:
-            return self._end(f"{STALL} steps together lowered the cost by less than {STALLED:.0%}")
         if now.iteration >= MAX_ITERATIONS:
             return self._end(f"not converged after {MAX_ITERATIONS} iterations", converged=False)
+        since = now.iteration - now.renewed
+        if found is None or (since >= STALL and self._gained(STALL) < STALLED):
+            return self._renew(since)
         return now
 
     def _search(self, model: QuadraticModel) -> "_Found | None":
@@ -160,17 +162,29 @@ class Tuner:
             coordinates=tuple(found.coordinates.tolist()),
             damping=found.damping,
             radius=float(radius),
-            failures=0,
             iteration=before.iteration + 1,
             history=(*before.history, found.cost),
         )
 
-    def _fail(self) -> TuningProgress:
-        """Once more with longer memories and a fresh radius, then the end."""
-        if self.progress.failures:
-            return self._end("no step that derivatives propose lowers the cost")
-        longer = tuple(max(memory - 1, 0) for memory in self.progress.memories)
-        self._change(failures=1, memories=longer, damping=FIRST_DAMPING, radius=FIRST_RADIUS / 2)
+    def _gained(self, steps: int) -> float:
+        """What the last steps together took off the cost, as a part of it."""
+        history = self.progress.history
+        return 1 - history[-1] / history[-1 - steps]
+
+    def _renew(self, since: int) -> TuningProgress:
+        """A fresh start from here after so many steps of the last one, or the end if that has gained nothing."""
+        now = self.progress
+        if now.renewals and self._gained(since) < STALLED:
+            return self._end(f"derivatives of long and short memory lower the cost by less than {STALLED:.0%}")
+        short = _short(self.problem)
+        memory = 0 if np.mean(now.memories) > short / 2 else short
+        self._change(
+            memories=(memory,) * len(now.memories),
+            damping=FIRST_DAMPING,
+            radius=FIRST_RADIUS,
+            renewals=now.renewals + 1,
+            renewed=now.iteration,
+        )
         return self.progress
 
     def _end(self, why: str, converged: bool = True) -> TuningProgress:
@@ -179,6 +193,11 @@ class Tuner:
 
     def _change(self, **changes: Any) -> None:
         self.progress = dataclasses.replace(self.progress, **changes)
+
+
+def _short(problem: Problem) -> int:
+    """Place of the last memory but one: one notch is left to those that shake."""
+    return max(len(problem.memories) - 2, 0)
 
 
 def tune(

@@ -125,8 +125,9 @@ def _problem(study: str) -> Problem:
         path = pathlib.Path(folder) / "study.toml"
         path.write_text(header + study, encoding="utf-8")
         problem = prepare_tuning(path, None).smooth
-    for warm_up in (problem.linearise, problem.cost, problem.conditions, problem.condition_slopes):
+    for warm_up in (problem.cost, problem.conditions):
         warm_up(problem.start)
+    Tuner(problem).step()
     return problem
 
 
