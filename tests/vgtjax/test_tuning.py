@@ -208,6 +208,23 @@ def test_a_trial_at_which_a_closed_loop_fails_is_never_taken(problem):
     assert progress.history == (progress.cost,)
 
 
+def test_tuning_that_stalls_begins_anew_with_short_memories_before_it_ends(problem):
+    class Flat(type(problem)):
+        def evaluate_all(self, candidates):
+            return super().evaluate_all(np.broadcast_to(problem.start, candidates.shape))
+
+    flat = Flat(**{field.name: getattr(problem, field.name) for field in dataclasses.fields(problem)})
+    tuner = Tuner(flat)
+    stalled = tuner.step()
+    assert not stalled.finished
+    assert (stalled.renewals, stalled.iteration) == (1, 0)
+    assert set(stalled.memories) == {len(problem.memories) - 2}
+    ended = tuner.step()
+    assert ended.finished
+    assert ended.converged
+    assert ended.history == stalled.history == (ended.cost,)
+
+
 def test_a_start_whose_closed_loops_fail_is_named(problem):
     with pytest.raises(vgtjax.SimulationError, match=r"1 closed loops leave .* 'printed, sine, 0 mbar'; start from"):
         Tuner(_failing(problem, lambda at: True))
