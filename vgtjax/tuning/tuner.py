@@ -114,8 +114,9 @@ class Tuner:
         here = np.asarray(self.progress.coordinates)
         at, memories = linearise_remembered(self.problem, here, np.asarray(self.progress.memories))
         if not np.any(at.slopes):
-            return self._end("no derivative by any gain is finite and other than zero", converged=False)
-        self.progress = dataclasses.replace(self.progress, memories=tuple(memories.tolist()))
+            why = "no derivative by a free gain is finite and other than zero; free others, or start from calmer gains"
+            return self._end(why, converged=False)
+        self._change(memories=tuple(memories.tolist()))
         found = self._search(model_at(self.problem, here, at))
         if found is not None:
             self._accept(found)

@@ -1,4 +1,4 @@
-"""Gains of the example's controller by gradients, beside optimisers that have none, on the same cost."""
+"""Gains of two controllers by gradients, beside optimisers that have none, on the same cost."""
 
 import contextlib
 import pathlib
@@ -125,7 +125,7 @@ def _problem(study: str) -> Problem:
         path = pathlib.Path(folder) / "study.toml"
         path.write_text(header + study, encoding="utf-8")
         problem = prepare_tuning(path, None).smooth
-    for warm_up in (problem.cost, problem.conditions):
+    for warm_up in (problem.cost, problem.conditions, problem.condition_slopes):
         warm_up(problem.start)
     Tuner(problem).step()
     return problem
