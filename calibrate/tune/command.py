@@ -88,7 +88,7 @@ def _load_progress(saved: pathlib.Path) -> tuple[float, TuningProgress | None]:
     try:
         content = read_json(saved)
         progress = content["progress"]
-        lists = {name: tuple(progress[name]) for name in ("coordinates", "memories", "history")}
+        lists = {name: tuple(progress[name]) for name in ("coordinates", "here", "memories", "history")}
         return float(content["seconds"]), TuningProgress(**{**progress, **lists})
     except (InputError, KeyError, TypeError, ValueError):
         console.print(f"note: {saved} can't be read, so tuning begins anew")

@@ -12,7 +12,9 @@ import vgtjax
 from vgtjax import control
 from vgtjax.control import PI, PID, Constant, FrictionCompensation, Knocker, Sine
 from vgtjax.tuning import Objective, Tuner, cross_cases, plan_tuning, soften, soften_cases, tune
-from vgtjax.tuning.remembered import APART, linearise_remembered, shaking
+from vgtjax.tuning.quadratic import STEEPEST, QuadraticModel, model_at
+from vgtjax.tuning.remembered import APART, WILD, linearise_remembered, shaking
+from vgtjax.tuning.tuner import SLACK, STALL
 
 SECONDS, SETTLED = 0.6, 0.2
 """Long enough for a controller to matter, short enough for many tests."""
@@ -174,21 +176,68 @@ def test_a_trial_at_which_a_closed_loop_fails_is_never_taken(problem):
     assert progress.history == (progress.cost,)
 
 
-def test_tuning_that_stalls_begins_anew_with_short_memories_before_it_ends(problem):
-    class Flat(type(problem)):
-        def evaluate_all(self, candidates):
-            return super().evaluate_all(np.broadcast_to(problem.start, candidates.shape))
+def _dearer(problem, factor):
+    """The problem, where every place that is tried costs as much as the start, times a factor."""
 
-    flat = Flat(**{field.name: getattr(problem, field.name) for field in dataclasses.fields(problem)})
-    tuner = Tuner(flat)
-    stalled = tuner.step()
-    assert not stalled.finished
-    assert (stalled.renewals, stalled.iteration) == (1, 0)
-    assert set(stalled.memories) == {len(problem.memories) - 2}
-    ended = tuner.step()
-    assert ended.finished
-    assert ended.converged
-    assert ended.history == stalled.history == (ended.cost,)
+    class Dearer(type(problem)):
+        def evaluate_all(self, candidates):
+            found = super().evaluate_all(np.broadcast_to(problem.start, candidates.shape))
+            factors = [1.0 if np.array_equal(at, problem.start) else factor for at in candidates]
+            return [dataclasses.replace(c, terms=c.terms * f) for c, f in zip(found, factors, strict=True)]
+
+        def linearise(self, coordinates, memory=np.inf):
+            return super().linearise(problem.start, memory)
+
+    return Dearer(**{field.name: getattr(problem, field.name) for field in dataclasses.fields(problem)})
+
+
+def test_tuning_that_stalls_begins_anew_with_other_memories_before_it_ends(problem):
+    tuner = Tuner(_dearer(problem, 1.0))
+    for step in range(1, 1 + STALL):
+        stalled = tuner.step()
+        assert not stalled.finished
+        assert stalled.iteration == step
+    assert stalled.renewals == 1
+    assert set(stalled.memories) in ({0}, {len(problem.memories) - 2})
+    assert stalled.here == stalled.coordinates == tuple(problem.start)
+    while not stalled.finished:
+        stalled = tuner.step()
+    assert stalled.converged
+    assert stalled.iteration == 2 * STALL
+    assert set(stalled.history) == {stalled.cost}
+
+
+@pytest.mark.parametrize(("factor", "goes"), [(1 + 0.5 * SLACK, True), (1 + 2 * SLACK, False)])
+def test_a_step_may_cost_a_little_but_the_best_is_kept(problem, factor, goes):
+    tuner = Tuner(_dearer(problem, factor))
+    progress = tuner.step()
+    assert (progress.here != tuple(problem.start)) == goes
+    assert progress.iteration == int(goes)
+    assert progress.coordinates == tuple(problem.start)
+    assert set(progress.history) == {tuner.problem.combine(tuner.cases.costs)}
+
+
+def test_a_proposal_is_the_lowest_point_within_its_radius(problem):
+    """A gain that matters little moves little: the distance is not scaled by the curvature."""
+    slope, curvature = np.array([-3.0, 0.4, 0.0]), np.diag([2.0, 2.0, 1e-6])
+    model = QuadraticModel(problem.start, 5.0, 5.0 * slope, 5.0 * curvature)
+    # Newton's step where it is near enough; SLSQP ends at 1e-10 of the model, a root of that in the step.
+    np.testing.assert_allclose(model.propose(problem, 2.0) - problem.start, [1.5, -0.2, 0.0], atol=1e-4)
+    near = model.propose(problem, 0.3) - problem.start
+    assert np.linalg.norm(near) == pytest.approx(0.3, rel=1e-6)
+    # Of all points of a sphere the lowest has its gradient along the step (Lagrange).
+    gradient = slope + curvature @ near
+    np.testing.assert_allclose(-gradient / np.linalg.norm(gradient), near / 0.3, atol=1e-4)
+
+
+def test_curvatures_beyond_belief_are_cut(problem):
+    at = problem.linearise(problem.start)
+    steep = dataclasses.replace(at, curvatures=1e9 * at.curvatures)
+    weights, _ = problem.objective.derivatives(at.cases.costs)
+    highest = [np.linalg.eigvalsh(model_at(problem, problem.start, each).curvature)[-1] for each in (at, steep)]
+    bend = np.linalg.eigvalsh(at.slopes.T @ problem.objective.derivatives(at.cases.costs)[1] @ at.slopes)[-1]
+    assert max(highest) <= STEEPEST * weights @ at.cases.costs + bend
+    assert highest[1] >= highest[0] * (1 - 1e-12)
 
 
 def test_a_start_whose_closed_loops_fail_is_named(problem):
@@ -216,8 +265,9 @@ def test_derivatives_that_overflow_are_not_used(problem):
     def overflow(found, memory):
         return dataclasses.replace(found, slopes=np.where(memory[:, None] < 1, found.slopes, np.inf))
 
-    tuner = Tuner(_spoiled(problem, overflow, (np.inf, 0.1)))
-    assert tuner.step().memories == (1, 1, 1, 1)
+    tuner = Tuner(_spoiled(problem, overflow, (np.inf, 2.0, 1.0, 0.1)))
+    assert tuner.progress.memories == (2, 2, 2, 2)
+    assert tuner.step().memories == (3, 3, 3, 3)
     assert tuner.progress.cost < tuner.progress.history[0]
     only = Tuner(_spoiled(problem, overflow, (np.inf,)))
     assert only.step().finished
@@ -244,6 +294,21 @@ def test_only_a_loop_whose_derivatives_shake_forgets(problem):
     assert linearise_remembered(shaken, problem.start, memories)[1][2] == 1
 
 
+def test_slopes_of_a_wild_loop_count_for_less(problem):
+    """With one memory only, and an error of ten times what is wild."""
+    at = problem.linearise(problem.start)
+    error = shaking(problem, at)
+    factors = (10 * WILD / error) ** 2 * np.array([0.0, 0.0, 1.0, 0.0]) + np.array([1.0, 1.0, 0.0, 1.0])
+
+    def shake(found, memory):
+        return dataclasses.replace(found, curvatures=found.curvatures * factors[:, None, None])
+
+    found, _ = linearise_remembered(_spoiled(problem, shake, (np.inf,)), problem.start, np.zeros(4, int))
+    expected = at.slopes * np.minimum(1.0, (WILD / error) ** 2)[:, None]
+    expected[2] = at.slopes[2] / 100
+    np.testing.assert_allclose(found.slopes, expected, rtol=1e-6)
+
+
 def test_shaking_is_the_standard_error_of_a_slope_that_chance_made(problem):
     """Residuals of tracking and derivatives that have nothing to do with each other, one of each in `APART`."""
     rng, count = np.random.default_rng(0), round((problem.cases.duration - SETTLED) / APART)
@@ -256,7 +321,7 @@ def test_shaking_is_the_standard_error_of_a_slope_that_chance_made(problem):
     at = dataclasses.replace(problem.linearise(problem.start), curvatures=curvature)
     at = dataclasses.replace(at, cases=dataclasses.replace(at.cases, terms=terms))
     # The standard error of a standard deviation of 4000 is 1.1 %.
-    np.testing.assert_allclose(shaking(problem, at, problem.start), np.std(slopes) / np.mean(costs), rtol=0.04)
+    np.testing.assert_allclose(shaking(problem, at), np.std(slopes) / np.mean(costs), rtol=0.04)
 
 
 def test_candidates_side_by_side_cost_what_each_costs_alone(problem):

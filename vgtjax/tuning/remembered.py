@@ -5,31 +5,32 @@ from jaxtyping import Float, Int
 
 from .problem import Linearisation, Problem
 
-SHAKING = 5.0
-"""Highest standard error of a slope that is used, in parts of the loop's cost. Many loops together average it out, and
-a step counts only if the simulated cost falls."""
-CALM = SHAKING / 10
+SHAKING = 2.0
+"""Highest standard error of a slope that is used as it is, in parts of the loop's cost. Many loops together average it
+out, and a step counts only if the simulated cost falls."""
+CALM = 0.15 * SHAKING
 """Below this a loop may remember longer: between neighbouring memories errors differ by a factor of some ten."""
-WILD, FEW = 10 * SHAKING, 0.25
-"""Where so few loops shake, none of them wildly, their slopes are used this once."""
+WILD = 10 * SHAKING
+"""Above this a slope is shrunk by the ratio's square: the more it shakes, the less it says."""
+SHARE = 0.25
+"""Loops that shake and make up less than this part of the cost are not worth another linearisation."""
+LINEARISATIONS = 3
+"""At most, in one step."""
 APART = 0.1
 """s; errors of tracking that lie further apart count as independent."""
 
 
-def shaking(
-    problem: Problem, at: Linearisation, coordinates: Float[np.ndarray, " gains"]
-) -> Float[np.ndarray, " cases"]:
-    """Standard error of each loop's slopes in parts of its cost, infinite where they are not finite.
+def shaking(problem: Problem, at: Linearisation) -> Float[np.ndarray, " cases"]:
+    """Highest standard error of each loop's slopes in parts of its cost, infinite where they are not finite.
 
     A slope is twice the sum of residuals times their derivatives. Where the derivatives are those of chaos, they have
     nothing to do with the residuals, and a sum of `N` independent products has the variance `2 l H / N`, `H` from the
-    curvature that Gauss and Newton's method would use. Of all gains that may move the upper quartile counts.
+    curvature that Gauss and Newton's method would use.
     """
-    transform, independent = problem.transform, (problem.cases.duration - problem.objective.settled) / APART
-    inside = (coordinates > transform.lower + 1e-3) & (coordinates < transform.upper - 1e-3)
-    diagonals = np.einsum("cii->ci", at.curvatures)[:, inside if np.any(inside) else slice(None)]
+    independent = (problem.cases.duration - problem.objective.settled) / APART
+    steepest = np.max(np.einsum("cii->ci", at.curvatures), axis=1)
     with np.errstate(all="ignore"):
-        errors = np.sqrt(2 * np.quantile(diagonals, 0.75, axis=1) / (max(independent, 1.0) * at.cases.costs))
+        errors = np.sqrt(2 * steepest / (max(independent, 1.0) * at.cases.costs))
     return np.where(at.finite, errors, np.inf)
 
 
@@ -38,28 +39,43 @@ def linearise_remembered(
 ) -> tuple[Linearisation, Int[np.ndarray, " cases"]]:
     """Derivatives that shake little, and the memory that each loop may begin with next time.
 
-    Those of a loop that still shakes with the shortest memory are used nevertheless, unless they are not finite: then
-    the loop has no say.
+    Those of a loop that still shakes in the end count for less, and where they are not finite, the loop has no say.
 
     **Arguments:** `memories`: places in `problem.memories` that the loops begin with.
     """
-    lengths, used = np.asarray(problem.memories), memories.copy()
-    found, last = problem.linearise(coordinates, lengths[used]), len(lengths) - 1
-    error = shaking(problem, found, coordinates)
-    while np.any(noisy := (error > SHAKING) & (used < last)):
-        if np.mean(noisy) < FEW and np.max(error) < WILD:
+    lengths, used = np.asarray(problem.memories), memories
+    last, found = len(lengths) - 1, problem.linearise(coordinates, lengths[memories])
+    error = shaking(problem, found)
+    for _ in range(LINEARISATIONS - 1):
+        noisy = (error > SHAKING) & (used < last)
+        if _share(problem, found, noisy) < SHARE:
             break
-        used = used + noisy
+        used = np.minimum(used + _notches(error), last)
         again = problem.linearise(coordinates, lengths[used])
         found = Linearisation(
             found.cases,
             np.where(noisy[:, None], again.slopes, found.slopes),
             np.where(noisy[:, None, None], again.curvatures, found.curvatures),
         )
-        error = shaking(problem, found, coordinates)
-    mute = ~found.finite
-    found = Linearisation(
-        found.cases, np.where(mute[:, None], 0.0, found.slopes), np.where(mute[:, None, None], 0.0, found.curvatures)
-    )
+        error = shaking(problem, found)
     calm = (error < CALM) & (used == memories)
-    return found, np.clip(used + (error > SHAKING) - calm, 0, last)
+    return _believed(found, error), np.clip(used + _notches(error) - calm, 0, last)
+
+
+def _share(problem: Problem, at: Linearisation, which: np.ndarray) -> float:
+    """What some loops contribute to the cost, by its derivatives."""
+    weights, _ = problem.objective.derivatives(at.cases.costs)
+    parts = weights * at.cases.costs
+    return float(np.sum(parts[which]) / np.sum(parts))
+
+
+def _notches(error: Float[np.ndarray, " cases"]) -> Int[np.ndarray, " cases"]:
+    """By how many places a memory is to be shorter."""
+    return np.ceil(np.log10(np.clip(error / SHAKING, 1.0, 1e9))).astype(int)
+
+
+def _believed(at: Linearisation, error: Float[np.ndarray, " cases"]) -> Linearisation:
+    """Slopes of wild loops shrunk, those that are not finite zero, and their curvature with them."""
+    trust = np.where(at.finite, np.minimum(1.0, (WILD / np.maximum(error, WILD)) ** 2), 0.0)
+    slopes = trust[:, None] * np.where(at.finite[:, None], at.slopes, 0.0)
+    return Linearisation(at.cases, slopes, np.where(at.finite[:, None, None], at.curvatures, 0.0))

@@ -15,17 +15,16 @@ from .quadratic import QuadraticModel, model_at
 from .remembered import linearise_remembered
 from .smoothing import soften, soften_cases
 
-FIRST_RADIUS, LARGEST_RADIUS = 0.3, 1.0
-"""Of a step in each coordinate: factors of 1.35 and 2.7 of a positive gain. Longer first steps end where loops hunt and
-derivatives tell little."""
-FIRST_DAMPING, LOWEST_DAMPING, HIGHEST_DAMPING = 0.1, 1e-5, 1e3
-BOLD = (1 / 64, 1 / 8, 1.0, 8.0)
-"""Dampings that are tried side by side, in parts of the one that was best before."""
-CAREFUL = (1 / 50, 0.3, 4.0, 64.0)
-"""The same after none of those lowered the cost, within a radius that is cut by `CUT`."""
-ATTEMPTS, CUT, GROWTH = 3, 0.4, 1.5
-LOWER = 1e-4
-"""Part of the cost that a step must gain."""
+FIRST_RADIUS, SMALLEST_RADIUS, LARGEST_RADIUS = 0.5, 0.08, 2.0
+"""Of a step in the coordinates, where 0.7 doubles one positive gain. A bolder first step may end in a worse valley;
+below the smallest, chance decides which of two costs is lower."""
+LENGTHS = (2.0, 1.0, 0.5, 0.25)
+"""Steps that are tried side by side, in parts of the radius."""
+CUT = 1 / 8
+"""Of the radius after none of those lowered the cost."""
+SLACK = 2e-2
+"""Part of the cost that a step may lose: chance makes some places cheaper than all around them, and a step that must
+gain would stay there."""
 STALL, STALLED = 3, 2e-2
 """Steps that together gained less than this part are no progress: another noise changes as much."""
 MAX_ITERATIONS = 60
@@ -35,15 +34,16 @@ MAX_ITERATIONS = 60
 class TuningProgress:
     """Where tuning stands after a step; enough to resume it.
 
-    `coordinates` are the accepted ones of the problem's transform, `memories` the place of each closed loop's in the
-    problem's; `history` is the cost after every iteration, the start first. `renewals` counts how often memories,
-    damping and radius were begun anew, last after iteration `renewed`; `trials` counts evaluations, `failed` those at
+    `coordinates` are the best so far, of the problem's transform, and `here` those of the last step; `memories` the
+    place of each closed loop's in the problem's; `history` is the best cost after every iteration, the start first.
+    `renewals` counts how often memories and
+    radius were begun anew, last after iteration `renewed`; `trials` counts evaluations, `failed` those at
     which a closed loop left the finite numbers.
     """
 
     coordinates: tuple[float, ...]
+    here: tuple[float, ...]
     memories: tuple[int, ...]
-    damping: float = FIRST_DAMPING
     radius: float = FIRST_RADIUS
     renewals: int = 0
     renewed: int = 0
@@ -56,7 +56,7 @@ class TuningProgress:
 
     @property
     def cost(self) -> float:
-        """`J` at the accepted coordinates."""
+        """`J` at the best coordinates."""
         return self.history[-1]
 
     @property
@@ -67,36 +67,38 @@ class TuningProgress:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class _Found:
-    """A step to a lower cost."""
+    """What a step leads to."""
 
     coordinates: Float[np.ndarray, " gains"]
     cost: float
     cases: CaseCosts
-    damping: float
 
 
 class Tuner:
     """Tuning under way, one step at a time.
 
     A step minimises the quadratic model of `J` that Gauss and Newton's method makes of every closed loop's residuals,
-    damped, within a radius, the bounds and the conditions of the design. These cost nothing to evaluate, so each step
-    solves them as they are: no gain outside them is ever simulated. Several dampings are simulated side by side, and
-    the lowest cost is taken; a trial at which a closed loop fails never is.
+    within a radius, the bounds and the conditions of the design. These cost nothing to evaluate, so each step solves
+    them as they are: no gain outside them is ever simulated. Several radii are simulated side by side, and the lowest
+    cost is taken, even if it is a little higher than before; a trial at which a closed loop fails never is. What counts
+    in the end is the best of all.
 
     Each closed loop has derivatives of its own memory, the longest of the problem's with which they do not shake: all
-    of them where the loop is calm, and a short one where it hunts. Where steps gain nothing more, all loops begin anew
-    with short memories if they were long, and else with long ones; tuning ends where that gains nothing either.
+    of them where the loop is calm, and a short one where it hunts. They begin in the middle. Where steps gain nothing
+    more, all loops begin anew with short memories if they were long, and else with long ones; tuning ends where that
+    gains nothing either.
 
     **Arguments:** `start`: the last progress of an interrupted run; by default the gains that the controller has.
 
     **Raises:** `SimulationError` when a closed loop fails with the start's gains.
 
-    `cases` are the costs at the accepted coordinates.
+    `cases` are the costs at the best coordinates.
     """
 
     def __init__(self, problem: Problem, start: TuningProgress | None = None):
         self.problem = problem
-        began = TuningProgress(tuple(problem.start.tolist()), (0,) * len(problem.cases))
+        start_here, middle = tuple(problem.start.tolist()), len(problem.memories) // 2
+        began = TuningProgress(start_here, start_here, (middle,) * len(problem.cases))
         self.progress = began if start is None else start
         self.cases = problem.evaluate(np.asarray(self.progress.coordinates))
         cost = problem.combine(self.cases.costs)
@@ -110,8 +112,8 @@ class Tuner:
             self.progress = dataclasses.replace(began, history=(cost,))
 
     def step(self) -> TuningProgress:
-        """One step to a lower cost, or the finding that these derivatives lead to none."""
-        here = np.asarray(self.progress.coordinates)
+        """One step, or the finding that these derivatives lead nowhere."""
+        here = np.asarray(self.progress.here)
         at, memories = linearise_remembered(self.problem, here, np.asarray(self.progress.memories))
         if not np.any(at.slopes):
             why = "no derivative by a free gain is finite and other than zero; free others, or start from calmer gains"
@@ -129,42 +131,37 @@ class Tuner:
         return now
 
     def _search(self, model: QuadraticModel) -> "_Found | None":
-        """The lowest cost that the model leads to; its radius and damping are kept for the next step."""
-        for attempt in range(ATTEMPTS):
-            now = self.progress
-            parts = np.asarray(CAREFUL if attempt else BOLD)
-            dampings = np.clip(now.damping * parts, LOWEST_DAMPING, HIGHEST_DAMPING)
-            candidates = np.stack([model.propose(self.problem, damping, now.radius) for damping in dampings])
-            found = self._try(candidates, dampings)
-            if found.cost < (1 - LOWER) * model.cost:
+        """The lowest cost that the model leads to within the radius, which is cut once if there is none."""
+        for _ in range(2):
+            radius = self.progress.radius
+            found = self._try(np.stack([model.propose(self.problem, length * radius) for length in LENGTHS]))
+            if found.cost < (1 + SLACK) * model.cost:
                 return found
-            self._change(radius=CUT * now.radius, damping=min(16 * now.damping, HIGHEST_DAMPING))
+            self._change(radius=max(CUT * radius, SMALLEST_RADIUS))
+            if radius == SMALLEST_RADIUS:
+                break
         return None
 
-    def _try(
-        self, candidates: Float[np.ndarray, "candidates gains"], dampings: Float[np.ndarray, " candidates"]
-    ) -> _Found:
+    def _try(self, candidates: Float[np.ndarray, "candidates gains"]) -> _Found:
         """The best of several, simulated side by side."""
         cases, before = self.problem.evaluate_all(candidates), self.progress
         costs = [self.problem.combine(case.costs) for case in cases]
         failed = sum(bool(np.any(case.failed)) for case in cases)
         self._change(trials=before.trials + len(cases), failed=before.failed + failed)
         best = int(np.argmin(costs))
-        return _Found(candidates[best], costs[best], cases[best], float(dampings[best]))
+        return _Found(candidates[best], costs[best], cases[best])
 
     def _accept(self, found: _Found) -> None:
-        before, self.cases = self.progress, found.cases
-        moved, radius = np.max(np.abs(found.coordinates - np.asarray(before.coordinates))), before.radius
-        if moved > 0.9 * radius:
-            radius = min(GROWTH * radius, LARGEST_RADIUS)
-        elif moved < 0.3 * radius:
-            radius = max(2 * moved, 0.02)
+        before, here = self.progress, tuple(found.coordinates.tolist())
+        moved, better = float(np.linalg.norm(np.subtract(here, before.here))), found.cost < before.cost
+        if better:
+            self.cases = found.cases
         self._change(
-            coordinates=tuple(found.coordinates.tolist()),
-            damping=found.damping,
-            radius=float(radius),
+            coordinates=here if better else before.coordinates,
+            here=here,
+            radius=min(max(moved, SMALLEST_RADIUS), LARGEST_RADIUS),
             iteration=before.iteration + 1,
-            history=(*before.history, found.cost),
+            history=(*before.history, min(found.cost, before.cost)),
         )
 
     def _gained(self, steps: int) -> float:
@@ -173,15 +170,15 @@ class Tuner:
         return 1 - history[-1] / history[-1 - steps]
 
     def _renew(self, since: int) -> TuningProgress:
-        """A fresh start from here after so many steps of the last one, or the end if that has gained nothing."""
+        """A fresh start from the best so far after so many steps, or the end if the last one gained nothing."""
         now = self.progress
         if now.renewals and self._gained(since) < STALLED:
             return self._end(f"derivatives of long and short memory lower the cost by less than {STALLED:.0%}")
         short = _short(self.problem)
         memory = 0 if np.mean(now.memories) > short / 2 else short
         self._change(
+            here=now.coordinates,
             memories=(memory,) * len(now.memories),
-            damping=FIRST_DAMPING,
             radius=FIRST_RADIUS,
             renewals=now.renewals + 1,
             renewed=now.iteration,
