@@ -21,7 +21,7 @@ below the smallest, chance decides which of two costs is lower."""
 LENGTHS = (2.0, 1.0, 0.5, 0.25)
 """Steps that are tried side by side, in parts of the radius."""
 CUT = 1 / 8
-"""Of the radius after none of those lowered the cost."""
+"""Of the radius after none of those was cheap enough."""
 SLACK = 2e-2
 """Part of the cost that a step may lose: chance makes some places cheaper than all around them, and a step that must
 gain would stay there."""
@@ -36,9 +36,8 @@ class TuningProgress:
 
     `coordinates` are the best so far, of the problem's transform, and `here` those of the last step; `memories` the
     place of each closed loop's in the problem's; `history` is the best cost after every iteration, the start first.
-    `renewals` counts how often memories and
-    radius were begun anew, last after iteration `renewed`; `trials` counts evaluations, `failed` those at
-    which a closed loop left the finite numbers.
+    `renewals` counts how often memories and radius were begun anew, last after iteration `renewed`; `trials` counts
+    evaluations, `failed` those at which a closed loop left the finite numbers.
     """
 
     coordinates: tuple[float, ...]
@@ -97,8 +96,8 @@ class Tuner:
 
     def __init__(self, problem: Problem, start: TuningProgress | None = None):
         self.problem = problem
-        start_here, middle = tuple(problem.start.tolist()), len(problem.memories) // 2
-        began = TuningProgress(start_here, start_here, (middle,) * len(problem.cases))
+        here, middle = tuple(problem.start.tolist()), len(problem.memories) // 2
+        began = TuningProgress(here, here, (middle,) * len(problem.cases))
         self.progress = began if start is None else start
         self.cases = problem.evaluate(np.asarray(self.progress.coordinates))
         cost = problem.combine(self.cases.costs)
@@ -131,7 +130,7 @@ class Tuner:
         return now
 
     def _search(self, model: QuadraticModel) -> "_Found | None":
-        """The lowest cost that the model leads to within the radius, which is cut once if there is none."""
+        """The lowest cost that the model leads to, near the radius or, cut once, nearer; kept for the next step."""
         for _ in range(2):
             radius = self.progress.radius
             found = self._try(np.stack([model.propose(self.problem, length * radius) for length in LENGTHS]))
