@@ -148,6 +148,11 @@ def test_tuning_that_was_interrupted_goes_on_as_if_it_had_not_been(problem, tune
     assert again.history == pytest.approx(tuned[place + 1].history, rel=1e-9)
 
 
+def _as(problem, kind):
+    """The same fields in a class of the test."""
+    return kind(**{field.name: getattr(problem, field.name) for field in dataclasses.fields(problem)})
+
+
 def _failing(problem, when):
     """The problem, whose closed loops leave the finite numbers `when` coordinates say so."""
 
@@ -164,7 +169,7 @@ def _failing(problem, when):
             found = super().linearise(coordinates, memory)
             return dataclasses.replace(found, cases=broken(found.cases)) if when(coordinates) else found
 
-    return Failing(**{field.name: getattr(problem, field.name) for field in dataclasses.fields(problem)})
+    return _as(problem, Failing)
 
 
 def test_a_trial_at_which_a_closed_loop_fails_is_never_taken(problem):
@@ -188,7 +193,7 @@ def _dearer(problem, factor):
         def linearise(self, coordinates, memory=np.inf):
             return super().linearise(problem.start, memory)
 
-    return Dearer(**{field.name: getattr(problem, field.name) for field in dataclasses.fields(problem)})
+    return _as(problem, Dearer)
 
 
 def test_tuning_that_stalls_begins_anew_with_other_memories_before_it_ends(problem):
@@ -257,8 +262,7 @@ class _Remembering:
 
 def _spoiled(problem, how, memories):
     kind = type("Spoiled", (_Remembering, type(problem)), {"spoil": staticmethod(how)})
-    fields = {field.name: getattr(problem, field.name) for field in dataclasses.fields(problem)}
-    return kind(**(fields | {"memories": memories}))
+    return _as(dataclasses.replace(problem, memories=memories), kind)
 
 
 def test_derivatives_that_overflow_are_not_used(problem):

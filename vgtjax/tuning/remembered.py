@@ -7,7 +7,7 @@ from .problem import Linearisation, Problem
 
 SHAKING = 2.0
 """Highest standard error of a slope that is used as it is, in parts of the loop's cost. Many loops together average it
-out, and a step counts only if the simulated cost falls."""
+out, and what counts in the end is the simulated cost."""
 CALM = 0.15 * SHAKING
 """Below this a loop may remember longer: between neighbouring memories errors differ by a factor of some ten."""
 WILD = 10 * SHAKING
@@ -66,7 +66,7 @@ def _share(problem: Problem, at: Linearisation, which: np.ndarray) -> float:
     """What some loops contribute to the cost, by its derivatives."""
     weights, _ = problem.objective.derivatives(at.cases.costs)
     parts = weights * at.cases.costs
-    return float(np.sum(parts[which]) / np.sum(parts))
+    return float(np.sum(parts[which]) / max(np.sum(parts), np.finfo(float).tiny))
 
 
 def _notches(error: Float[np.ndarray, " cases"]) -> Int[np.ndarray, " cases"]:
@@ -75,7 +75,7 @@ def _notches(error: Float[np.ndarray, " cases"]) -> Int[np.ndarray, " cases"]:
 
 
 def _believed(at: Linearisation, error: Float[np.ndarray, " cases"]) -> Linearisation:
-    """Slopes of wild loops shrunk, those that are not finite zero, and their curvature with them."""
+    """Slopes of wild loops shrunk; where derivatives are not finite, zeros in their place."""
     trust = np.where(at.finite, np.minimum(1.0, (WILD / np.maximum(error, WILD)) ** 2), 0.0)
     slopes = trust[:, None] * np.where(at.finite[:, None], at.slopes, 0.0)
     return Linearisation(at.cases, slopes, np.where(at.finite[:, None, None], at.curvatures, 0.0))

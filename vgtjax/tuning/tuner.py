@@ -172,7 +172,7 @@ class Tuner:
         """A fresh start from the best so far after so many steps, or the end if the last one gained nothing."""
         now = self.progress
         if now.renewals and self._gained(since) < STALLED:
-            return self._end(f"derivatives of another memory lower the cost by less than {STALLED:.0%}")
+            return self._end(f"begun anew, tuning lowers the cost by less than {STALLED:.0%}")
         short = _short(self.problem)
         memory = 0 if np.mean(now.memories) > short / 2 else short
         self._change(

@@ -69,7 +69,6 @@ class _Watched(_Record):
         inside = np.clip(coordinates, transform.lower, transform.upper)
         spare = np.min(self.problem.conditions(inside), initial=0.0)
         self.count += 1
-        self.calls = str(self.count)
         if spare < 0:
             return REFUSED * (1 - spare)
         cost = min(self.problem.cost(inside), REFUSED)
@@ -174,7 +173,7 @@ def _without(problem: Problem, minimise: Minimiser, budget: float) -> _Record:
     watched = _Watched(problem, budget)
     with contextlib.suppress(_OutOfTimeError):
         minimise(watched, problem.start)
-    watched.spent = watched.elapsed
+    watched.spent, watched.calls = watched.elapsed, str(watched.count)
     return watched
 
 
