@@ -51,7 +51,7 @@ def fit(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
 @click.option("--out", type=PATH, required=True, metavar="DIR", help="Folder for the results.")
 def reproduce(out: pathlib.Path) -> None:
     """Checks the numbers of the thesis's chapters 2 to 5 against this model."""
-    _run("reproduce", out)
+    _run("reproduction", out)
 
 
 @_study_command
@@ -102,7 +102,7 @@ def _prepare_jax(processes: dict[str, Any] | None) -> None:
     """Fast settings and a persistent cache, before anything compiles. Here, so that --help needs no JAX."""
     import platformdirs
 
-    from vgtjax.runtime import configure
+    from vgtjax import configure
 
     configure(cache=platformdirs.user_cache_path("vgtjax") / "compiled")
     if processes is not None:
@@ -115,11 +115,11 @@ def _run(command: str, *arguments: pathlib.Path | None, processes: dict[str, Any
     """Runs a command; what went wrong becomes one sentence and an exit status."""
     previous = signal.signal(signal.SIGINT, _leave)
     try:
-        from vgtjax.errors import InputError, SimulationError
+        from vgtjax import InputError, SimulationError
 
         try:
             _prepare_jax(processes)
-            importlib.import_module(f".{command}", __package__).run(*arguments)
+            importlib.import_module(f".{command}.command", __package__).run(*arguments)
         except InputError as error:
             click.echo(f"error: {error}", err=True)
             sys.exit(2)

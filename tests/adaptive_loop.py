@@ -9,10 +9,16 @@ import numpy as np
 
 import vgtjax
 from vgtjax import control
-from vgtjax.control import AdaptiveBackstepping, DualFrictionObserver
-from vgtjax.control.adaptive_backstepping import AdaptiveEstimate, Motion
-from vgtjax.control.design_model import DesignState
-from vgtjax.control.friction_observer import FrictionEstimate, nominal_coefficients, slide
+from vgtjax.control import (
+    AdaptiveBackstepping,
+    AdaptiveEstimate,
+    DesignState,
+    DualFrictionObserver,
+    FrictionEstimate,
+    Motion,
+    nominal_coefficients,
+    slide,
+)
 
 AMBIENT = jnp.asarray(101_013.0)
 WAVE = control.Sine(amplitude=0.003, rate=2.0, offset=0.005)
@@ -89,7 +95,7 @@ def loop_rates(controller, loop, time, truth=NOTHING, law=corrected):
     # Friction of the plant itself, not of its inverse in the controller.
     body, friction = controller.model.diaphragm, controller.model.friction
     force, bristle = friction(
-        vgtjax.friction.base.Contact(plant.velocity, body.mass, None), vgtjax.friction.Bristle(plant.deflection), None
+        vgtjax.parts.Contact(plant.velocity, body.mass, None), vgtjax.parts.Bristle(plant.deflection), None
     )
     pull = (AMBIENT - plant.pressure) * body.area - body.preload - body.stiffness * plant.position
     acceleration = (pull - force - truth.load) / body.mass

@@ -5,8 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import vgtjax
-from vgtjax.friction import Contact
-from vgtjax.vanes import Vanes
+from vgtjax.parts import Contact, Vanes
 
 
 def axis(friction: vgtjax.AbstractFriction, mass: float = 0.63, stiffness: float = 0.0) -> vgtjax.MechanicalActuator:

@@ -8,8 +8,8 @@ import pytest
 from support import EXAMPLE
 
 import vgtjax
-from calibrate.models import CHAMBER, FRICTION, LINE, MAGNETIC_FORCE, VANE_FORCE, build_model, start_values
-from calibrate.study_tables import Study
+from calibrate.study.models import CHAMBER, FRICTION, LINE, MAGNETIC_FORCE, VANE_FORCE, build_model, start_values
+from calibrate.study.tables import Study
 from calibrate.tune.designs import DESIGNS, build_controller
 from calibrate.tune.references import build_references
 

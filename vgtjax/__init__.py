@@ -1,39 +1,8 @@
 """Differentiable model of an electro-pneumatic actuator for variable geometry turbochargers."""
 
-from .actuator import Actuator as Actuator, ActuatorState as ActuatorState
-from .air import Air as Air, flow_function as flow_function, orifice_flow as orifice_flow
-from .bench_file import load_trace as load_trace
-from .chamber import (
-    AbstractChamber as AbstractChamber,
-    AdiabaticChamber as AdiabaticChamber,
-    IsothermalChamber as IsothermalChamber,
-    WallChamber as WallChamber,
-)
-from .converter import Converter as Converter
-from .diaphragm import Diaphragm as Diaphragm
-from .errors import InputError as InputError, SimulationError as SimulationError
+from ._errors import InputError as InputError, SimulationError as SimulationError
+from ._runtime import configure as configure
 from .estimation import jacobian as jacobian
-from .friction import (
-    AbstractFriction as AbstractFriction,
-    AdaptiveLuGre as AdaptiveLuGre,
-    Coulomb as Coulomb,
-    Dahl as Dahl,
-    Karnopp as Karnopp,
-    LuGre as LuGre,
-    PassiveLuGre as PassiveLuGre,
-    PassivityWarning as PassivityWarning,
-)
-from .heun import StabilisedHeun as StabilisedHeun
-from .integrate import AdaptiveStep as AdaptiveStep, FixedStep as FixedStep
-from .line import (
-    AbstractLine as AbstractLine,
-    DelayLine as DelayLine,
-    NoLine as NoLine,
-    WaveLine as WaveLine,
-)
-from .magnetic_force import AbstractMagneticForce as AbstractMagneticForce, Coil as Coil
-from .mechanical import MechanicalActuator as MechanicalActuator
-from .model import AbstractModel as AbstractModel
 from .parameters import (
     Parameter as Parameter,
     Selection as Selection,
@@ -43,22 +12,55 @@ from .parameters import (
     replace_parameters as replace_parameters,
     select as select,
 )
-from .pneumatic import PneumaticActuator as PneumaticActuator
-from .reduced import (
+from .parts import (
+    AbstractChamber as AbstractChamber,
+    AbstractFriction as AbstractFriction,
+    AbstractLine as AbstractLine,
+    AbstractMagneticForce as AbstractMagneticForce,
+    AbstractVaneForce as AbstractVaneForce,
+    AdaptiveLuGre as AdaptiveLuGre,
+    AdiabaticChamber as AdiabaticChamber,
+    Air as Air,
+    Coil as Coil,
+    Converter as Converter,
+    Coulomb as Coulomb,
+    Crank as Crank,
+    Dahl as Dahl,
+    DelayLine as DelayLine,
+    Diaphragm as Diaphragm,
+    ForcePolynomial as ForcePolynomial,
+    HysteresisMap as HysteresisMap,
+    IsothermalChamber as IsothermalChamber,
+    Karnopp as Karnopp,
+    LuGre as LuGre,
+    NoLine as NoLine,
+    NoVaneForce as NoVaneForce,
+    PassiveLuGre as PassiveLuGre,
+    PassivityWarning as PassivityWarning,
+    WallChamber as WallChamber,
+    WaveLine as WaveLine,
+    flow_function as flow_function,
+    orifice_flow as orifice_flow,
+)
+from .plants import (
+    AbstractModel as AbstractModel,
+    Actuator as Actuator,
+    ActuatorState as ActuatorState,
     FlowMapFit as FlowMapFit,
+    MechanicalActuator as MechanicalActuator,
     PlungerMapActuator as PlungerMapActuator,
+    PneumaticActuator as PneumaticActuator,
     StaticMapActuator as StaticMapActuator,
     fit_flow_map as fit_flow_map,
     reduce_to_plunger_map as reduce_to_plunger_map,
     reduce_to_static_map as reduce_to_static_map,
 )
-from .runtime import configure as configure
-from .simulate import RESULTS as RESULTS, Solution as Solution, simulate as simulate
-from .trace import Trace as Trace
-from .vane_force import (
-    AbstractVaneForce as AbstractVaneForce,
-    ForcePolynomial as ForcePolynomial,
-    HysteresisMap as HysteresisMap,
-    NoVaneForce as NoVaneForce,
+from .simulation import (
+    RESULTS as RESULTS,
+    AdaptiveStep as AdaptiveStep,
+    FixedStep as FixedStep,
+    Solution as Solution,
+    StabilisedHeun as StabilisedHeun,
+    simulate as simulate,
 )
-from .vanes import Crank as Crank
+from .traces import Trace as Trace, load_trace as load_trace

@@ -20,8 +20,7 @@ _PACKAGES = ("jax", "diffrax", "numba", "scipy", "casadi", "cma")
 @click.option("--only", type=click.Choice(_CASES), multiple=True, help="Only this benchmark; may be repeated.")
 def main(out: pathlib.Path | None, only: tuple[str, ...]) -> None:
     """Times this package beside what a user would write instead; about five minutes on two cores."""
-    from vgtjax import configure
-    from vgtjax.errors import InputError
+    from vgtjax import InputError, configure
 
     with tempfile.TemporaryDirectory() as cache:
         # A new one: first calls compile as they should, and a second fit finds what the command line would find.

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 import vgtjax
-from vgtjax.errors import InputError
+from vgtjax import InputError
 
 from .data import inputs
 from .numba_plant import ENTRIES, pack

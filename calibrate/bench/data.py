@@ -6,7 +6,7 @@ import pathlib
 import numpy as np
 
 import vgtjax
-from vgtjax.errors import InputError
+from vgtjax import InputError
 
 _EXAMPLE = pathlib.Path(__file__).parents[1] / "example"
 _REFERENCE = pathlib.Path(__file__).parents[2] / "tests" / "data"

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 
 import vgtjax
-from vgtjax.errors import InputError
+from vgtjax import InputError
 from vgtjax.population import Population, fitted_levels, fitted_population
 
-from ..files import read_json
-from ..models import build_model, check_bounds, on_given_knots, start_values
-from ..parameter_file import fitted_entries, load_values, unit_files
-from ..study_tables import Study
+from ..output.files import read_json
+from ..study.models import build_model, check_bounds, on_given_knots, start_values
+from ..study.parameter_file import fitted_entries, load_values, unit_files
+from ..study.tables import Study
 from .spreads import stated_population
 
 

@@ -7,14 +7,14 @@ import jax.numpy as jnp
 import numpy as np
 
 import vgtjax
-from vgtjax.errors import InputError
+from vgtjax import InputError
 from vgtjax.experiments import AbstractExperiment, MeasuredLoops, SlowLoop, StepResponse, measure_loops, nominal_target
 from vgtjax.population import Population
 
-from ..job import load_source
-from ..models import start_values
-from ..study import TraceSource, expand_traces, fingerprint, load_study
-from ..study_tables import Study
+from ..study.models import start_values
+from ..study.read import TraceSource, expand_traces, fingerprint, load_study
+from ..study.tables import Study
+from ..study.units import load_source
 from .actuators import read_actuators
 
 FLEET = pathlib.Path(__file__).parents[1] / "example" / "fleet" / "study.toml"

@@ -7,9 +7,9 @@ import jax
 import numpy as np
 from jax.experimental import multihost_utils
 
-from vgtjax.errors import InputError
+from vgtjax import InputError
 
-from ..console import console
+from ..output.console import console
 
 T = TypeVar("T")
 

@@ -7,12 +7,21 @@ import math
 import numpy as np
 
 import vgtjax
-from vgtjax.errors import InputError
-from vgtjax.population import Factors, Population, choose_factors, domain, lognormal, normal, triangular, uniform
-from vgtjax.population.factors import check_known
-from vgtjax.population.population import Margin
+from vgtjax import InputError
+from vgtjax.population import (
+    Factors,
+    Margin,
+    Population,
+    check_known,
+    choose_factors,
+    domain,
+    lognormal,
+    normal,
+    triangular,
+    uniform,
+)
 
-from ..study_tables import PopulationTable, Spread
+from ..study.tables import PopulationTable, Spread
 
 NOT_VARIED = ("air.*", "*.turbine_pressure", "*.crank_angle", "*.crank.*", "diaphragm.stop_*")
 """What no tolerance is on: the weather, the knots and the geometry behind tables, and the give of rigid stops."""

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 import rich.progress
 
-from vgtjax.errors import InputError
+from vgtjax import InputError
 from vgtjax.population import Evaluator, Population
 from vgtjax.sensitivity import Sample
 
-from ..console import console
-from ..files import claim
+from ..output.console import console
+from ..output.files import claim
 from .chunks import FOLDER, ChunkStore
 from .processes import agree, leads, together
 

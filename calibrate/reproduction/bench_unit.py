@@ -8,7 +8,7 @@ import numpy as np
 import vgtjax
 from vgtjax.estimation import plan_task, start_calibration
 
-from ..study import EXAMPLE
+from ..study.read import EXAMPLE
 from . import experiments
 
 SETTLED = 0.5

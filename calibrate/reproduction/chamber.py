@@ -4,8 +4,7 @@ import functools
 
 import jax.numpy as jnp
 
-from vgtjax.chamber import Gas
-from vgtjax.converter import Flow
+from vgtjax.parts import Flow, Gas
 
 from . import experiments
 from .rows import Found, Near, Row

@@ -14,13 +14,12 @@ import numpy as np
 from jaxtyping import Array, Float
 
 import vgtjax
-from vgtjax import control
+from vgtjax import control, fit_flow_map
 from vgtjax.control import AbstractController, AbstractSignal, Scenario
-from vgtjax.reduced import fit_flow_map
 
 from ..population.actuators import read_actuators
 from ..population.job import FLEET
-from ..study import load_study
+from ..study.read import load_study
 from . import experiments, loops
 
 SETTLED = 2.0

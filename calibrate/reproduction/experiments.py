@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 import vgtjax
-from vgtjax.loops import Loop, find_loop
-from vgtjax.trace import ASSUMED_RESERVOIR, STANDARD_ATMOSPHERE
+from vgtjax.experiments import Loop, find_loop
+from vgtjax.traces import ASSUMED_RESERVOIR, STANDARD_ATMOSPHERE
 
 MBAR = 100.0
 """Pa."""

@@ -6,7 +6,7 @@ from plotly.subplots import make_subplots
 
 import vgtjax
 
-from ..figures import DUTY, MEASURED, SIMULATED, styled, thin
+from ..output.figures import DUTY, MEASURED, SIMULATED, styled, thin
 from . import air_flow, control_experiments, experiments, loops, reduced_models, responses, vanes
 
 SHADES = ("#0f766e", "#c2410c", "#4338ca", "#a16207")

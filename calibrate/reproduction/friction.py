@@ -7,8 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import vgtjax
-from vgtjax.friction import Bristle, Contact
-from vgtjax.vanes import Vanes
+from vgtjax.parts import Bristle, Contact, Vanes
 
 from . import experiments
 from .rows import Between, Found, Near, Row

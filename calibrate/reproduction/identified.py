@@ -7,14 +7,16 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 import vgtjax
-from vgtjax.identification import Identified
-from vgtjax.identification.dahl import identify_dahl
-from vgtjax.identification.flow_areas import identify_flow_areas
-from vgtjax.identification.lugre import identify_lugre
-from vgtjax.identification.magnetic_force import identify_magnetic_force
-from vgtjax.identification.plunger import identify_plunger
-from vgtjax.identification.second_order import identify_mass_and_damping
-from vgtjax.identification.spring import identify_spring
+from vgtjax.identification import (
+    Identified,
+    identify_dahl,
+    identify_flow_areas,
+    identify_lugre,
+    identify_magnetic_force,
+    identify_mass_and_damping,
+    identify_plunger,
+    identify_spring,
+)
 
 from . import experiments, solenoid
 from .rows import Found, Near, Row

@@ -8,9 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 
 import vgtjax
-from vgtjax.chamber import Gas
-from vgtjax.line import DelayLine
-from vgtjax.line.losses import TURBULENT as BLASIUS, friction_rate, speed_of_sound
+from vgtjax import DelayLine
+from vgtjax.parts import TURBULENT as BLASIUS, Gas, friction_rate, speed_of_sound
 
 from . import experiments
 from .rows import Between, Found, Near, Row

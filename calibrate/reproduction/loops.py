@@ -5,10 +5,10 @@ import functools
 import numpy as np
 
 import vgtjax
+from vgtjax.experiments import Loop
 from vgtjax.identification import identify_vane_map
-from vgtjax.loops import Loop
 
-from ..study import EXAMPLE
+from ..study.read import EXAMPLE
 from . import experiments
 from .rows import Found, Rising, Row
 

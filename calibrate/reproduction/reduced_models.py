@@ -5,20 +5,11 @@ import functools
 import numpy as np
 
 import vgtjax
-from vgtjax.estimation import noise_level
-from vgtjax.reduced import (
-    Deviation,
-    PrintedFlow,
-    Validation,
-    deviation,
-    fit_flow_map,
-    reduce_to_plunger_map,
-    reduce_to_static_map,
-    steady_flow,
-    validate,
-    validation_traces,
-)
-from vgtjax.reduced.roots import falling_root
+from vgtjax import fit_flow_map, reduce_to_plunger_map, reduce_to_static_map
+from vgtjax.experiments import Deviation, Validation, deviation, validate, validation_traces
+from vgtjax.parts import PrintedFlow, falling_root
+from vgtjax.plants import steady_flow
+from vgtjax.traces import noise_level
 
 from . import bench_unit, experiments
 from .responses import FRACTION, READING

@@ -10,9 +10,14 @@ import numpy as np
 from jaxtyping import Array, Float
 
 import vgtjax
-from vgtjax.sensitivity.correlation import squared_correlation
-from vgtjax.sensitivity.local import gradient_share
-from vgtjax.sensitivity.second_order import damping_ratio, frictionless_diaphragm, natural_frequency, step_response
+from vgtjax.sensitivity import (
+    damping_ratio,
+    frictionless_diaphragm,
+    gradient_share,
+    natural_frequency,
+    squared_correlation,
+    step_response,
+)
 
 from .rows import Between, Found, Near, Rising, Row
 

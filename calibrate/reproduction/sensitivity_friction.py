@@ -9,8 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 import vgtjax
-from vgtjax.sensitivity.local import gradient_share
-from vgtjax.sensitivity.sliding import force_along, parameter_slopes, steady_force
+from vgtjax.sensitivity import force_along, gradient_share, parameter_slopes, steady_force
 
 from .rows import Between, Found, Rising, Row
 

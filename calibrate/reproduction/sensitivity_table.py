@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from vgtjax.sensitivity.sliding import steady_force
+from vgtjax.sensitivity import steady_force
 
 from .rows import Found, Near, Row
 from .sensitivity import src

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from vgtjax.converter import Plunger
+from vgtjax.parts import Plunger
 
 from . import experiments
 from .rows import Between, Found, Near, Row

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import vgtjax
-from vgtjax.vane_force.polynomial import PRINTED, polynomial_terms
+from vgtjax.parts import PRINTED, polynomial_terms
 
 from . import experiments
 from .rows import Between, Found, Near, Row

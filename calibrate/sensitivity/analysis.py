@@ -10,13 +10,13 @@ from vgtjax.sensitivity import (
     RadialDesign,
     Ranking,
     analyse,
+    complete_groups,
     gradient_share,
     rank_inputs,
     squared_correlation,
     total_bound,
     variance,
 )
-from vgtjax.sensitivity.missing import complete_groups
 
 from ..population import ChunkStore, PopulationJob
 

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from vgtjax.converter import without_chatter
-from vgtjax.errors import SimulationError
+from vgtjax import SimulationError
+from vgtjax.parts import without_chatter
 from vgtjax.population import Evaluator
 from vgtjax.sensitivity import RadialDesign
 
-from ..console import console
-from ..files import read_json, write_json, write_text
+from ..output.console import console
+from ..output.files import read_json, write_json, write_text
 from ..population import (
     ChunkStore,
     PopulationJob,

@@ -6,7 +6,7 @@ import plotly.graph_objects as go
 from vgtjax.experiments import Output
 from vgtjax.sensitivity import Interval, RankedInput, Ranking
 
-from ..figures import styled
+from ..output.figures import styled
 from ..population import scaled
 
 KINDS = (

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from ..page import figure_html, render_page
+from ..output.page import figure_html, render_page
 from ..population import PopulationJob
 from . import figures
 from .analysis import Analysis

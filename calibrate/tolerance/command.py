@@ -5,11 +5,11 @@ import time
 
 import numpy as np
 
-from vgtjax.errors import SimulationError
+from vgtjax import SimulationError
 from vgtjax.population import Evaluator
 
-from ..console import console
-from ..files import read_json, write_json, write_text
+from ..output.console import console
+from ..output.files import read_json, write_json, write_text
 from ..population import (
     ChunkStore,
     PopulationJob,

@@ -4,13 +4,11 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from vgtjax.experiments import MeasuredLoops, Output, label
-from vgtjax.experiments.slow_loop import SHOWN
-from vgtjax.loops import POSITIONS
+from vgtjax.experiments import POSITIONS, SHOWN, MeasuredLoops, Output, label
 
-from ..figures import styled
+from ..output.figures import styled
 from ..population import scaled
-from ..study_tables import Limit
+from ..study.tables import Limit
 from .summary import ENVELOPE, envelope
 
 BAND, LINE, UNIT = "rgba(194, 65, 12, 0.22)", "#c2410c", "#475569"

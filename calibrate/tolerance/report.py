@@ -7,7 +7,7 @@ import scipy.special
 
 from vgtjax.experiments import Output, SlowLoop, StepResponse, label
 
-from ..page import figure_html, render_page
+from ..output.page import figure_html, render_page
 from ..population import ChunkStore, PopulationJob, scaled
 from . import figures
 from .samples import curve_rows

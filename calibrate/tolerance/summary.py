@@ -13,7 +13,7 @@ from vgtjax.parameters import unknown_name
 from vgtjax.sensitivity import Sample
 
 from ..population import ChunkStore, PopulationJob, describe_failed, describe_quantities, finite, scaled
-from ..study_tables import Limit
+from ..study.tables import Limit
 from .samples import curve_rows
 
 QUANTILES = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)

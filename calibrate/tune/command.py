@@ -6,11 +6,11 @@ import time
 
 import numpy as np
 
-from vgtjax.errors import InputError, SimulationError
+from vgtjax import InputError, SimulationError
 from vgtjax.tuning import Tuner, TuningProgress, conditions
 
-from ..console import console
-from ..files import PROGRESS, claim, read_json, write_json, write_text
+from ..output.console import console
+from ..output.files import PROGRESS, claim, read_json, write_json, write_text
 from .gains_file import gain_rows, gains_json
 from .job import TuneJob, prepare_tuning
 from .outcome import compare, summarise

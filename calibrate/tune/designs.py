@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 import vgtjax
+from vgtjax import InputError
 from vgtjax.control import (
     PI,
     PID,
@@ -19,7 +20,6 @@ from vgtjax.control import (
     PressureObserver,
     StaticBalance,
 )
-from vgtjax.errors import InputError
 
 HALVINGS = 8
 

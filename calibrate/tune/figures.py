@@ -7,7 +7,7 @@ from plotly.subplots import make_subplots
 from vgtjax.control import ClosedLoop
 from vgtjax.tuning import TuningProgress
 
-from ..figures import styled, thin
+from ..output.figures import styled, thin
 from .outcome import Comparison
 
 REFERENCE, START, TUNED = "#475569", "#9aa5b1", "#c2410c"

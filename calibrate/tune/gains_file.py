@@ -7,7 +7,7 @@ import numpy as np
 
 from vgtjax.tuning import gain_names
 
-from ..parameter_file import Estimate, Row, tabulate, to_json
+from ..study.parameter_file import Estimate, Row, tabulate, to_json
 from .job import TuneJob
 
 

@@ -11,16 +11,16 @@ import jax
 import numpy as np
 
 import vgtjax
+from vgtjax import InputError
 from vgtjax.control import AbstractController, Sensors
-from vgtjax.errors import InputError
-from vgtjax.estimation.calibration import Bounds
+from vgtjax.estimation import Bounds
 from vgtjax.sensitivity import SobolSample
 from vgtjax.tuning import MEMORIES, Cases, Objective, Problem, cross_cases, plan_tuning, soften, soften_cases
 
-from ..models import check_bounds, start_values
 from ..population import Actuators, feels_gas, read_actuators
-from ..study import expand_traces, fingerprint, load_study
-from ..study_tables import ControlTable, ReferenceEntry, Study
+from ..study.models import check_bounds, start_values
+from ..study.read import expand_traces, fingerprint, load_study
+from ..study.tables import ControlTable, ReferenceEntry, Study
 from .designs import build_controller
 from .references import DEFAULT, DEFAULT_UNSEEN, build_references
 

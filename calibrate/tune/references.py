@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import vgtjax
+from vgtjax import InputError
 from vgtjax.control import AbstractSignal, Later, Ramps, Sampled, Sine, Steps, signal_1, signal_2
-from vgtjax.errors import InputError
 
-from ..study_tables import ReferenceEntry
+from ..study.tables import ReferenceEntry
 
 KEYS: dict[str, tuple[Any, tuple[str, ...], tuple[str, ...]]] = {
     "sine": (Sine, ("amplitude", "rate"), ("offset", "phase")),

@@ -7,8 +7,8 @@ import numpy as np
 import vgtjax
 from vgtjax.tuning import Problem, wanted_widths
 
-from ..page import figure_html, render_page
-from ..parameter_file import Row
+from ..output.page import figure_html, render_page
+from ..study.parameter_file import Row
 from . import figures
 from .job import TuneJob
 from .outcome import Comparison, Outcome

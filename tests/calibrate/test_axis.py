@@ -9,9 +9,7 @@ from commands import read, run_command
 
 import vgtjax
 from vgtjax.estimation import plan_task, start_calibration
-from vgtjax.identification.axis import better_start
-from vgtjax.identification.axis_regression import regress_axis
-from vgtjax.identification.motion import read_motions
+from vgtjax.identification import better_start, read_motions, regress_axis
 
 MASS, DAMPING, COULOMB, CONSTANT = 1.8, 14.0, 5.5, -1.2
 TRUTH = {

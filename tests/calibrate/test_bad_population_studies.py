@@ -5,7 +5,7 @@ from commands import assert_refused, run_command
 from support import EXAMPLE
 
 from calibrate.population import join
-from vgtjax.errors import InputError
+from vgtjax import InputError
 
 BAD = [
     (

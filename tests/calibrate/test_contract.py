@@ -10,10 +10,10 @@ import pytest
 from support import EXAMPLE
 
 import vgtjax
-from calibrate.models import build_model, start_values
-from calibrate.study_tables import Study
+from calibrate.study.models import build_model, start_values
+from calibrate.study.tables import Study
 from vgtjax.estimation import plan_task
-from vgtjax.transforms import build_transform
+from vgtjax.parameters import build_transform
 
 PRINTED = """
 name = "unit A, cold bench"

@@ -268,7 +268,7 @@ def test_the_mechanical_model_fits_position_alone(small):
 
 
 def test_a_fit_that_does_not_converge_says_so_and_keeps_what_it_has(small, monkeypatch):
-    monkeypatch.setattr("vgtjax.estimation.fit.MAX_ITERATIONS", 1)
+    monkeypatch.setattr("vgtjax.estimation._fit.MAX_ITERATIONS", 1)
     outcome, _, said = refit(small)
     assert (outcome.status, outcome.err) == (1, "failed: the fit: not converged after 1 iterations\n")
     assert (said["converged"], said["iterations"]) == (False, 1)
@@ -282,7 +282,7 @@ def test_a_fit_that_ran_away_did_not_converge(small, monkeypatch):
     """Nothing moves a rod of 1e88 kg: there every step gains nothing, which looks like the end of a fit."""
     small.write_text(MECHANICAL.replace('"diaphragm.stiffness", "diaphragm.preload"', '"diaphragm.mass"'))
     end = Progress(coordinates=(88 * float(np.log(10)),), converged=True, history=(7.0,))
-    monkeypatch.setattr("calibrate.fit._first", lambda task: end)
+    monkeypatch.setattr("calibrate.fit.command._first", lambda task: end)
     outcome, found, said = refit(small)
     sentence = (
         "fitted values must stay within a factor 100000 of their start values, but diaphragm.mass ended at 1e+88 kg "

@@ -6,8 +6,8 @@ from commands import assert_refused, read, run_command
 from support import EXAMPLE
 
 import vgtjax
-from calibrate.identify import _inside_bounds
-from calibrate.job import prepare
+from calibrate.identify.command import _inside_bounds
+from calibrate.study.units import prepare
 
 LOOPS = EXAMPLE / "loops" / "study.toml"
 FILES = {".study.json", "parameters.json", "summary.json", "report.html"}

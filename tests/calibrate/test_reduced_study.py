@@ -7,8 +7,8 @@ import pytest
 from commands import assert_refused, cut_example, read, run_command
 
 import vgtjax
-from calibrate.job import prepare
-from calibrate.study_tables import Components
+from calibrate.study.tables import Components
+from calibrate.study.units import prepare
 
 STATES = {
     "plunger-map": "x_p [m],v_p [m/s],x_d [m],v_d [m/s],z [m],p_act [Pa absolute],m_dot_in [kg/s],m_dot_out [kg/s]",

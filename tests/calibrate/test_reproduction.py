@@ -13,7 +13,7 @@ import pytest
 from commands import Outcome, read, run_command
 
 import vgtjax
-from calibrate.files import MARKER
+from calibrate.output.files import MARKER
 from calibrate.reproduction import ROWS, Found, Row
 from calibrate.reproduction.identified import CONSTANTS
 from calibrate.reproduction.rows import Between, Near, Rising

@@ -5,7 +5,7 @@ import pytest
 
 from calibrate.reproduction import figures, reduced_models
 from calibrate.reproduction.reduced_models import MEASURED, MODELS, ROWS
-from vgtjax.estimation import noise_level
+from vgtjax.traces import noise_level
 
 BENCH = [row for row in ROWS if row.slow]
 

@@ -9,7 +9,7 @@ import sys
 import pytest
 from commands import read, run_command
 
-from calibrate.files import MARKER, PROGRESS, write_json
+from calibrate.output.files import MARKER, PROGRESS, write_json
 
 
 def contents(folder: pathlib.Path) -> dict[str, tuple[int, bytes]]:
@@ -74,7 +74,7 @@ import calibrate.fit
 from commands import run_command
 from test_resume import end_after_two_steps
 number, *arguments = sys.argv[1:]
-calibrate.fit.write_json = end_after_two_steps(lambda: os.kill(os.getpid(), int(number)))
+calibrate.fit.command.write_json = end_after_two_steps(lambda: os.kill(os.getpid(), int(number)))
 run_command("fit", *arguments)
 """
 

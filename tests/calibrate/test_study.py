@@ -9,8 +9,8 @@ import pytest
 from bad_traces import text
 
 import vgtjax
-from calibrate.job import prepare
-from calibrate.study import EXAMPLE
+from calibrate.study.read import EXAMPLE
+from calibrate.study.units import prepare
 
 WHOLE = """
 name = "unit A, cold bench"

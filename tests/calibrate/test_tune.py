@@ -9,7 +9,7 @@ from commands import assert_refused, read, run_command
 
 import calibrate.tune.command as command
 import vgtjax
-from calibrate.study_tables import ReferenceEntry
+from calibrate.study.tables import ReferenceEntry
 from calibrate.tune.job import EXAMPLE, prepare_tuning
 from calibrate.tune.references import build_references
 from vgtjax.control import reference_at

@@ -123,9 +123,9 @@ def test_a_crash_between_units_keeps_the_finished_one(fleet, study, tmp_path, mo
             raise MemoryError("no more")
         return fit(unit, task, folder)
 
-    fit, again = calibrate.fit._fit, tmp_path / "out"
+    fit, again = calibrate.fit.command._fit, tmp_path / "out"
     with monkeypatch.context() as patch:
-        patch.setattr(calibrate.fit, "_fit", crash)
+        patch.setattr(calibrate.fit.command, "_fit", crash)
         with pytest.raises(MemoryError, match="no more"):
             run_command("fit", study, "--out", again)
     written = (again / "unit_01" / "parameters.json").stat().st_mtime_ns

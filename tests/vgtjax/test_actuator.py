@@ -178,8 +178,7 @@ def test_a_trace_has_the_atmosphere_that_it_states(actuator):
 
 def test_volume_term_has_the_sign_of_compression(actuator):
     """Erratum 3: a chamber that shrinks raises its pressure; with no flow, `p V^gamma` stays."""
-    from vgtjax.chamber import Gas
-    from vgtjax.converter import Flow
+    from vgtjax.parts import Flow, Gas
 
     gas = Gas(jnp.asarray(5.0e4), jnp.asarray(250.0))
     rates = actuator.chamber.rates(actuator.air, gas, Flow(jnp.asarray(0.0), jnp.asarray(250.0)), 1e-5, 1e-6)

@@ -8,9 +8,8 @@ from axis import drag
 from support import duty_trace
 
 import vgtjax
-from vgtjax import AdaptiveLuGre, LuGre
-from vgtjax.friction import Bristle, Contact
-from vgtjax.vanes import Crank, Vanes
+from vgtjax import AdaptiveLuGre, Crank, LuGre
+from vgtjax.parts import Bristle, Contact, Vanes
 
 LOAD = [1.0, 2.0, 3.0, 4.0, 5.0, 10.0, 20.0, 30.0, 40.0, 50.0]
 FRICTION = AdaptiveLuGre(load=LOAD)

@@ -8,7 +8,7 @@ import pytest
 from bad_traces import BAD_TRACES, HEADER, ROWS, BadTrace, text, with_cell, with_header, without_column
 
 import vgtjax
-from vgtjax.bench_file import TRAVEL, UNITS
+from vgtjax.traces import TRAVEL, UNITS
 
 NEEDS = ("pwm", "x_d|p_act")
 """What a fit of the full model asks of a trace."""

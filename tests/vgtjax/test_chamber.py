@@ -8,8 +8,7 @@ from support import duty_trace, rms
 
 import vgtjax
 from vgtjax import Actuator, Air, FixedStep, IsothermalChamber, WallChamber, replace_parameters, simulate
-from vgtjax.chamber import Gas
-from vgtjax.converter import Flow
+from vgtjax.parts import Flow, Gas
 
 AIR = Air()
 TRACE = duty_trace((0, 0.05), (90, 0.35), (35, 0.3), (60, 0.3), (0, 0.5), p_res=2.0e4)

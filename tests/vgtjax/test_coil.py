@@ -8,7 +8,7 @@ from support import duty_trace, rms
 
 import vgtjax
 from vgtjax import Actuator, Coil, Converter, replace_parameters, simulate
-from vgtjax.magnetic_force import StaticForce
+from vgtjax.parts import StaticForce
 
 COIL = Coil()
 MODEL = Actuator(converter=Converter(magnetic_force=COIL))
@@ -46,7 +46,7 @@ def test_force_is_that_of_the_flux_and_pulls_down(position):
     pull, _ = COIL(jnp.asarray(0.0), jnp.asarray(position), jnp.asarray(0.0), state)
     flux = COIL.inductance(jnp.asarray(position))[0] * current / (7500 * 2e-4)
     assert pull == pytest.approx(float(flux**2 * 2e-4 / (2 * 4e-7 * np.pi)))
-    resting = vgtjax.converter.Plunger(jnp.asarray(position), jnp.asarray(0.0))
+    resting = vgtjax.parts.Plunger(jnp.asarray(position), jnp.asarray(0.0))
     pulled, free = (
         MODEL.converter.acceleration(resting, force, 101013.0, 2.0e4, 101013.0) for force in (pull, jnp.asarray(0.0))
     )
@@ -148,7 +148,7 @@ def test_a_held_duty_starts_at_rest():
 def test_rest_position_is_a_balance(duty, pressure):
     """The pull depends on the position: iterated, by a ratio of at most 0.7."""
     at = MODEL.converter.rest_position(jnp.asarray(duty), 101013.0, 2.0e4, jnp.asarray(pressure))
-    still = vgtjax.converter.Plunger(at, jnp.zeros_like(at))
+    still = vgtjax.parts.Plunger(at, jnp.zeros_like(at))
     pull = COIL.steady_pull(jnp.asarray(duty), at)
     force = MODEL.converter.acceleration(still, pull, 101013.0, 2.0e4, jnp.asarray(pressure)) * 0.01
     assert abs(force) < 1e-3

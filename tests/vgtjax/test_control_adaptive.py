@@ -29,10 +29,18 @@ from adaptive_loop import (
 
 import vgtjax
 from vgtjax import control
-from vgtjax.control import AdaptiveBackstepping, DualFrictionObserver, Measurement, Reference, Scenario, Sensors
-from vgtjax.control.adaptive_backstepping import Motion
-from vgtjax.control.design_model import DesignModel, DesignState
-from vgtjax.control.friction_observer import nominal_coefficients
+from vgtjax.control import (
+    AdaptiveBackstepping,
+    DesignModel,
+    DesignState,
+    DualFrictionObserver,
+    Measurement,
+    Motion,
+    Reference,
+    Scenario,
+    Sensors,
+    nominal_coefficients,
+)
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)

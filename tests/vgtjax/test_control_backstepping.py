@@ -10,13 +10,14 @@ import pytest
 from support import rms
 
 import vgtjax
-from vgtjax import control
+from vgtjax import HysteresisMap, control, fit_flow_map
 from vgtjax.control import (
     Backstepping,
     DesignModel,
     DesignState,
     FilteredDifference,
     Measurement,
+    Motion,
     ObservedState,
     PressureObserver,
     Reference,
@@ -25,9 +26,7 @@ from vgtjax.control import (
     close_loop,
     reference_at,
 )
-from vgtjax.control.vane_load import Motion
-from vgtjax.reduced import PolynomialFlow, fit_flow_map
-from vgtjax.vane_force import Direction, HysteresisMap
+from vgtjax.parts import Direction, PolynomialFlow
 
 AMBIENT = jnp.asarray(101_013.0)
 VANES = HysteresisMap(

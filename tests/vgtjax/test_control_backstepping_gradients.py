@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 import vgtjax
-from vgtjax import control
-from vgtjax.control import Backstepping, DesignModel, ObservedState, PressureObserver, Scenario
-from vgtjax.control.vane_load import Motion
-from vgtjax.reduced import SteadyPlungerFlow, fit_flow_map
+from vgtjax import control, fit_flow_map
+from vgtjax.control import Backstepping, DesignModel, Motion, ObservedState, PressureObserver, Scenario
+from vgtjax.parts import SteadyPlungerFlow
 
 GAINS = ["position_gain", "velocity_gain", "pressure_gain"]
 GAINS += [f"observer.{name}" for name in ("friction_rate", "pressure_rate", "injection_rate")]

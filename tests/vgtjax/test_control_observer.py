@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 import vgtjax
-from vgtjax.control import DesignModel, DesignState, ObservedState, PressureObserver
-from vgtjax.control.vane_load import Motion
-from vgtjax.converter import Flow
-from vgtjax.reduced import PrintedFlow, StaticMapActuator
+from vgtjax import StaticMapActuator
+from vgtjax.control import DesignModel, DesignState, Motion, ObservedState, PressureObserver
+from vgtjax.parts import Flow, PrintedFlow
 
 RATES = {"friction_rate": 15.0, "pressure_rate": 20.0}
 SLIDING = PressureObserver(**RATES, injection_rate=0.0, switching_gain=60.0)
@@ -57,7 +56,7 @@ def test_with_the_ratio_of_heat_capacities_the_chamber_is_adiabatic_at_the_tempe
     position, velocity, pressure, flow = map(number, (0.003, -0.02, 6e4, 2e-5))
     entering = Flow(flow, plant.air.temperature)
     swept = plant.diaphragm.displaced_volume(position), plant.diaphragm.displaced_volume(velocity)
-    rates = plant.chamber.rates(plant.air, vgtjax.chamber.Gas(pressure, plant.air.temperature), entering, *swept)
+    rates = plant.chamber.rates(plant.air, vgtjax.parts.Gas(pressure, plant.air.temperature), entering, *swept)
     found = model.pressure_rate(flow, position, velocity, pressure)
     # The same equation in another order: rounding alone.
     assert float(found) == pytest.approx(float(rates.pressure), rel=1e-12)

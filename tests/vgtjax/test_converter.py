@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from vgtjax import Converter
-from vgtjax.converter import Plunger
+from vgtjax.parts import Plunger
 
 CONVERTER = Converter()
 

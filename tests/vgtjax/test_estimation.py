@@ -11,18 +11,18 @@ from support import duty_trace
 import vgtjax
 from vgtjax import simulate
 from vgtjax.estimation import (
+    CHI2_TOLERANCE,
+    RUNAWAY,
     LevenbergMarquardt,
     Progress,
     calibrate,
     estimate_uncertainty,
     identifiable,
-    noise_level,
     plan_task,
     start_calibration,
 )
-from vgtjax.estimation.calibration import RUNAWAY
-from vgtjax.estimation.fit import CHI2_TOLERANCE
-from vgtjax.transforms import build_transform
+from vgtjax.parameters import build_transform
+from vgtjax.traces import noise_level
 
 TRUTH = {"diaphragm.stiffness": 12600.0, "diaphragm.preload": 51.0, "chamber.volume": 57e-6}
 FREE = list(TRUTH)
@@ -265,7 +265,7 @@ def test_a_fit_that_kinks_hold_up_stops(monkeypatch):
         stuck.progress, converged=False, step_size=1e-9, history=(stuck.progress.cost,) * 8, iteration=7
     )
     resumed = LevenbergMarquardt(stuck.problem, near)
-    monkeypatch.setattr("vgtjax.estimation.fit.CHI2_TOLERANCE", 0.0)  # no single step may end it
+    monkeypatch.setattr("vgtjax.estimation._fit.CHI2_TOLERANCE", 0.0)  # no single step may end it
     ended = resumed.step()
     assert ended.converged
     assert ended.stalled

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import vgtjax
-from vgtjax import InputError, parameter, simulate
-from vgtjax.air import Air
+from vgtjax import Air, InputError, parameter, simulate
 from vgtjax.experiments import SlowLoop, StepResponse, nominal_target
 from vgtjax.population import Evaluator, Factors, choose_factors
 

@@ -10,9 +10,18 @@ import pytest
 
 import vgtjax
 from vgtjax import InputError, replace_parameters, simulate
-from vgtjax.experiments import SlowLoop, StepResponse, label, measure_loops, nominal_target
-from vgtjax.experiments.base import first_reach
-from vgtjax.loops import LIFT, POSITIONS, find_ends, find_loop
+from vgtjax.experiments import (
+    LIFT,
+    POSITIONS,
+    SlowLoop,
+    StepResponse,
+    find_ends,
+    find_loop,
+    first_reach,
+    label,
+    measure_loops,
+    nominal_target,
+)
 
 AMBIENT = 1.0e5
 PRESSURES = (0.0, 1.5e5)

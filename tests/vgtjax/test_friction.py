@@ -7,8 +7,7 @@ import pytest
 
 import vgtjax
 from vgtjax import Coulomb, Dahl, Karnopp, LuGre
-from vgtjax.friction import Bristle, Contact
-from vgtjax.vanes import Vanes
+from vgtjax.parts import Bristle, Contact, Vanes
 
 FRICTION = LuGre()
 NO_LOAD = jnp.asarray(0.0)

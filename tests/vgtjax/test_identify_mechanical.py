@@ -9,16 +9,26 @@ import pytest
 from support import duty_trace, rms
 
 import vgtjax
-from vgtjax.identification.axis import identify_axis, moves_at_start
-from vgtjax.identification.bristles import bristle_force
-from vgtjax.identification.dahl import identify_dahl
-from vgtjax.identification.lugre import identify_lugre
-from vgtjax.identification.mechanical_fit import NO_DERIVATIVES, fit_response, mechanical_fit
-from vgtjax.identification.motion import mechanical_half, read_motion, read_motions, remove_noise
-from vgtjax.identification.pipeline import apply
-from vgtjax.identification.second_order import identify_mass_and_damping
-from vgtjax.identification.spring import identify_spring
-from vgtjax.identification.weak_form import Rows, filter_motion, regress
+from vgtjax.identification import (
+    NO_DERIVATIVES,
+    Rows,
+    apply,
+    bristle_force,
+    filter_motion,
+    fit_response,
+    identify_axis,
+    identify_dahl,
+    identify_lugre,
+    identify_mass_and_damping,
+    identify_spring,
+    mechanical_fit,
+    mechanical_half,
+    moves_at_start,
+    read_motion,
+    read_motions,
+    regress,
+    remove_noise,
+)
 
 TRUTH = {
     "diaphragm.mass": 0.55,
@@ -200,7 +210,7 @@ def test_untold_parameters_have_the_models_values_wherever_a_search_begins(slow)
 
 def test_a_mixture_of_values_that_fails_is_no_end(slow, monkeypatch):
     """What was fitted beside parameters that return to the model's values need not go with those."""
-    module = importlib.import_module("vgtjax.identification.mechanical_fit")
+    module = importlib.import_module("vgtjax.identification._mechanical_fit")
     calls, real = [], module.calibrate
 
     def second_fails(task):

@@ -7,14 +7,20 @@ import pytest
 from support import duty_trace, rms
 
 import vgtjax
-from vgtjax import replace_parameters, simulate
-from vgtjax.identification.chamber_flow import read_chamber
-from vgtjax.identification.filters import holds, sensor_offset, slow_blocks, smooth
-from vgtjax.identification.flow_areas import identify_flow_areas, plunger_lift
-from vgtjax.identification.magnetic_force import identify_magnetic_force
-from vgtjax.identification.plunger import identify_plunger
-from vgtjax.identification.regression import clustered_errors, determined
-from vgtjax.pneumatic import PneumaticActuator
+from vgtjax import PneumaticActuator, replace_parameters, simulate
+from vgtjax.identification import (
+    clustered_errors,
+    determined,
+    holds,
+    identify_flow_areas,
+    identify_magnetic_force,
+    identify_plunger,
+    plunger_lift,
+    read_chamber,
+    sensor_offset,
+    slow_blocks,
+    smooth,
+)
 
 TRUTH = {
     "converter.membrane_stiffness": 2200.0,

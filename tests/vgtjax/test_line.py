@@ -10,9 +10,7 @@ from support import duty_trace, rms
 
 import vgtjax
 from vgtjax import Actuator, Air, DelayLine, FixedStep, WaveLine, replace_parameters, simulate
-from vgtjax.chamber import Gas
-from vgtjax.converter import Flow
-from vgtjax.line.losses import friction_rate, resistance, speed_of_sound
+from vgtjax.parts import Flow, Gas, friction_rate, resistance, speed_of_sound
 
 AIR = Air()
 SOUND = float(speed_of_sound(AIR))

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import vgtjax
-from vgtjax.experiments import measure_loops
-from vgtjax.loops import LIFT, POSITIONS, find_ends, find_loop
+from vgtjax.experiments import LIFT, POSITIONS, find_ends, find_loop, measure_loops
 
 
 def run(width=2000.0, seconds=10.0, peak=10e-3, noise=0.0, samples=1000):

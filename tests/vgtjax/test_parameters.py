@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import vgtjax
-from vgtjax.parameters import match_entries, table_row
-from vgtjax.transforms import Transform, build_transform
+from vgtjax.parameters import Transform, build_transform, match_entries, table_row
 
 HELD = {
     *(f"air.{name}" for name in ("gas_constant", "heat_capacity_ratio", "pressure", "temperature")),

@@ -8,8 +8,7 @@ import pytest
 import scipy.stats
 
 import vgtjax
-from vgtjax import InputError, replace_parameters
-from vgtjax.parameters import Selection, get_parameter
+from vgtjax import InputError, Selection, get_parameter, replace_parameters
 from vgtjax.population import (
     Factors,
     Population,

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 import vgtjax
-from vgtjax.reduced import FLOW_MAPS, LiftTable, PolynomialFlow, PrintedFlow, fit_flow_map, steady_flow
-from vgtjax.reduced.base import duty_by_bisection
+from vgtjax import fit_flow_map
+from vgtjax.parts import LiftTable, PolynomialFlow, PrintedFlow, duty_by_bisection
+from vgtjax.plants import FLOW_MAPS, steady_flow
 
 ACTUATOR = vgtjax.Actuator()
 OVER_DUTY = ("steady-plunger", "polynomial", "printed")

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import vgtjax
-from vgtjax.reduced import PolynomialFlow, deviation, validation_traces
-from vgtjax.reduced.measured import fit_measured_flow, measured_flow
+from vgtjax.experiments import deviation, validation_traces
+from vgtjax.identification import fit_measured_flow, measured_flow
+from vgtjax.parts import PolynomialFlow
 
 FULL = vgtjax.Actuator()
 TRUTH = PolynomialFlow()

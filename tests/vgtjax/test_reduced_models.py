@@ -11,7 +11,8 @@ from support import duty_trace, rms
 
 import vgtjax
 from vgtjax import AdaptiveStep, FixedStep, simulate
-from vgtjax.reduced import PolynomialFlow, PrintedFlow, deviation, validation_traces
+from vgtjax.experiments import deviation, validation_traces
+from vgtjax.parts import PolynomialFlow, PrintedFlow
 
 FULL = vgtjax.Actuator()
 ISOTHERMAL = eqx.tree_at(lambda model: model.chamber, FULL, vgtjax.IsothermalChamber())

@@ -7,7 +7,7 @@ import pytest
 from support import duty_trace, rms
 
 import vgtjax
-from vgtjax.reduced import Deviation, deviation, validate
+from vgtjax.experiments import Deviation, deviation, validate
 
 FULL = vgtjax.Actuator()
 FOUR = vgtjax.reduce_to_static_map(FULL)

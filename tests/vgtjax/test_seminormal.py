@@ -6,7 +6,7 @@ import lineax as lx
 import numpy as np
 import pytest
 
-from vgtjax.estimation.seminormal import SeminormalEquations
+from vgtjax.estimation import SeminormalEquations
 
 
 def tall(condition, rows=2000, columns=12):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from sensitivity_systems import Ishigami
 
-from vgtjax.errors import InputError
+from vgtjax import InputError
 from vgtjax.sensitivity import (
     LatinHypercubeSample,
     RadialDesign,
@@ -118,13 +118,13 @@ def test_a_constant_output_has_no_shares(case):
 
 def test_outputs_do_not_depend_on_how_many_are_worked_on_at_a_time(case, monkeypatch):
     x, y, expected = case
-    monkeypatch.setattr("vgtjax.sensitivity.indices._BLOCK", 2 * 9 * 50 * 3)  # two outputs
+    monkeypatch.setattr("vgtjax.sensitivity._indices._BLOCK", 2 * 9 * 50 * 3)  # two outputs
     assert_same(analyse(DESIGN, x, y, replicates=50), expected, slice(None))
 
 
 def test_products_do_not_depend_on_how_many_points_are_added_at_a_time(case, monkeypatch):
     x, y, expected = case
-    monkeypatch.setattr("vgtjax.sensitivity.moments._CHUNK", 100)
+    monkeypatch.setattr("vgtjax.sensitivity._moments._CHUNK", 100)
     assert_same(analyse(DESIGN, x, y, replicates=50), expected, slice(None))
 
 

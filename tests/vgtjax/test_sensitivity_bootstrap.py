@@ -3,18 +3,18 @@
 import numpy as np
 import pytest
 
-from vgtjax.errors import InputError
+from vgtjax import InputError
 from vgtjax.sensitivity import (
     bootstrap,
     elementary_effects,
     first_order,
     regress,
+    resampled_weights,
     squared_correlation,
     total_bound,
     total_order,
     variance,
 )
-from vgtjax.sensitivity.resampling import resampled_weights
 
 
 def covered(estimate, truth):
@@ -134,7 +134,7 @@ def test_weights_are_those_of_a_resample():
 
 def test_weights_do_not_depend_on_how_many_are_made_at_a_time(monkeypatch):
     whole = np.concatenate(list(resampled_weights(50, 300, seed=4)))
-    monkeypatch.setattr("vgtjax.sensitivity.resampling._CHUNK", 50 * 7)
+    monkeypatch.setattr("vgtjax.sensitivity._resampling._CHUNK", 50 * 7)
     parts = list(resampled_weights(50, 300, seed=4))
     assert len(parts) == 43
     np.testing.assert_array_equal(np.concatenate(parts), whole)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from sensitivity_systems import Ishigami
 
-from vgtjax.errors import InputError
+from vgtjax import InputError
 from vgtjax.sensitivity import (
     Interval,
     RadialDesign,

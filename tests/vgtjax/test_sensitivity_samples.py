@@ -4,8 +4,14 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, qmc
 
-from vgtjax.errors import InputError
-from vgtjax.sensitivity import LatinHypercubeSample, RadialDesign, SobolSample, permutation, sampling
+from vgtjax import InputError
+from vgtjax.sensitivity import (
+    LatinHypercubeSample,
+    RadialDesign,
+    SobolSample,
+    _permutation as permutation,
+    _sampling as sampling,
+)
 
 SAMPLES = [
     RadialDesign(dimensions=3, base=13, seed=5),

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import vgtjax
-from vgtjax.sensitivity.second_order import damping_ratio, frictionless_diaphragm, natural_frequency, step_response
+from vgtjax.sensitivity import damping_ratio, frictionless_diaphragm, natural_frequency, step_response
 
 PRINTED = frictionless_diaphragm(vgtjax.Diaphragm(), vgtjax.LuGre())
 CRITICAL = float(2 * jnp.sqrt(PRINTED.mass * PRINTED.stiffness))

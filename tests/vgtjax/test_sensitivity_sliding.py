@@ -7,9 +7,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import vgtjax
-from vgtjax.friction import Bristle, Contact
-from vgtjax.sensitivity.sliding import force_along, parameter_slopes, starting_force, steady_force
-from vgtjax.vanes import Vanes
+from vgtjax.parts import Bristle, Contact, Vanes
+from vgtjax.sensitivity import force_along, parameter_slopes, starting_force, steady_force
 
 FRICTION = vgtjax.LuGre()
 NAMES = tuple(vgtjax.parameter_table(FRICTION))

@@ -11,10 +11,24 @@ import pytest
 import vgtjax
 from vgtjax import control
 from vgtjax.control import PI, PID, Constant, FrictionCompensation, Knocker, Sine
-from vgtjax.tuning import Objective, Tuner, cross_cases, plan_tuning, soften, soften_cases, tune
-from vgtjax.tuning.quadratic import STEEPEST, QuadraticModel, model_at
-from vgtjax.tuning.remembered import APART, WILD, linearise_remembered, shaking
-from vgtjax.tuning.tuner import SLACK, STALL
+from vgtjax.tuning import (
+    APART,
+    SLACK,
+    STALL,
+    STEEPEST,
+    WILD,
+    Objective,
+    QuadraticModel,
+    Tuner,
+    cross_cases,
+    linearise_remembered,
+    model_at,
+    plan_tuning,
+    shaking,
+    soften,
+    soften_cases,
+    tune,
+)
 
 SECONDS, SETTLED = 0.6, 0.2
 """Long enough for a controller to matter, short enough for many tests."""

@@ -19,9 +19,9 @@ from vgtjax.control import (
     Knocker,
     PressureObserver,
     Sine,
+    fade,
 )
-from vgtjax.control.fading import fade
-from vgtjax.converter import GENTLE_OPENING
+from vgtjax.parts import GENTLE_OPENING
 from vgtjax.tuning import Objective, conditions, cross_cases, gain_names, soften, soften_cases
 
 REFERENCES = {"sine": Sine(0.003, 15.0, 0.005), "hold": Constant(0.004)}

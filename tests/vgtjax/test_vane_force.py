@@ -10,11 +10,19 @@ from scipy.interpolate import RegularGridInterpolator
 from support import duty_trace, rms
 
 import vgtjax
-from vgtjax import AdaptiveStep, FixedStep, InputError, jacobian, select, simulate
-from vgtjax.loops import find_loop
-from vgtjax.tables import bilinear
-from vgtjax.vane_force import Direction, ForcePolynomial, HysteresisMap
-from vgtjax.vanes import Crank, Vanes
+from vgtjax import (
+    AdaptiveStep,
+    Crank,
+    FixedStep,
+    ForcePolynomial,
+    HysteresisMap,
+    InputError,
+    jacobian,
+    select,
+    simulate,
+)
+from vgtjax.experiments import find_loop
+from vgtjax.parts import Direction, Vanes, bilinear
 
 PRESSURES, ANGLES = np.array([1.5e5, 3.0e5]), np.array([4.0, 10.0, 16.0, 22.0, 28.0, 34.0])
 CLOSING = np.outer([1.0, 2.0], np.linspace(2.6, 1.3, 6)).ravel()

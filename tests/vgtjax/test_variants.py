@@ -7,7 +7,7 @@ from support import duty_trace, rms
 
 import vgtjax
 from vgtjax import AdaptiveStep, jacobian, parameter, simulate
-from vgtjax.converter import Flow
+from vgtjax.parts import Flow
 
 TRACE = duty_trace((0, 0.05), (80, 0.4), (30, 0.3), p_res=2.0e4)
 

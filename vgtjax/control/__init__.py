@@ -1,33 +1,34 @@
 """Control of the position [chapter 5]: references, sensors, controllers, and the closed loop."""
 
-from .adaptive_backstepping import AdaptiveBackstepping as AdaptiveBackstepping
-from .backstepping import Backstepping as Backstepping
-from .balance import ConstantDuty as ConstantDuty, StaticBalance as StaticBalance, holding_duty as holding_duty
-from .base import (
+from ._adaptive_backstepping import AdaptiveBackstepping as AdaptiveBackstepping, AdaptiveEstimate as AdaptiveEstimate
+from ._backstepping import Backstepping as Backstepping
+from ._balance import ConstantDuty as ConstantDuty, StaticBalance as StaticBalance, holding_duty as holding_duty
+from ._base import (
     AbstractController as AbstractController,
     Measurement as Measurement,
     Reference as Reference,
     saturate as saturate,
 )
-from .cost import (
-    chatter as chatter,
-    effort as effort,
-    tracking_peak as tracking_peak,
-    tracking_rms as tracking_rms,
-)
-from .design_model import DesignModel as DesignModel, DesignState as DesignState
-from .differentiator import (
+from ._cost import chatter as chatter, effort as effort, tracking_peak as tracking_peak, tracking_rms as tracking_rms
+from ._design_model import DesignModel as DesignModel, DesignState as DesignState
+from ._differentiator import (
     AbstractDifferentiator as AbstractDifferentiator,
     FilteredDifference as FilteredDifference,
     LevantDifferentiator as LevantDifferentiator,
 )
-from .friction_compensation import FrictionCompensation as FrictionCompensation
-from .friction_observer import DualFrictionObserver as DualFrictionObserver
-from .knocker import Knocker as Knocker
-from .loop import ClosedLoop as ClosedLoop, close_loop as close_loop
-from .pid import PI as PI, PID as PID
-from .pressure_observer import ObservedState as ObservedState, PressureObserver as PressureObserver
-from .reference import (
+from ._fading import fade as fade
+from ._friction_compensation import FrictionCompensation as FrictionCompensation
+from ._friction_observer import (
+    DualFrictionObserver as DualFrictionObserver,
+    FrictionEstimate as FrictionEstimate,
+    nominal_coefficients as nominal_coefficients,
+    slide as slide,
+)
+from ._knocker import Knocker as Knocker
+from ._loop import ClosedLoop as ClosedLoop, close_loop as close_loop
+from ._pid import PI as PI, PID as PID
+from ._pressure_observer import ObservedState as ObservedState, PressureObserver as PressureObserver
+from ._reference import (
     AbstractSignal as AbstractSignal,
     Constant as Constant,
     FadeIn as FadeIn,
@@ -36,9 +37,11 @@ from .reference import (
     Sampled as Sampled,
     Sine as Sine,
     Steps as Steps,
+    number as number,
     reference_at as reference_at,
     signal_1 as signal_1,
     signal_2 as signal_2,
 )
-from .scenario import Scenario as Scenario, at_rest as at_rest, balanced_at as balanced_at
-from .sensors import Sensor as Sensor, Sensors as Sensors, quantise as quantise
+from ._scenario import Scenario as Scenario, at_rest as at_rest, balanced_at as balanced_at
+from ._sensors import Sensor as Sensor, Sensors as Sensors, quantise as quantise
+from ._vane_load import Motion as Motion

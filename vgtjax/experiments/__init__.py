@@ -1,6 +1,19 @@
 """Bench tests in simulation: what drives the actuator, and what is read off its response."""
 
-from .base import AbstractExperiment as AbstractExperiment, Output as Output, stack_runs as stack_runs
-from .measured import MeasuredLoops as MeasuredLoops, measure_loops as measure_loops
-from .slow_loop import SlowLoop as SlowLoop, label as label
-from .step_response import StepResponse as StepResponse, nominal_target as nominal_target
+from ._base import (
+    AbstractExperiment as AbstractExperiment,
+    Output as Output,
+    first_reach as first_reach,
+    stack_runs as stack_runs,
+)
+from ._loops import LIFT as LIFT, POSITIONS as POSITIONS, Loop as Loop, find_ends as find_ends, find_loop as find_loop
+from ._measured import MeasuredLoops as MeasuredLoops, measure_loops as measure_loops
+from ._slow_loop import SHOWN as SHOWN, SlowLoop as SlowLoop, label as label
+from ._step_response import StepResponse as StepResponse, nominal_target as nominal_target
+from ._validation import (
+    Deviation as Deviation,
+    Validation as Validation,
+    deviation as deviation,
+    validate as validate,
+    validation_traces as validation_traces,
+)

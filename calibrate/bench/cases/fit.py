@@ -10,9 +10,9 @@ import numpy as np
 import scipy.optimize
 
 import vgtjax
-from vgtjax.estimation import CHANNELS, Problem, Task, build_problem, calibrate, noise_level, plan_task
-from vgtjax.estimation.fit import CHI2_TOLERANCE
-from vgtjax.transforms import build_transform
+from vgtjax.estimation import CHANNELS, CHI2_TOLERANCE, Problem, Task, build_problem, calibrate, plan_task
+from vgtjax.parameters import build_transform
+from vgtjax.traces import noise_level
 
 from .. import numba_plant
 from ..data import example_traces, seconds_of

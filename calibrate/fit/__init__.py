@@ -1,0 +1,3 @@
+"""The command `fit`: calibrates every unit of a study."""
+
+from .command import run as run

@@ -1,0 +1,179 @@
+"""The report of a fit: one HTML file that carries all it shows."""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+import vgtjax
+from vgtjax.estimation import Calibration, TraceResult
+
+from ..output import figures
+from ..output.component_figures import component_figures
+from ..output.hysteresis import loop_pair, loops_figure
+from ..output.page import figure_html, render_page
+from ..study.models import passivity_note
+from ..study.parameter_file import Row, start_as_study
+from ..study.units import Job
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class UnitReport:
+    """What a report says of one unit."""
+
+    name: str | None
+    calibration: Calibration
+    rows: list[Row]
+    seconds: float
+    unseen: list[str]
+    """Free parameters that the traces did not determine at the start values."""
+
+
+def render(job: Job, unit: UnitReport) -> str:
+    """The report of one unit as HTML, with plots, their library and the study inside."""
+    return render_page(
+        "fit.html.jinja",
+        title=job.study.name if unit.name is None else f"{job.study.name}: {unit.name}",
+        study=job.study,
+        study_text=job.text,
+        fingerprint=job.fingerprint,
+        unit=_sections(unit),
+    )
+
+
+def render_overview(
+    job: Job, summaries: dict[str | None, dict[str, Any]], population: dict[str, dict[str, Any]]
+) -> str:
+    """The report of a study with several units: how each was met, how they differ, and links to their own reports.
+
+    `population` has the parameters of `parameters.json` by unit.
+    """
+    return render_page(
+        "fit_overview.html.jinja",
+        title=job.study.name,
+        study=job.study,
+        study_text=job.text,
+        fingerprint=job.fingerprint,
+        units=[_overview_row(str(name), summary) for name, summary in summaries.items()],
+        parameters=_spread(population),
+    )
+
+
+def _overview_row(name: str, summary: dict[str, Any]) -> dict[str, Any]:
+    """One unit in a line: its worst trace counts."""
+    traces = summary["traces"].values()
+    widths = [trace["loop_width"] for trace in traces if "loop_width" in trace]
+
+    def worst(channel: str, scale: float) -> float | None:
+        found = [trace["rmse"][channel] * scale for trace in traces if trace["rmse"].get(channel) is not None]
+        return max(found, default=None)
+
+    return {
+        "name": name,
+        "summary": summary,
+        "x_d": worst("x_d", 1e6),
+        "p_act": worst("p_act", 1.0),
+        "loop": max((100 * abs(width["simulated"] / width["measured"] - 1) for width in widths), default=None),
+        "widths": [width["measured"] / 100 for width in widths],
+    }
+
+
+def _spread(population: dict[str, dict[str, Any]]) -> list[dict[str, Any]]:
+    """How each fitted entry differs from unit to unit, beside the standard error of one unit."""
+    entries: dict[str, list[tuple[float, float | None, str]]] = {}
+    for parameters in population.values():
+        for name, fields in parameters.items():
+            many = isinstance(fields["value"], list)
+            keys = ("value", "std_error", "unit", "free")
+            columns = [fields[key] if many else [fields[key]] for key in keys]
+            for index, (value, error, unit, free) in enumerate(zip(*columns, strict=True)):
+                if free and value is not None:
+                    entries.setdefault(f"{name}[{index}]" if many else name, []).append((value, error, unit))
+    return [_spread_row(entry, found) for entry, found in entries.items()]
+
+
+def _spread_row(entry: str, found: list[tuple[float, float | None, str]]) -> dict[str, Any]:
+    values = np.array([value for value, _, _ in found])
+    errors = [error for _, error, _ in found if error is not None]
+    return {
+        "entry": entry,
+        "unit": found[0][2],
+        "mean": float(values.mean()),
+        "deviation": float(values.std(ddof=1)) if len(values) > 1 else None,
+        "low": float(values.min()),
+        "high": float(values.max()),
+        "error": float(np.median(errors)) if errors else None,
+    }
+
+
+def _sections(unit: UnitReport) -> dict[str, Any]:
+    calibration = unit.calibration
+    known = calibration.uncertainty.identifiable
+    entries = [e for e, seen in zip(calibration.task.selection.entries, known, strict=True) if seen]
+    covariance = calibration.covariance[np.ix_(known, known)]
+    return {
+        "name": unit.name,
+        "calibration": calibration,
+        "seconds": unit.seconds,
+        "unseen": unit.unseen,
+        "rows": unit.rows,
+        "start": start_as_study(calibration),
+        "traces": [trace_section(result) for result in calibration.traces],
+        "passivity": passivity_note(calibration.model),
+        "loops": loop_section(calibration.traces),
+        "components": component_sections(calibration.model),
+        "convergence": figure_html(figures.convergence_figure(calibration.progress)),
+        "autocorrelation": figure_html(figures.autocorrelation_figure(calibration.traces)),
+        "correlation": figure_html(figures.correlation_figure(entries, covariance)) if len(entries) > 1 else "",
+    }
+
+
+def component_sections(model: vgtjax.AbstractModel) -> list[dict[str, str]]:
+    """Title and picture of each law of a model."""
+    return [{"title": title, "figure": figure_html(figure)} for title, figure in component_figures(model)]
+
+
+def loop_section(results: list[TraceResult]) -> dict[str, Any] | None:
+    """What a report shows of the slow loops among the traces, if there are any: widths in mbar, and one picture."""
+    figure = loops_figure(results)
+    if figure is None:
+        return None
+    pairs = sorted((pair for result in results if (pair := loop_pair(result)) is not None), key=lambda p: p.turbine)
+    rows = [
+        {
+            "name": pair.name,
+            "turbine": pair.turbine / 100,
+            "measured": pair.measured.mean_width / 100,
+            "simulated": pair.simulated.mean_width / 100,
+            "difference": 100 * (pair.simulated.mean_width / pair.measured.mean_width - 1),
+        }
+        for pair in pairs
+    ]
+    return {"rows": rows, "figure": figure_html(figure)}
+
+
+def trace_section(result: TraceResult) -> dict[str, Any]:
+    """What a report shows of one trace: numbers of each channel, and pictures."""
+    channels = []
+    for channel, rmse in result.rmse.items():
+        residual = getattr(result.trace, channel) - result.simulated[channel]
+        unit, scale = ("um", 1e6) if channel == "x_d" else ("Pa", 1.0)
+        channels.append(
+            {
+                "name": channel,
+                "unit": unit,
+                "rmse": rmse * scale,
+                "noise": result.noise[channel] * scale,
+                "offset": result.offset[channel] * scale,
+                "peak": float(np.max(np.abs(residual - result.offset[channel]))) * scale,
+                "correlation": figures.autocorrelation(residual, 1),
+            }
+        )
+    return {
+        "name": result.trace.name,
+        "use": result.use,
+        "notes": result.trace.notes,
+        "channels": channels,
+        "figure": figure_html(figures.trace_figure(result)),
+        "loop": figure_html(figures.loop_figure(result)),
+    }

@@ -1,0 +1,3 @@
+"""The command `identify`: one bench test after the other."""
+
+from .command import run as run

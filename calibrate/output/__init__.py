@@ -1,0 +1,1 @@
+"""What the user sees: files written whole, the console, pages and pictures."""

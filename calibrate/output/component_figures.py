@@ -1,0 +1,106 @@
+"""What the components of a model look like: each law against its input (plotly)."""
+
+from typing import Any
+
+import jax
+import numpy as np
+import plotly.graph_objects as go
+
+import vgtjax
+from vgtjax.parts import Contact, Vanes
+
+from .figures import MEASURED, SIMULATED, styled
+
+CURVES = ("#c2410c", "#1d4ed8", "#15803d", "#7c3aed", "#0e7490")
+SETTLING = 2e-3
+"""m of sliding at one speed after which friction is steady."""
+
+
+def component_figures(model: Any) -> list[tuple[str, go.Figure]]:
+    """Title and figure of every law that the model has: magnet, areas, flow function, friction, vane force."""
+    figures = []
+    if isinstance(model, vgtjax.Actuator):
+        figures += [
+            ("Magnetic force against duty [2.9]", magnet_figure(model)),
+            ("Effective areas against plunger position [B.2, B.3]", area_figure(model)),
+            ("Flow function [2.15]", flow_function_figure(model)),
+        ]
+    figures.append(("Friction against velocity [3.7]", friction_figure(model)))
+    if not isinstance(model.vane_force, vgtjax.NoVaneForce):
+        figures.append(("Exhaust gas force on the rod [3.15-3.17]", vane_force_figure(model)))
+    return figures
+
+
+def magnet_figure(model: vgtjax.Actuator) -> go.Figure:
+    """Pull of the magnet on a closed plunger over the duty."""
+    duty = np.linspace(0.0, 100.0, 201)
+    pull = model.converter.magnet.steady_pull(duty, np.zeros_like(duty))
+    return _plot([(duty, pull, "")], "duty, %", "magnetic force, N")
+
+
+def area_figure(model: vgtjax.Actuator) -> go.Figure:
+    """Area of the open orifice over the plunger's position: to the reservoir below zero, to the atmosphere above."""
+    position = np.linspace(-3e-3, 1e-3, 801)
+    area = jax.vmap(model.converter.orifice_area)(position)
+    return _plot([(position * 1e3, np.asarray(area) * 1e6, "")], "plunger position, mm", "effective area, mm²")
+
+
+def flow_function_figure(model: vgtjax.Actuator) -> go.Figure:
+    """Phi over the pressure ratio."""
+    ratio = np.linspace(0.0, 1.0, 501)
+    figure = _plot([(ratio, vgtjax.flow_function(model.air, ratio), "")], "pressure ratio", "Phi")
+    return figure.add_vline(float(model.air.critical_ratio()), line_dash="dot", line_color=MEASURED)
+
+
+def friction_figure(model: Any) -> go.Figure:
+    """Steady force of friction over the velocity, without exhaust gas."""
+    speed = np.geomspace(1e-5, 6e-3, 60)
+    force = np.array([_steady_friction(model, value) for value in speed])
+    velocity = np.concatenate([-speed[::-1], speed]) * 1e3
+    return _plot([(velocity, np.concatenate([-force[::-1], force]), "")], "velocity, mm/s", "friction, N")
+
+
+@jax.jit
+def _steady_friction(model: Any, speed: float) -> jax.Array:
+    friction, steps = model.friction, 400
+    contact = Contact(np.asarray(1.0) * speed, model.diaphragm.mass, Vanes(np.asarray(5e-3), np.asarray(0.0)))
+    pull = np.asarray(1e6)  # more than friction can hold
+
+    def slide(state, _):
+        rate, relaxation = friction(contact, state, pull)[1], friction.relaxation(contact, state)
+        step = SETTLING / speed / steps
+        return jax.tree.map(lambda z, dz, a: z + dz * step / (1 + a * step), state, rate, relaxation), None
+
+    state = jax.lax.scan(slide, friction.initial_state(), length=steps)[0]
+    return friction(contact, state, pull)[0]
+
+
+def vane_force_figure(model: Any) -> go.Figure:
+    """Force over the crank angle at several turbine pressures, closing and opening."""
+    vane_force, travel = model.vane_force, float(model.diaphragm.travel)
+    opening = np.linspace(0.0, travel, 201)
+    both_ways = isinstance(vane_force, vgtjax.HysteresisMap)
+    pressures = vane_force.turbine_pressure if both_ways else np.array([0.5e5, 1.0e5, 1.5e5])
+    curves = []
+    for pressure in np.asarray(pressures):
+        vanes = Vanes(opening, np.full_like(opening, pressure))
+        ways = ((1.0, "closing"), (-1.0, "opening")) if both_ways else ((0.0, ""),)
+        for direction, name in ways:
+            if name:
+                force = jax.vmap(lambda at, direction=direction: vane_force.force(at, direction))(vanes)
+            else:
+                force = jax.vmap(lambda at: vane_force(at, np.zeros(()), None)[0])(vanes)
+            label = f"{pressure / 100:.0f} mbar {name}"
+            curves.append((np.asarray(vane_force.crank.angle(opening)), force, label))
+    return _plot(curves, "crank angle, deg", "force against closing, N")
+
+
+def _plot(curves: list[tuple[Any, Any, str]], x_label: str, y_label: str) -> go.Figure:
+    figure = go.Figure()
+    for number, (x, y, name) in enumerate(curves):
+        line = {"color": SIMULATED if len(curves) == 1 else CURVES[number % len(CURVES)], "width": 1.6}
+        x, y = np.asarray(x, np.float32), np.asarray(y, np.float32)
+        figure.add_trace(go.Scatter(x=x, y=y, mode="lines", name=name, line=line, showlegend=bool(name)))
+    figure.update_xaxes(title_text=x_label)
+    figure.update_yaxes(title_text=y_label)
+    return styled(figure, 340)

@@ -1,0 +1,61 @@
+"""Files that a command writes: whole or not at all, and never over another study's results."""
+
+import json
+import os
+import pathlib
+from typing import Any
+
+from vgtjax import InputError
+
+MARKER = ".study.json"
+PROGRESS = ".progress.json"
+
+
+def write_text(path: pathlib.Path, text: str) -> None:
+    """Writes a file so that a crash leaves either the old one or the new one."""
+    temporary = path.with_name(f".{path.name}.new")
+    temporary.write_text(text, encoding="utf-8")
+    os.replace(temporary, path)
+
+
+def write_json(path: pathlib.Path, content: Any) -> None:
+    """Writes JSON; NaN and infinity are bugs, not values."""
+    write_text(path, json.dumps(content, indent=2, allow_nan=False) + "\n")
+
+
+def read_json(path: pathlib.Path) -> Any:
+    """Reads JSON that this package wrote.
+
+    **Raises:** `InputError` when the file can't be read or is no JSON.
+    """
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{path}: can't be read ({error.strerror}); check the path") from error
+    except ValueError as error:
+        raise InputError(f"{path.name}: this is not valid JSON ({error}); write it again") from error
+
+
+def claim(out: pathlib.Path, command: str, fingerprint: str) -> None:
+    """Makes `out` the folder of this command and study.
+
+    **Raises:** `InputError` when it is a file, or belongs to another command or study.
+    """
+    marker = out / MARKER
+    if out.exists() and not out.is_dir():
+        raise InputError(f"--out must be a folder, but {out} is a file; choose another name")
+    if marker.exists():
+        owner = read_json(marker)
+        if owner != {"command": command, "fingerprint": fingerprint}:
+            raise InputError(
+                f"{out} holds the results of another study ('{owner.get('command')}', other inputs); choose another "
+                "--out, or remove that folder"
+            )
+        return
+    if out.exists() and any(out.iterdir()):
+        raise InputError(f"{out} is not empty and no study wrote it; choose another --out")
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        write_json(marker, {"command": command, "fingerprint": fingerprint})
+    except OSError as error:
+        raise InputError(f"{out}: can't be written ({error.strerror}); choose another --out") from error

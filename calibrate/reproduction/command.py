@@ -1,0 +1,58 @@
+"""The command `reproduce`: what the thesis states in chapters 2 to 5 beside what we get."""
+
+import collections
+import hashlib
+import importlib.metadata
+import itertools
+import pathlib
+
+import rich.status
+
+from ..output.console import console
+from ..output.files import claim, write_json, write_text
+from ..output.page import figure_html, render_page
+from . import ROWS, Result, evaluate, figures
+
+
+def run(out: pathlib.Path) -> None:
+    """Writes `reproduction.json` and `report.html`; does nothing where an earlier run wrote them.
+
+    **Raises:** `InputError` when the folder belongs to something else.
+    """
+    claim(out, "reproduce", _fingerprint())
+    report = out / "report.html"
+    if report.exists():
+        console.print(f"nothing to do: {out} holds this table")
+        console.print(f"report: {report.resolve()}")
+        return
+    results = []
+    with rich.status.Status("reproduce", console=console) as status:
+        for result in evaluate():
+            results.append(result)
+            console.print(f"{result.verdict:17} {result.row.quantity}")
+        status.update("reproduce: writing the report")
+        write_json(out / "reproduction.json", [result.to_json() for result in results])
+        write_text(report, render(results))
+    counts = collections.Counter(result.verdict for result in results)
+    console.print(", ".join(f"{count} {verdict}" for verdict, count in counts.items()))
+    console.print(f"report: {report.resolve()}")
+
+
+def _fingerprint() -> str:
+    """Of all statements and of this version: what a folder's table depends on."""
+    statements = [(row.id, row.printed, str(row.rule)) for row in ROWS]
+    return hashlib.sha256(f"{importlib.metadata.version('vgtjax')} {statements}".encode()).hexdigest()
+
+
+def render(results: list[Result]) -> str:
+    """The report as HTML: the table by section, and a few pictures."""
+    sections = [
+        (name, list(group)) for name, group in itertools.groupby(results, key=lambda result: result.row.section)
+    ]
+    return render_page(
+        "reproduction.html.jinja",
+        title="Chapters 2 to 5 of the thesis, reproduced",
+        sections=sections,
+        counts=collections.Counter(result.verdict for result in results),
+        figures=[(title, text, figure_html(draw())) for title, text, draw in figures.ALL],
+    )

@@ -1,0 +1,3 @@
+"""The command `simulate`: the model on every trace of a study."""
+
+from .command import run as run

@@ -1,0 +1,62 @@
+"""The command `simulate`: the model on every trace of a study."""
+
+import csv
+import io
+import pathlib
+
+import numpy as np
+
+import vgtjax
+from vgtjax import SimulationError
+from vgtjax.traces import SIGNAL_UNITS
+
+from ..output.console import console, say_notes
+from ..output.files import claim, write_text
+from ..study.units import prepare
+
+
+def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathlib.Path) -> None:
+    """Writes `<trace name>.csv` for every trace: physical values without sensor offsets.
+
+    **Raises:** `InputError` before anything is written; `SimulationError` naming the traces that failed, after the
+    others are written.
+    """
+    job = prepare(study, parameters)
+    claim(out, "simulate", job.fingerprint)
+    failed = []
+    for unit in job.units:
+        folder = unit.folder(out)
+        folder.mkdir(exist_ok=True)
+        say_notes(trace for _, trace in unit.traces)
+        for _, trace in unit.traces:
+            path = folder / f"{trace.name}.csv"
+            if path.exists():
+                console.print(f"{path} is there already")
+                continue
+            solution = vgtjax.simulate(unit.model, trace, throw=False)
+            if solution.result != vgtjax.RESULTS.successful:
+                failed.append(trace.name)
+                continue
+            write_text(path, to_csv(trace, solution))
+            console.print(f"wrote {path}")
+    if failed:
+        raise SimulationError(
+            f"the simulation of {', '.join(failed)} left the finite numbers; check that the parameters are physical"
+        )
+
+
+def to_csv(trace: vgtjax.Trace, solution: vgtjax.Solution) -> str:
+    """A simulated trace as text, inputs first, then the signals under the headers of a bench trace."""
+    columns = {"time [s]": trace.time}
+    for name, unit in (("pwm", "%"), ("p_res", "Pa absolute"), ("p_trb", "Pa gauge")):
+        values = getattr(trace, name)
+        if values is not None:
+            columns[f"{name} [{unit}]"] = values
+    for name, unit in SIGNAL_UNITS.items():
+        if name in solution.signals:
+            columns[f"{name} [{unit}]"] = np.asarray(solution.signals[name]) + 0.0  # minus zero is a plain zero
+    text = io.StringIO(newline="")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(zip(*[[f"{value:.9g}" for value in values] for values in columns.values()], strict=True))
+    return text.getvalue()

@@ -1,0 +1,188 @@
+"""`parameters.json`: what a fit found, and what simulate and the next fit start from."""
+
+import dataclasses
+import math
+import pathlib
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+import vgtjax
+from vgtjax import InputError
+from vgtjax.estimation import Bounds, Calibration
+from vgtjax.parameters import entry_names, unknown_name
+
+from ..output.files import read_json
+from .models import check_value, on_given_knots
+from .tables import Study
+
+
+@dataclasses.dataclass(frozen=True)
+class Row:
+    """One scalar entry of a calibrated model, in the unit of the table."""
+
+    entry: str
+    symbol: str
+    unit: str
+    value: float
+    initial: float
+    std_error: float | None
+    free: bool
+    lower: float | None
+    upper: float | None
+    at_bound: bool
+    identifiable: bool
+    assumed: bool
+    source: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Estimate:
+    """What is known of one estimated entry, in the unit of the table; `std_error` is NaN where the data say nothing."""
+
+    std_error: float
+    at_bound: bool = False
+    identifiable: bool = True
+
+
+def tabulate(
+    start: Any, model: Any, estimates: dict[str, Estimate], bounds: Bounds, names: Sequence[str] = ("*",)
+) -> list[Row]:
+    """Every scalar entry of a model or a controller beside its start, the estimated ones and the others, or of `names`.
+
+    A table that was moved to other knots starts from its old force at the new ones.
+    """
+    table = vgtjax.parameter_table(model)
+    everything = vgtjax.select(model, free=names)
+    values = np.asarray(everything.pack(model)).tolist()
+    knots = {name: np.asarray(vgtjax.get_parameter(model, name)).tolist() for name in table}
+    initials = np.asarray(everything.pack(on_given_knots(start, knots))).tolist()
+    found = []
+    for entry, value, initial in zip(everything.entries, values, initials, strict=True):
+        row = vgtjax.parameters.table_row(table, entry)
+        estimate = estimates.get(entry)
+        error = math.nan if estimate is None else estimate.std_error
+        low, high = bounds.get(entry, (None, None))
+        found.append(
+            Row(
+                entry=entry,
+                symbol=row.symbol,
+                unit=str(row.unit),
+                value=value,
+                initial=initial,
+                std_error=error if math.isfinite(error) else None,
+                free=estimate is not None,
+                lower=low,
+                upper=high,
+                at_bound=estimate is not None and estimate.at_bound,
+                identifiable=estimate is not None and estimate.identifiable,
+                assumed=row.assumed,
+                source=row.source,
+            )
+        )
+    return found
+
+
+def rows(calibration: Calibration) -> list[Row]:
+    """Every scalar entry of the fitted model, free and held."""
+    entries = calibration.task.selection.entries
+    known = calibration.uncertainty.identifiable.tolist()
+    errors, ends = calibration.std_errors.tolist(), calibration.at_bound.tolist()
+    estimates = {entry: Estimate(*found) for entry, *found in zip(entries, errors, ends, known, strict=True)}
+    return tabulate(calibration.task.model, calibration.model, estimates, calibration.task.bounds)
+
+
+def start_as_study(calibration: Calibration) -> str:
+    """The start values of a fit, exact to the last digit, as the `[parameters]` table of a study."""
+    model = calibration.task.model
+    lines = [
+        f'"{name}" = {{value = {np.asarray(vgtjax.get_parameter(model, name)).tolist()!r}}}'
+        for name in vgtjax.parameter_table(model)
+    ]
+    return "\n".join(["[parameters]", *lines])
+
+
+_FIELDS = ("value", "unit", "free", "std_error", "initial", "lower", "upper", "at_bound", "identifiable")
+
+
+def to_json(study: Study, found: list[Row]) -> dict[str, Any]:
+    """The content of `parameters.json`; vector-valued parameters have lists in every field."""
+    parameters: dict[str, Any] = {}
+    for row in found:
+        fields = {field: _without_infinity(getattr(row, field)) for field in _FIELDS}
+        name, bracket, _ = row.entry.partition("[")
+        if bracket:
+            vector = parameters.setdefault(name, {field: [] for field in _FIELDS})
+            for field in _FIELDS:
+                vector[field].append(fields[field])
+        else:
+            parameters[name] = fields
+    return {"model": study.model, "components": study.components.model_dump(), "parameters": parameters}
+
+
+def _without_infinity(value: Any) -> Any:
+    """JSON has no infinity: a `diaphragm.travel` without end is null."""
+    return None if isinstance(value, float) and math.isinf(value) else value
+
+
+def load_values(path: pathlib.Path, unit: str | None, study: Study, model: vgtjax.AbstractModel) -> dict[str, Any]:
+    """Values by name from a `parameters.json`, or from a folder of a fit with several units.
+
+    **Raises:** `InputError` when it can't be read, or belongs to another model.
+    """
+    if path.is_dir():
+        inner = path / unit / "parameters.json" if unit is not None else path / "parameters.json"
+        if not inner.exists():
+            raise InputError(f"{path} has no parameters for {unit or 'a study without units'}; fit that unit first")
+        path = inner
+    content = read_json(path)
+    if not isinstance(content, dict) or not isinstance(content.get("parameters"), dict):
+        raise InputError(f"{path.name}: this is no parameters.json of a fit; give one that 'fit' wrote")
+    wanted = study.components.model_dump()
+    if content.get("model") != study.model:
+        raise InputError(
+            f"{path.name}: these are parameters of the model '{content.get('model')}', but the study's is "
+            f"'{study.model}'; give parameters of the same model"
+        )
+    if content.get("components", wanted) != wanted:
+        raise InputError(
+            f"{path.name}: these are parameters of a model with other components than the study's; give "
+            "parameters of the same components"
+        )
+    table = vgtjax.parameter_table(model)
+    values = {}
+    for name, fields in content["parameters"].items():
+        if name not in table:
+            raise unknown_name(f"{path.name}: parameter", name, entry_names(table))
+        if not isinstance(fields, dict) or "value" not in fields:
+            raise InputError(f"{path.name}: the parameter '{name}' has no value; add it")
+        values[name] = math.inf if fields["value"] is None else fields["value"]
+        _check_numbers(path, name, values[name])
+    model = on_given_knots(model, values)
+    for name, value in values.items():
+        check_value(model, name, value)
+    return values
+
+
+def unit_files(folder: pathlib.Path) -> dict[str, pathlib.Path]:
+    """`parameters.json` of every unit below the folder of a fit, by unit."""
+    return {path.parent.name: path for path in sorted(folder.glob("*/parameters.json"))}
+
+
+def fitted_entries(path: pathlib.Path) -> list[str]:
+    """The entries that a fit moved, in the order of its `parameters.json`."""
+    entries = []
+    for name, fields in read_json(path)["parameters"].items():
+        free = fields.get("free", True)
+        if isinstance(free, list):
+            entries += [f"{name}[{index}]" for index, moved in enumerate(free) if moved]
+        elif free:
+            entries.append(name)
+    return entries
+
+
+def _check_numbers(path: pathlib.Path, name: str, value: Any) -> None:
+    for number in value if isinstance(value, list) else [value]:
+        if isinstance(number, bool) or not isinstance(number, int | float):
+            raise InputError(f"{path.name}: the value of '{name}' must be a number, but it is {number!r}; correct it")

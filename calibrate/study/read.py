@@ -1,0 +1,165 @@
+"""Study files: what the user asks for, validated, and turned into traces and a model."""
+
+import difflib
+import glob
+import hashlib
+import importlib.metadata
+import pathlib
+import re
+import tomllib
+import typing
+from typing import Any
+
+import pydantic
+
+from vgtjax import InputError
+
+from .tables import Study, Table
+
+EXAMPLE = pathlib.Path(__file__).parents[1] / "example" / "study.toml"
+"""The study that runs when none is named."""
+
+
+class TraceSource(Table):
+    """One trace file of a study after patterns are expanded."""
+
+    path: pathlib.Path
+    use: str
+    name: str
+    unit: str | None
+    atmosphere: float | None
+    window: tuple[float, float] | None
+
+
+def load_study(path: pathlib.Path) -> Study:
+    """Reads and validates a study file.
+
+    **Raises:** `InputError` with the file, the key and the remedy.
+    """
+    try:
+        raw = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except OSError as error:
+        raise InputError(f"{path}: the study can't be read ({error.strerror}); check its path") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path.name}: this is not valid TOML ({error}); repair the file") from error
+    try:
+        return Study.model_validate(raw)
+    except pydantic.ValidationError as error:
+        raise InputError(f"{path.name}: {_sentence(error)}") from error
+
+
+def _sentence(error: pydantic.ValidationError) -> str:
+    """The first problem that pydantic found, as one sentence with a remedy."""
+    problems = error.errors(include_url=False)
+    # A misspelt key is also a missing one: the misspelling says more.
+    first = next((problem for problem in problems if problem["type"] == "extra_forbidden"), problems[0])
+    # Without the position in a list, and without the branch of "a number or a list of them".
+    place = [part for part in first["loc"] if not isinstance(part, int) and part not in ("float", "list[float]")]
+    where = ".".join(map(str, place)) or "the study"
+    if first["type"] == "extra_forbidden":
+        if len(place) == 3 and isinstance(first["input"], dict):
+            return f'a parameter\'s name must be in quotes; write "{".".join(place[1:])}" = ...'
+        known = _keys_at(place[:-1])
+        near = difflib.get_close_matches(str(place[-1]), known, n=1, cutoff=0.0)
+        return f"unknown key '{where}'; did you mean '{near[0]}'?"
+    if first["type"] == "missing":
+        return f"the key '{where}' is missing; add it"
+    if first["type"] == "literal_error":
+        given, known = str(first["input"]), re.findall(r"'([^']+)'", first["ctx"]["expected"])
+        near = difflib.get_close_matches(given, known, n=1, cutoff=0.0)
+        return f"{where} must be one of {', '.join(known)}, but it is '{given}'; did you mean '{near[0]}'?"
+    if first["type"] == "model_type":
+        example = "{relative = 0.02}" if place[0] == "population" else f"{{value = {first['input']!r}}}"
+        return f"'{where}' must be a table, but it is {first['input']!r}; write e.g. {example}"
+    message = first["msg"].removeprefix("Value error, ")
+    if first["type"] == "value_error":
+        return message
+    return f"{where}: {message}, but it is {first['input']!r}; correct it"
+
+
+def _keys_at(place: list[Any]) -> list[str]:
+    """Keys of the table at a place in a study, found by walking down its types."""
+    table: Any = Study
+    for part in place:
+        field = table.model_fields.get(part) if isinstance(table, type) and issubclass(table, Table) else None
+        found = table if field is None else field.annotation
+        # A list or a dictionary of tables: whatever its index or key, the table inside.
+        while typing.get_args(found):
+            found = typing.get_args(found)[-1]
+        table = found
+    return list(table.model_fields)
+
+
+def expand_traces(study: Study, folder: pathlib.Path) -> list[TraceSource]:
+    """The trace files of a study, patterns expanded in alphabetical order.
+
+    **Raises:** `InputError` when a file or pattern matches nothing, a name occurs twice within a unit, or only some
+    traces have a unit.
+    """
+    sources = []
+    for entry in study.trace:
+        for path in _files(folder, entry.file):
+            sources.append(
+                TraceSource(
+                    path=path,
+                    use=entry.use,
+                    name=_fill("{stem}" if entry.name is None else entry.name, path.stem),
+                    unit=None if entry.unit is None else _fill(entry.unit, path.stem),
+                    atmosphere=entry.atmosphere,
+                    window=entry.window,
+                )
+            )
+    _check_names(sources)
+    return sources
+
+
+def _files(folder: pathlib.Path, pattern: str) -> list[pathlib.Path]:
+    """The file of that name, or else all that match it as a pattern."""
+    if (folder / pattern).is_file():
+        return [folder / pattern]
+    found = sorted(glob.glob(pattern, root_dir=folder, recursive=True))
+    if not found:
+        there = sorted(path.name for path in folder.glob("*.csv"))
+        near = difflib.get_close_matches(pattern, there, n=1, cutoff=0.0)
+        remedy = f"did you mean '{near[0]}'?" if near else "names are relative to the study file"
+        raise InputError(f"trace file '{pattern}' matches nothing in {folder}; {remedy}")
+    return [folder / file for file in found]
+
+
+def _fill(pattern: str, stem: str) -> str:
+    """`{stem}` is the file's stem and `{stem:7}` its first seven letters."""
+    filled = re.sub(r"\{stem(?::(\d+))?\}", lambda m: stem[: int(m[1])] if m[1] else stem, pattern)
+    if pattern.count("{") != len(re.findall(r"\{stem(?::\d+)?\}", pattern)):
+        raise InputError(f"only {{stem}} and e.g. {{stem:7}} may be in braces, but there is '{pattern}'; correct it")
+    return filled
+
+
+def _check_names(sources: list[TraceSource]) -> None:
+    without = [source.name for source in sources if source.unit is None]
+    if without and len(without) < len(sources):
+        raise InputError(
+            f"either all traces have a unit or none has, but '{without[0]}' has none while others do; add unit to it"
+        )
+    seen: dict[tuple[str | None, str], pathlib.Path] = {}
+    for source in sources:
+        for text, kind in ((source.name, "name"), (source.unit, "unit")):
+            if text is not None and (not text or re.search(r"[/\\\0]", text) or text.startswith(".")):
+                raise InputError(f"the trace {kind} '{text}' can't be a file name; use letters and digits")
+        key = (source.unit, source.name)
+        if key in seen:
+            raise InputError(
+                f"the trace name '{source.name}' occurs twice ({seen[key].name} and {source.path.name}); give one of "
+                "them another name"
+            )
+        seen[key] = source.path
+
+
+def fingerprint(study: Study, sources: list[TraceSource], parameters: dict[str | None, dict[str, Any]]) -> str:
+    """SHA-256 over all that a result depends on: version, study, names and bytes of its traces, given parameters."""
+    digest = hashlib.sha256(importlib.metadata.version("vgtjax").encode())
+    digest.update(study.model_dump_json().encode())
+    for source in sources:
+        digest.update(repr((source.name, source.unit, source.use)).encode())
+        digest.update(source.path.read_bytes())
+    digest.update(repr(parameters).encode())
+    return digest.hexdigest()

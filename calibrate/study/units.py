@@ -1,0 +1,116 @@
+"""A command's work laid out: the study read, every trace loaded and checked, a model for every unit."""
+
+import dataclasses
+import pathlib
+from typing import Any
+
+import vgtjax
+from vgtjax import InputError
+from vgtjax.estimation import Bounds
+from vgtjax.traces import STANDARD_ATMOSPHERE, TRAVEL
+
+from .models import build_model, check_bounds, on_given_knots, start_values
+from .parameter_file import load_values
+from .read import EXAMPLE, TraceSource, expand_traces, fingerprint, load_study
+from .tables import Study
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Unit:
+    """One actuator of a study; `name` is `None` for a study without units."""
+
+    name: str | None
+    model: vgtjax.AbstractModel
+    bounds: Bounds
+    traces: list[tuple[str, vgtjax.Trace]]
+    """`fit` or `validate`, and the trace."""
+
+    def used(self, use: str) -> list[vgtjax.Trace]:
+        """The traces for one use."""
+        return [trace for kind, trace in self.traces if kind == use]
+
+    def folder(self, out: pathlib.Path) -> pathlib.Path:
+        """Where this unit's files go."""
+        return out if self.name is None else out / self.name
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Job:
+    """Everything a command needs; nothing has been written yet."""
+
+    study: Study
+    text: str
+    fingerprint: str
+    units: list[Unit]
+
+
+def prepare(path: pathlib.Path | None, parameters: pathlib.Path | None, needs: tuple[str, ...] = ()) -> Job:
+    """Reads and checks everything that a command will use.
+
+    **Arguments:** `path`: the study, or `None` for the example that ships; `parameters`: of an earlier fit;
+    `needs`: columns that every trace must have besides those of the model, alternatives joined by `|`.
+
+    **Raises:** `InputError` for the first thing that is wrong.
+    """
+    path = EXAMPLE if path is None else path
+    study = _holding_replaced(load_study(path))
+    if not study.trace:
+        raise InputError(f"{path.name}: a study needs at least one [[trace]], but it has none; add one with its file")
+    stated_values = {name: given.value for name, given in study.parameters.items()}
+    model = on_given_knots(build_model(study), stated_values)
+    start_values(model, study)
+    sources = expand_traces(study, path.parent)
+    names = sorted({source.unit for source in sources}, key=str)
+    units, given = [], {}
+    for name in names:
+        mine = [source for source in sources if source.unit == name]
+        values: dict[str, Any] = {} if parameters is None else load_values(parameters, name, study, model)
+        given[name] = values
+        # An earlier fit is the start; what the study states itself goes before it.
+        start = vgtjax.replace_parameters(on_given_knots(model, values), values)
+        stated, bounds = start_values(start, study)
+        start = vgtjax.replace_parameters(start, stated)
+        check_bounds(start, bounds)
+        traces = [(source.use, load_source(source, start, bounds, (*start.needs, *needs))) for source in mine]
+        units.append(Unit(name, start, bounds, traces))
+    return Job(study, path.read_text(encoding="utf-8-sig"), fingerprint(study, sources, given), units)
+
+
+def _holding_replaced(study: Study) -> Study:
+    """`study` with those parameters held that a flow map over plunger position has replaced."""
+    if study.model != "plunger-map":
+        return study
+    fixed = [*study.fit.fixed, "converter.*orifice*"]
+    return study.model_copy(update={"fit": study.fit.model_copy(update={"fixed": fixed})})
+
+
+def load_source(
+    source: TraceSource, model: vgtjax.AbstractModel, bounds: Bounds, needs: tuple[str, ...]
+) -> vgtjax.Trace:
+    """The trace of a source, checked against what the model's rod can do.
+
+    **Raises:** `InputError` for what is wrong with the file, or lacks a column of `needs`.
+    """
+    travel = float(vgtjax.get_parameter(model, "diaphragm.travel"))
+    trace = vgtjax.load_trace(
+        source.path,
+        atmosphere=STANDARD_ATMOSPHERE if source.atmosphere is None else source.atmosphere,
+        travel=max(TRAVEL, travel, bounds.get("diaphragm.travel", (None, None))[1] or 0.0),
+        needs=needs,
+        ignore=() if isinstance(model, vgtjax.MechanicalActuator) else ("f_drive",),
+        name=source.name,
+    )
+    if source.window is not None:
+        trace = trace.window(*source.window)
+    return trace
+
+
+def check_fit(job: Job) -> None:
+    """What a fit needs beyond a simulation.
+
+    **Raises:** `InputError` when a unit has no trace to fit.
+    """
+    for unit in job.units:
+        if not unit.used("fit"):
+            where = "" if unit.name is None else f" of unit '{unit.name}'"
+            raise InputError(f"a fit needs at least one trace{where} with use = 'fit'; mark one")

@@ -1,0 +1,67 @@
+"""What every controller of the position has in common: what it is told, and what it answers [chapter 5]."""
+
+import abc
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, PyTree
+
+from ..parts import Scalar
+
+FULL_DUTY = 100.0
+"""Percent; the duty lies between zero and this."""
+
+Memory = PyTree[Array]
+Log = dict[str, Scalar]
+
+
+class Measurement(eqx.Module):
+    """What sensors tell a controller at one sample, or at all samples of a run (leading axis)."""
+
+    position: Scalar
+    """Position of the rod in m."""
+    pressure: Scalar
+    """Chamber pressure in Pa absolute."""
+    reservoir: Scalar
+    """Reservoir pressure in Pa absolute."""
+    ambient: Scalar
+    """Atmospheric pressure in Pa."""
+    turbine: Scalar = eqx.field(default_factory=lambda: jnp.zeros(()))
+    """Pressure at the turbine's inlet in Pa gauge."""
+
+
+class Reference(eqx.Module):
+    """Where the rod should be at one sample, or at all samples of a run (leading axis)."""
+
+    position: Scalar
+    """m"""
+    velocity: Scalar
+    """m/s"""
+    acceleration: Scalar
+    """m/s2"""
+    jerk: Scalar
+    """m/s3"""
+
+
+class AbstractController(eqx.Module):
+    """A sampled control law. Its gains are its array leaves, declared with [`parameter`][].
+
+    What it remembers from one sample to the next is a PyTree of arrays that it alone understands, of the same
+    shapes and types at every sample.
+    """
+
+    @abc.abstractmethod
+    def initial_state(self, measurement: Measurement, period: float) -> Memory:
+        """What it remembers before the first sample, whose measurement is given; `period` is the sampling time in s."""
+
+    @abc.abstractmethod
+    def update(
+        self, state: Any, measurement: Measurement, reference: Reference, period: float
+    ) -> tuple[Memory, Scalar, Log]:
+        """One sample: what it remembers next, the duty in percent before saturation, and scalars to be logged."""
+
+
+def saturate(duty: Scalar) -> Scalar:
+    """The duty in percent that the converter can get: within 0 and 100."""
+    return jnp.clip(duty, 0.0, FULL_DUTY)

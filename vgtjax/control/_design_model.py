@@ -1,0 +1,172 @@
+"""The model that the backstepping controllers are designed on: four states and a flow map [5.4]."""
+
+from typing import Any, Self
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import PyTree
+
+from ..parameters import parameter
+from ..parts import (
+    AbstractFlowMap,
+    AbstractVaneForce,
+    Air,
+    Diaphragm,
+    IsothermalChamber,
+    LuGre,
+    NoVaneForce,
+    PolynomialFlow,
+    Scalar,
+)
+from ._vane_load import Motion, VaneLoad
+
+
+class DesignState(eqx.Module):
+    """State of the design model, or the rates of its state: m, m/s, m and Pa absolute, and what the vanes remember."""
+
+    position: Scalar
+    velocity: Scalar
+    deflection: Scalar
+    pressure: Scalar
+    vanes: PyTree[Scalar] = None
+
+
+class DesignModel(eqx.Module):
+    """What a backstepping controller believes of the plant [5.4].
+
+    With `V = V_0 - A_d x`, `alpha = 1/g` (which the print never defines), `S(v) = sigma_0 (1 - sigma_1 alpha |v|)` and
+    `B = b_d + theta (sigma_1 + sigma_2)`:
+
+        x' = v;   m v' = (p_atm - p) A_d - F_0 - k_sm x - B v - theta S(v) z - F_v;   z' = v - sigma_0 alpha |v| z
+        p' = n (R T f(u, p) + A_d v p) / V
+
+    with `n = 1` in [5.4], air that keeps its temperature; in air that exchanges no heat `n` is the ratio of its heat
+    capacities, as long as its temperature is near the atmosphere's.
+
+    `F_v` is the force of the exhaust gas on the vanes as far as it is known, over position, turbine pressure and the
+    state of `vane_force`; it is added, where `load` multiplies the friction of the rod as in [5.7]. Its rate takes the
+    turbine pressure for constant.
+
+    It has no end stops: within `stop_margin` of one, `off_stops` says how much of the force balance still holds.
+    """
+
+    flow_map: AbstractFlowMap = eqx.field(default_factory=PolynomialFlow)
+    chamber: IsothermalChamber = eqx.field(default_factory=IsothermalChamber)
+    diaphragm: Diaphragm = eqx.field(default_factory=Diaphragm)
+    friction: LuGre = eqx.field(default_factory=LuGre)
+    vane_force: AbstractVaneForce = eqx.field(default_factory=NoVaneForce)
+    air: Air = eqx.field(default_factory=Air)
+    load: Scalar = parameter(1.0, symbol="theta", unit="1", source="5.7")
+    exponent: Scalar = parameter(1.0, symbol="n", unit="1", source="5.4", held=True)
+    stop_margin: Scalar = parameter(2e-5, symbol="x_s", unit="m", source="assumed", assumed=True, held=True)
+
+    @classmethod
+    def of(cls, model: Any, flow_map: AbstractFlowMap, **settings: Any) -> Self:
+        """That of a model with LuGre friction, for instance an [`Actuator`][], with a map of its flow."""
+        chamber = IsothermalChamber(volume=model.chamber.volume)
+        return cls(flow_map, chamber, model.diaphragm, model.friction, model.vane_force, model.air, **settings)
+
+    @property
+    def damping(self) -> Scalar:
+        """`B` in N s/m."""
+        return self.diaphragm.damping + self.load * (self.friction.bristle_damping + self.friction.viscous_damping)
+
+    @property
+    def vane_load(self) -> VaneLoad:
+        """`F_v`."""
+        return VaneLoad(self.vane_force, self.diaphragm)
+
+    def alpha(self, velocity: Scalar) -> Scalar:
+        """`1/g(v)` in 1/N."""
+        return 1 / self.friction.stribeck(velocity)
+
+    def alpha_slope(self, velocity: Scalar) -> Scalar:
+        """`d alpha / dv` in s/(N m); zero where the velocity is, a kink when the Stribeck exponent is 1."""
+        model, power = self.friction, self.friction.stribeck_exponent
+        ratio = jnp.abs(velocity) / model.stribeck_velocity
+        steepness = power * ratio ** (power - 1) / model.stribeck_velocity
+        fall = (model.static_force - model.coulomb_force) * steepness * jnp.exp(-(ratio**power))
+        return self.alpha(velocity) ** 2 * fall * jnp.sign(velocity)
+
+    def forgetting(self, velocity: Scalar) -> Scalar:
+        """`sigma_0 alpha |v|` in 1/s, the rate at which the bristles forget their deflection."""
+        return self.friction.bristle_stiffness * self.alpha(velocity) * jnp.abs(velocity)
+
+    def stiffness(self, velocity: Scalar) -> Scalar:
+        """`S(v)` in N/m; negative for `|v| > g / sigma_1`, some 6.5 mm/s."""
+        return self.friction.bristle_stiffness - self.friction.bristle_damping * self.forgetting(velocity)
+
+    def stiffness_slope(self, velocity: Scalar, width: Scalar | float = 0.0) -> Scalar:
+        """`dS/dv` in N s/m2; zero where the velocity is, a jump unless `v / (|v| + width)` stands for its sign."""
+        model, speed = self.friction, jnp.abs(velocity)
+        sign = velocity / jnp.where(speed > 0, speed + width, 1.0)
+        growth = sign * self.alpha(velocity) + speed * self.alpha_slope(velocity)
+        return -model.bristle_stiffness * model.bristle_damping * growth
+
+    def acceleration(
+        self, position: Scalar, velocity: Scalar, resistance: Scalar, pressure: Scalar, ambient: Scalar
+    ) -> Scalar:
+        """Of the rod in m/s2, under a resistance in N along -x that takes in `theta F_f` and `F_v`."""
+        body = self.diaphragm
+        spring = body.preload + body.stiffness * position + body.damping * velocity
+        return ((ambient - pressure) * body.area - spring - resistance) / body.mass
+
+    def stopped(self, position: Scalar, acceleration: Scalar) -> Scalar:
+        """An acceleration in m/s2 without what drives the rod into an end stop, which takes that up."""
+        open_stop, closed_stop = self._near_stops(position)
+        return acceleration + open_stop * jnp.maximum(-acceleration, 0.0) - closed_stop * jnp.maximum(acceleration, 0.0)
+
+    def off_stops(self, position: Scalar) -> Scalar:
+        """Share of the force balance that holds: 1 between the stops, 0 on one, linear over `stop_margin`."""
+        open_stop, closed_stop = self._near_stops(position)
+        return (1 - open_stop) * (1 - closed_stop)
+
+    def _near_stops(self, position: Scalar) -> tuple[Scalar, Scalar]:
+        """How near the open stop and the closed one are, from 0 to 1; an endless travel has neither."""
+        travel = self.diaphragm.travel
+        stops = jnp.isfinite(travel)
+        left = jnp.stack([position, jnp.where(stops, travel, 0.0) - position])
+        near = jnp.where(stops, jnp.clip(1 - left / self.stop_margin, 0.0, 1.0), 0.0)
+        return near[0], near[1]
+
+    def friction_force(self, velocity: Scalar, deflection: Scalar) -> Scalar:
+        """`theta F_f` in N, which is `(B - b_d) v + theta S z`."""
+        viscous = (self.damping - self.diaphragm.damping) * velocity
+        return viscous + self.load * self.stiffness(velocity) * deflection
+
+    def deflection_rate(self, velocity: Scalar, deflection: Scalar) -> Scalar:
+        """`z'` in m/s."""
+        return velocity - self.forgetting(velocity) * deflection
+
+    def volume(self, position: Scalar) -> Scalar:
+        """`V` in m3."""
+        return self.chamber.gas_volume(self.diaphragm.displaced_volume(position))
+
+    @property
+    def gas_energy(self) -> Scalar:
+        """`R T` in J/kg."""
+        return self.air.gas_constant * self.air.temperature
+
+    def pressure_rate(self, flow: Scalar, position: Scalar, velocity: Scalar, pressure: Scalar) -> Scalar:
+        """`p'` in Pa/s under a mass flow in kg/s into the chamber."""
+        swept = self.diaphragm.area * velocity * pressure
+        return self.exponent * (self.gas_energy * flow + swept) / self.volume(position)
+
+    def flow_for(self, pressure_rate: Scalar, position: Scalar, velocity: Scalar, pressure: Scalar) -> Scalar:
+        """Mass flow in kg/s into the chamber that gives a pressure rate in Pa/s."""
+        swept = self.diaphragm.area * velocity * pressure
+        return (self.volume(position) * pressure_rate / self.exponent - swept) / self.gas_energy
+
+    def rates(self, state: DesignState, duty: Scalar, ambient: Scalar, turbine: Scalar | float = 0.0) -> DesignState:
+        """Time derivative of the state [5.4] under a duty in percent, an atmosphere in Pa and a turbine in Pa gauge."""
+        position, velocity, pressure = state.position, state.velocity, state.pressure
+        motion = Motion(position, velocity, ambient, turbine)
+        resistance = self.friction_force(velocity, state.deflection) + self.vane_load(motion, state.vanes)
+        flow = self.flow_map(duty, pressure, ambient)
+        return DesignState(
+            velocity,
+            self.acceleration(position, velocity, resistance, pressure, ambient),
+            self.deflection_rate(velocity, state.deflection),
+            self.pressure_rate(flow, position, velocity, pressure),
+            self.vane_load.state_rate(motion, state.vanes),
+        )

@@ -1,0 +1,92 @@
+"""Velocity from sampled positions."""
+
+import abc
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from ..parameters import parameter
+from ..parts import Scalar
+from ._base import Memory
+
+
+class AbstractDifferentiator(eqx.Module):
+    """Estimates the derivative of a sampled signal."""
+
+    @abc.abstractmethod
+    def initial_state(self, value: Scalar) -> Memory:
+        """What it remembers before the first sample, which is given and at rest."""
+
+    @abc.abstractmethod
+    def update(self, state: Any, value: Scalar, period: float, expected: Scalar | float = 0.0) -> tuple[Memory, Scalar]:
+        """One sample: what it remembers next, and the derivative a second.
+
+        `expected` is the second derivative since the last sample as far as it is known beforehand, that of a reference
+        for instance: only what differs from it has to be found from the samples, and lags or is bounded.
+        """
+
+    @abc.abstractmethod
+    def value(self, state: Any, period: float) -> Scalar:
+        """The signal itself at the last sample, as smooth as the estimate has it."""
+
+
+class FilteredSlope(eqx.Module):
+    """Last value, and its filtered derivative a second."""
+
+    value: Scalar
+    slope: Scalar
+
+
+class FilteredDifference(AbstractDifferentiator):
+    """`s / (filter_time s + 1)` by backward differences."""
+
+    filter_time: Scalar = parameter(5e-3, symbol="T_f", unit="s", source="assumed", assumed=True)
+
+    def initial_state(self, value: Scalar) -> FilteredSlope:
+        """See the base class."""
+        return FilteredSlope(value, jnp.zeros_like(value))
+
+    def update(
+        self, state: FilteredSlope, value: Scalar, period: float, expected: Scalar | float = 0.0
+    ) -> tuple[FilteredSlope, Scalar]:
+        """See the base class."""
+        held = self.filter_time * (state.slope + period * expected)
+        slope = (held + (value - state.value)) / (self.filter_time + period)
+        return FilteredSlope(value, slope), slope
+
+    def value(self, state: FilteredSlope, period: float) -> Scalar:
+        """The last sample, unfiltered."""
+        return state.value
+
+
+class LevantDifferentiator(AbstractDifferentiator):
+    """Robust exact differentiator of first order (Levant, 1998), one explicit Euler step a sample.
+
+    `z0' = z1 - 1.5 sqrt(L) |s|^(1/2) sign(s)`, `z1' = expected - 1.1 L sign(s)`, `s = z0 - value`, `L` the largest
+    second derivative but for the expected one. Sign and root are those of `s` over `|s| + width`: far below the noise,
+    `width` only keeps the derivatives finite; at or above it, this is the smooth relative, linear inside, where it
+    filters with `sqrt(1.1 L / width)` in rad/s.
+    """
+
+    largest_second_derivative: Scalar = parameter(5.0, symbol="L", unit="m/s2", source="assumed", assumed=True)
+    width: Scalar = parameter(1e-9, symbol="w", unit="m", source="assumed", assumed=True, held=True)
+
+    def initial_state(self, value: Scalar) -> FilteredSlope:
+        """See the base class."""
+        return FilteredSlope(value, jnp.zeros_like(value))
+
+    def update(
+        self, state: FilteredSlope, value: Scalar, period: float, expected: Scalar | float = 0.0
+    ) -> tuple[FilteredSlope, Scalar]:
+        """See the base class."""
+        bound = self.largest_second_derivative
+        apart = state.value - value
+        softened = jnp.abs(apart) + self.width
+        rate = state.slope - 1.5 * jnp.sqrt(bound / softened) * apart
+        slope = state.slope + period * (expected - 1.1 * bound * apart / softened)
+        return FilteredSlope(state.value + period * rate, slope), slope
+
+    def value(self, state: FilteredSlope, period: float) -> Scalar:
+        """`z0`, which an Euler step has brought to the next sample, less that step."""
+        return state.value - period * state.slope

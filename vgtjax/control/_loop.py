@@ -1,0 +1,183 @@
+"""A sampled controller on a continuous plant."""
+
+import dataclasses
+import math
+from typing import Any
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.core
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._errors import InputError
+from ..parts import Scalar
+from ..plants import AbstractModel, State
+from ..simulation import RESULTS, UNROLL, FixedStep, Solution, model_dtype, scan_in_blocks
+from ..traces import Drive
+from ._base import AbstractController, Log, Measurement, Reference, saturate
+from ._fading import fade
+from ._scenario import Scenario
+
+
+class ClosedLoop(eqx.Module):
+    """What a closed loop returns, at its samples; every array has the shape `(time,)`.
+
+    `plant` is what [`simulate`][] would return, with the true signals; `measured` is what the controller was told.
+    `command` is the duty in percent that it asked for, `duty` what the converter got, held to the next sample.
+    `log` is what the controller logged.
+    """
+
+    plant: Solution
+    measured: Measurement
+    reference: Reference
+    command: Float[Array, " time"]
+    duty: Float[Array, " time"]
+    log: Log
+
+    @property
+    def time(self) -> Float[Array, " time"]:
+        """s"""
+        return self.plant.time
+
+    @property
+    def position(self) -> Float[Array, " time"]:
+        """True position in m."""
+        return self.plant.x_d
+
+    @property
+    def velocity(self) -> Float[Array, " time"]:
+        """True velocity in m/s."""
+        return self.plant.v_d
+
+    @property
+    def pressure(self) -> Float[Array, " time"]:
+        """True chamber pressure in Pa absolute."""
+        return self.plant.p_act
+
+    @property
+    def error(self) -> Float[Array, " time"]:
+        """Reference minus true position in m."""
+        return self.reference.position - self.position
+
+    @property
+    def result(self) -> RESULTS:
+        """Whether the run stayed within the finite numbers."""
+        return self.plant.result
+
+
+class _Sample(eqx.Module):
+    state: State
+    measured: Measurement
+    command: Scalar
+    duty: Scalar
+    log: Log
+
+
+def close_loop(
+    plant: AbstractModel,
+    controller: AbstractController,
+    scenario: Scenario,
+    duration: float,
+    *,
+    period: float = 1e-3,
+    stepping: FixedStep | None = None,
+    adjoint: diffrax.AbstractAdjoint | None = None,
+    derivative_memory: float | Scalar = math.inf,
+    throw: bool = True,
+) -> ClosedLoop:
+    """Runs a controller on a plant for `duration` seconds, sampled every `period` seconds.
+
+    At every sample the sensors are read, the controller updates without delay, and its duty, limited to 0 to 100 %, is
+    held to the next sample. Differentiable with respect to every floating leaf of `plant`, `controller` and
+    `scenario`; can be jitted, and vmapped over batches of them. The precision is that of the plant's parameters.
+
+    **Arguments:**
+
+    - `plant`: a model that is driven by the duty, e.g. an [`Actuator`][].
+    - `duration`: rounded to whole periods.
+    - `stepping`: steps of the plant between samples, [`FixedStep`][] by default.
+    - `adjoint`: `diffrax.ForwardMode()` by default; `diffrax.RecursiveCheckpointAdjoint()` for reverse mode, whose
+      memory beyond what is returned grows with the square root of the number of samples.
+    - `derivative_memory`: s; what a sample leaves to the next loses its derivatives with this time constant. Infinite,
+      derivatives are exact. Of a loop that sticks and slips, or hunts, exact ones may grow without end and say nothing
+      about where a cost falls; then some multiple of the loop's own time constants keeps what matters.
+    - `throw`: whether a run that leaves the finite numbers raises; when false, look at `result` of the answer.
+      A batch wants `throw=False`, or one bad lane raises for all.
+
+    **Raises:** `InputError` for a plant that needs more than a duty, or a period or duration that is not positive; with
+    `throw`, a `RuntimeError` of equinox with the advice of `RESULTS` when the run leaves the finite numbers.
+    """
+    if plant.needs != ("pwm",):
+        raise InputError(
+            f"a plant must be driven by the duty alone, but {type(plant).__name__} needs {', '.join(plant.needs)}; "
+            "use e.g. Actuator"
+        )
+    if not isinstance(derivative_memory, jax.core.Tracer) and not derivative_memory > 0:
+        raise InputError(
+            f"derivative_memory must be positive, but it is {derivative_memory} s; use e.g. 1, or infinity"
+        )
+    if not (0 < period < math.inf and period <= duration < math.inf):
+        raise InputError(
+            f"period must be positive and at most the duration, but they are {period} s and {duration} s; "
+            "use e.g. 0.001 and 10"
+        )
+    stepping = FixedStep() if stepping is None else stepping
+    adjoint = diffrax.ForwardMode() if adjoint is None else adjoint
+    intervals, substeps = round(duration / period), stepping.substeps(plant, period)
+    kept = jnp.exp(-period / jnp.asarray(derivative_memory, float))
+    return _close_loop(plant, controller, scenario, intervals, period, stepping, substeps, adjoint, kept, throw)
+
+
+@eqx.filter_jit
+def _close_loop(
+    plant: AbstractModel,
+    controller: AbstractController,
+    scenario: Scenario,
+    intervals: int,
+    period: float,
+    stepping: FixedStep,
+    substeps: int,
+    adjoint: diffrax.AbstractAdjoint,
+    kept: Scalar,
+    throw: bool,
+) -> ClosedLoop:
+    dtype = model_dtype(plant)
+    controller, scenario = _cast(controller, dtype), _cast(scenario, dtype)
+    time = jnp.arange(intervals + 1, dtype=dtype) * period
+    drive = scenario.drive(time, period)
+    reference = scenario.references(time)
+    inputs = (drive, reference, scenario.sensors.draw(scenario.key, intervals + 1))
+
+    def measure(state: State, drive: Drive, deviates: Array) -> Measurement:
+        position, pressure = plant.observe(state, drive)
+        assert drive.reservoir is not None, "a scenario has one"
+        ambient = plant.air.pressure + drive.ambient_shift
+        truth = Measurement(position, pressure, drive.reservoir.start, ambient, drive.turbine.start)
+        return scenario.sensors(truth, deviates)
+
+    def sample(carry: Any, inputs: Any) -> tuple[Any, _Sample]:
+        state, memory = fade(carry, kept)
+        drive, reference, deviates = inputs
+        measured = measure(state, drive, deviates)
+        memory, command, log = controller.update(memory, measured, reference, period)
+        duty = saturate(command)
+        onward = stepping.advance(plant, state, dataclasses.replace(drive, pwm=duty), substeps, unroll=UNROLL)
+        return (onward, memory), _Sample(state, measured, command, duty, log)
+
+    first, _, deviates = jax.tree.map(lambda leaf: leaf[0], inputs)
+    state = plant.start(scenario.start, dataclasses.replace(first, pwm=scenario.duty_before))
+    memory = controller.initial_state(measure(state, first, deviates), period)
+    run = scan_in_blocks(sample, (state, memory), inputs, adjoint)
+
+    signals = jax.vmap(plant.signals)(run.state, dataclasses.replace(drive, pwm=run.duty))
+    finite = [jnp.all(jnp.isfinite(leaf)) for leaf in jax.tree.leaves((run.state, run.command))]
+    result = RESULTS.where(jnp.all(jnp.stack(finite)), RESULTS.successful, RESULTS.diverged)
+    solution = Solution(time, run.state, signals, result)
+    loop = ClosedLoop(solution, run.measured, reference, run.command, run.duty, run.log)
+    return result.error_if(loop, result != RESULTS.successful) if throw else loop
+
+
+def _cast(tree: Any, dtype: Any) -> Any:
+    return jax.tree.map(lambda leaf: leaf.astype(dtype) if eqx.is_inexact_array(leaf) else leaf, tree)

@@ -1,0 +1,232 @@
+"""Chamber pressure and friction from the position alone: the sliding mode observer [5.11-5.21]."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, PyTree
+
+from .._errors import InputError
+from ..parameters import parameter
+from ..parts import AbstractFlowMap, Scalar
+from ._base import FULL_DUTY
+from ._design_model import DesignModel
+from ._vane_load import Motion
+
+DUTIES = 21
+"""Duties at which the slope of a flow map is looked at; it is smooth in between."""
+PRESSURES = 41
+"""Pressures, from a tenth of the atmosphere to all of it."""
+SPEEDS = 101
+"""Speeds at which stability is checked."""
+SECANT = 1e3
+"""Pa to either side of a pressure between which the slope of the map is taken: at a knot its tangent jumps, and a step
+that is linearised by the tangent jumps with it."""
+
+
+class ObservedState(eqx.Module):
+    """Velocity in m/s, deflection of the bristles in m, chamber pressure in Pa absolute, and the vanes' state."""
+
+    velocity: Scalar
+    deflection: Scalar
+    pressure: Scalar
+    vanes: PyTree[Scalar] = None
+
+
+class PressureObserver(eqx.Module):
+    """Velocity, bristles and chamber pressure from position and velocity [5.11-5.21], with its signs corrected.
+
+    A copy of the [`DesignModel`][] that is corrected by the error of its velocity `e2 = v - vh` alone. With
+    `w = alpha2 e2 + K2 sign(e2)`:
+
+        m vh' = (p_atm - ph) A_d - F_0 - k_sm x - B vh - theta S(v) zh - F_v + m w
+        zh' = v - sigma_0 alpha |v| zh - q a (m/sigma_0) w
+        ph' = n (R T f(u, ph) + A_d v ph)/V - q b (m/A_d) w
+
+    so that `K4 = -a (m/sigma_0) K2`, `K6 = -b (m/A_d) K2`, and `alpha4`, `alpha6` likewise. Both are negative: pressure
+    and bristles both brake, and with the `K6 > 0` of the print the error of the pressure grows. `alpha2 > 0` alone is
+    the smooth version, `K2 > 0` alone the switching one. A copy of the position, as in [5.12], would do nothing. The
+    force on the vanes `F_v` is the design model's, its state followed along the measured motion; `q` is 1 but for the
+    stops.
+
+    **Stability.** Once `e2` is zero, `w` is `-(A_d e4 + theta S e3)/m`. With `phi3 = sigma_0 e3`, `phi4 = A_d e4` in N,
+    `y = sigma_1 alpha |v|`, `c = sigma_0/sigma_1` and `F = n (R T df/dp + A_d v)/V`:
+
+        phi3' = -(c y + a theta (1 - y)) phi3 - a phi4;   phi4' = -b theta (1 - y) phi3 - (b - F) phi4
+
+    and `V_O = phi3^2/2 + a/(b theta) phi4^2/2` falls at every `|v| <= v_max` if
+
+        F < 0   and   0 < a <= 4 sigma_0 F_c / (theta sigma_1^2 v_max),   with any b > 0
+
+    Where the rod moves fast, `F < 0` is more than is needed: what is checked is the determinant of `V_O'`,
+
+        (b - F) (c y + a theta (1 - y)) > a b theta (2 - y)^2 / 4   with   F < b
+
+    at the least volume and the flattest slope of the map. Bound and determinant are checked when this is built, but
+    not again for gains that a study varies later. "Sufficiently large" gains (after [5.20]) are wrong: `1 - y` changes
+    its sign at some 6.5 mm/s. For sliding, `K2` must exceed `|A_d e4 + theta S e3|/m`, which depends on the first
+    errors and is not checked; 30 m/s2 is worth 6 kPa. At standstill only `F` tells pressure from friction: their sum
+    is soon right, each by itself at a rate of `a |F| / (a + b + |F|)`.
+
+    **End stops.** A rod that rests on a stop says nothing of pressure and friction, as the stop carries what is left:
+    `w = (R - A_d e4 - theta S e3)/m` with any `R`. So both are corrected by a share `q` of `w` that is 1 between the
+    stops and 0 on one, `DesignModel.off_stops`, and on a stop the flow map alone tells the pressure. With `q`, `a` and
+    `b` become `q a` and `q b`, whose ratio in `V_O` is the same, and
+    `V_O' = q V_O'(a, b) + (1 - q) (a/(b theta) F phi4^2 - c y phi3^2)`, which falls with any `q` where `F < 0`.
+
+    **Raises:** `InputError` for gains or a flow map that break a condition above, or without any correction.
+    """
+
+    model: DesignModel = eqx.field(default_factory=DesignModel)
+    friction_rate: Scalar = parameter(5.0, symbol="a", unit="1/s", source="5.12, value assumed", assumed=True)
+    pressure_rate: Scalar = parameter(50.0, symbol="b", unit="1/s", source="5.12, value assumed", assumed=True)
+    injection_rate: Scalar = parameter(
+        1400.0,
+        symbol="alpha_2",
+        unit="1/s",
+        source="5.12, value assumed",
+        assumed=True,
+        positive=False,
+        lower=0.0,
+    )
+    switching_gain: Scalar = parameter(
+        0.0, symbol="K_2", unit="m/s2", source="5.12, value assumed", assumed=True, positive=False, lower=0.0
+    )
+    largest_velocity: Scalar = parameter(
+        0.1, symbol="v_max", unit="m/s", source="5.21, value assumed", assumed=True, held=True
+    )
+    """Of the rod, up to which the conditions are checked; nothing else uses it."""
+
+    def __check_init__(self) -> None:
+        if any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(self)):
+            return
+        for name in ("friction_rate", "pressure_rate"):
+            _require(np.min(getattr(self, name)) > 0, f"{name} must be positive", getattr(self, name), "use e.g. 5")
+        for name in ("injection_rate", "switching_gain"):
+            value = getattr(self, name)
+            _require(np.min(value) >= 0, f"{name} must not be negative", value, "use zero for none")
+        correction = np.asarray(self.injection_rate) + np.asarray(self.switching_gain)
+        rule = "injection_rate plus switching_gain must be positive, or nothing is corrected"
+        _require(np.min(correction) > 0, rule, correction, "use e.g. injection_rate=1000")
+        bound = self.largest_friction_rate()
+        rule = f"friction_rate must be at most 4 sigma_0 F_c / (theta sigma_1^2 v_max) = {np.min(bound):.4g} 1/s"
+        remedy = "lower it or largest_velocity"
+        _require(np.min(np.asarray(bound) - self.friction_rate) >= 0, rule, self.friction_rate, remedy)
+        margin, growth = self.stability_margin()
+        rule = "pressure_rate b must outweigh the growth F of pressure errors at every velocity up to largest_velocity"
+        remedy = "raise pressure_rate, or lower friction_rate or largest_velocity"
+        _require(
+            np.min(margin) > 0, f"{rule} for [5.21], F being up to {np.max(growth):.3g} 1/s", self.pressure_rate, remedy
+        )
+
+    def largest_friction_rate(self) -> Array:
+        """The bound of `a` in 1/s."""
+        friction = self.model.friction
+        steady = jnp.minimum(friction.coulomb_force, friction.static_force)
+        steepness = self.model.load * friction.bristle_damping**2 * self.largest_velocity
+        return 4 * friction.bristle_stiffness * steady / steepness
+
+    def stability_margin(self) -> tuple[Float[Array, " velocities"], Float[Array, " velocities"]]:
+        """How far `V_O'` is from rising, in 1/s2, and `F` in 1/s, at speeds up to the largest one.
+
+        The lesser of `b - F` (times `c`) and of the two sides of the determinant's condition above.
+        """
+        return _stability_margin(self)
+
+    def lyapunov(self, deflection_error: Array, pressure_error: Array) -> Array:
+        """`V_O` in N2, of errors in m and Pa of one shape."""
+        elastic = self.model.friction.bristle_stiffness * deflection_error
+        pneumatic = self.model.diaphragm.area * pressure_error
+        share = self.friction_rate / (self.pressure_rate * self.model.load)
+        return 0.5 * (elastic**2 + share * pneumatic**2)
+
+    def initial_state(self, pressure: Scalar) -> ObservedState:
+        """At rest with relaxed bristles, at a pressure in Pa absolute."""
+        nothing = jnp.zeros_like(pressure)
+        return ObservedState(nothing, nothing, pressure, self.model.vane_force.initial_state())
+
+    def step(self, state: ObservedState, motion: Motion, duty: Scalar, period: float) -> tuple[ObservedState, Scalar]:
+        """One step of implicit Euler, to the sample at which position and velocity are known.
+
+        The map is linearised about the last pressure. The sign is implicit too (Acary and Brogliato, 2010): while
+        sliding it takes the value within -1 and 1 that makes `e2` zero at the sample, which is the equivalent value
+        of [5.16]. So nothing chatters, whatever the period, and the rates may be used in a control law.
+
+        **Arguments:** `motion` at the sample; `duty` in percent, held since the last one; `period` in s.
+
+        **Returns:** the state at the sample, and the rate `zh'` in m/s there.
+        """
+        model, body, velocity = self.model, self.model.diaphragm, motion.velocity
+        told = model.off_stops(motion.position)
+        by_deflection = told * self.friction_rate * body.mass / model.friction.bristle_stiffness
+        by_pressure = told * self.pressure_rate * body.mass / body.area
+        # Every unknown is a constant plus a factor times the correction w.
+        forgetting = 1 + period * model.forgetting(velocity)
+        deflection = Affine((state.deflection + period * velocity) / forgetting, -period * by_deflection / forgetting)
+        pressure = self._pressure(state.pressure, motion, duty, period, by_pressure)
+        vanes = model.vane_load.after(motion, state.vanes, period)
+        friction = model.load * model.stiffness(velocity)
+        resistance = friction * deflection.constant + model.vane_load(motion, vanes)
+        still = jnp.zeros_like(velocity)
+        push = model.acceleration(motion.position, still, resistance, pressure.constant, motion.ambient)
+        lag = 1 + period * model.damping / body.mass
+        by_w = 1 - (body.area * pressure.factor + friction * deflection.factor) / body.mass
+        speed = Affine((state.velocity + period * push) / lag, period * by_w / lag)
+        w = self._correction(velocity - speed.constant, speed.factor)
+        found = ObservedState(speed(w), deflection(w), pressure(w), vanes)
+        return found, model.deflection_rate(velocity, found.deflection) - by_deflection * w
+
+    def _pressure(self, pressure: Scalar, motion: Motion, duty: Scalar, period: float, by_pressure: Scalar) -> "Affine":
+        def rate(at: Scalar) -> Scalar:
+            flow = self.model.flow_map(duty, at, motion.ambient)
+            return self.model.pressure_rate(flow, motion.position, motion.velocity, at)
+
+        now, slope = rate(pressure), (rate(pressure + SECANT) - rate(pressure - SECANT)) / (2 * SECANT)
+        growth = 1 - period * slope
+        return Affine(pressure + period * now / growth, -period * by_pressure / growth)
+
+    def _correction(self, missing: Scalar, by_w: Scalar) -> Scalar:
+        """`w` in m/s2, from `e2 = missing - by_w w`."""
+        switching = jnp.clip(missing / by_w, -self.switching_gain, self.switching_gain)
+        return (self.injection_rate * missing + switching) / (1 + self.injection_rate * by_w)
+
+
+class Affine(eqx.Module):
+    """`constant + factor w`."""
+
+    constant: Scalar
+    factor: Scalar
+
+    def __call__(self, w: Scalar) -> Scalar:
+        """The value at `w`."""
+        return self.constant + self.factor * w
+
+
+# Compiled: as plain operations each would be compiled by itself.
+@eqx.filter_jit
+def _stability_margin(observer: PressureObserver) -> tuple[Array, Array]:
+    model, body = observer.model, observer.model.diaphragm
+    a, b, load = observer.friction_rate, observer.pressure_rate, model.load
+    speed = jnp.linspace(0.0, 1.0, SPEEDS) * observer.largest_velocity
+    travel = jnp.where(jnp.isfinite(body.travel), body.travel, 0.0)
+    slopes = model.gas_energy * _largest_slope(model.flow_map) + body.area * speed
+    growth = model.exponent * slopes / model.volume(travel)
+    forgetting = model.friction.bristle_stiffness / model.friction.bristle_damping
+    lost = jax.vmap(model.forgetting)(speed) / forgetting
+    rest = b - growth
+    determinant = rest * (forgetting * lost + a * load * (1 - lost)) - 0.25 * a * b * load * (2 - lost) ** 2
+    return jnp.minimum(determinant, rest * forgetting), growth
+
+
+def _largest_slope(flow_map: AbstractFlowMap) -> Float[Array, ""]:
+    """Largest `df/dp` in kg/(s Pa) on a grid, where the map is valid."""
+    duties, shares = jnp.linspace(0.0, FULL_DUTY, DUTIES), jnp.linspace(0.1, 1.0, PRESSURES)
+    duty, share = jnp.meshgrid(duties, shares)
+    pressure = share * flow_map.ambient
+    slope = jax.jvp(lambda at: flow_map(duty, at), (pressure,), (jnp.ones_like(pressure),))[1]
+    return jnp.max(jnp.where(flow_map.valid(duty, pressure), slope, -jnp.inf))
+
+
+def _require(holds: bool, rule: str, value: Array, remedy: str) -> None:
+    if not holds:
+        raise InputError(f"{rule}, but it is {np.asarray(value)}; {remedy}")

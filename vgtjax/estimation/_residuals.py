@@ -1,0 +1,169 @@
+"""Weighted residuals of a model against measured traces, with sensor offsets eliminated."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .._devices import replicate
+from ..parameters import Selection, Transform
+from ..plants import AbstractModel
+from ..simulation import FixedStep
+from ..traces import Trace, noise_level
+from ._bundle import CHANNELS, Bundle, bundle_traces
+from ._sensitivities import observe, observe_with_jacobian
+
+Weights = Float[Array, "lanes sample channel"]
+
+
+class Measured(eqx.Module):
+    """Measurements of one bundle in its layout.
+
+    `values` in m and Pa; `weights` is one over the noise, zero on padding and where nothing was measured;
+    `owner` is the number of the trace that a lane belongs to.
+    """
+
+    values: Weights
+    weights: Weights
+    owner: Array
+    traces: int = eqx.field(static=True)
+
+
+def _measure(bundle: Bundle, traces: Sequence[Trace], channels: Sequence[str]) -> Measured:
+    values, weights = [], []
+    for channel in CHANNELS:
+        signals = [getattr(traces[i], channel) if channel in channels else None for i in bundle.indices]
+        blank = [np.zeros(count) for count in bundle.samples]
+        values.append(bundle.to_lanes([b if s is None else s for s, b in zip(signals, blank, strict=True)]))
+        weights.append(
+            bundle.to_lanes(
+                [
+                    b if s is None else np.full(len(s), 1 / noise_level(s, channel))
+                    for s, b in zip(signals, blank, strict=True)
+                ]
+            )
+        )
+    return Measured(np.stack(values, -1), np.stack(weights, -1), bundle.lane_trace, traces=len(bundle.indices))
+
+
+def _offsets(measured: Measured, difference: Array) -> Float[Array, "traces channel"]:
+    """Mean difference of each trace and channel: the offset that a least-squares fit would give its sensor."""
+    present = jnp.where(measured.weights > 0, 1.0, 0.0)
+
+    def by_trace(values):
+        return jax.ops.segment_sum(values.sum(1), measured.owner, measured.traces)
+
+    counts = by_trace(present)
+    extra = (1,) * (difference.ndim - 3)
+    sums = by_trace(difference * present.reshape(*present.shape, *extra))
+    return sums / jnp.maximum(counts, 1.0).reshape(*counts.shape, *extra)
+
+
+def _whiten(measured: Measured, difference: Array) -> Array:
+    """Differences without their offsets, in units of the noise."""
+    centred = difference - _offsets(measured, difference)[measured.owner][:, None]
+    extra = (1,) * (difference.ndim - 3)
+    return centred * measured.weights.reshape(*measured.weights.shape, *extra)
+
+
+@eqx.filter_jit
+def _residual_block(measured: Measured, observed: Array) -> Float[Array, " residuals"]:
+    # A simulation that failed is infinitely wrong on every sample, so no optimiser can take it for a fit.
+    block = _whiten(measured, observed - measured.values).reshape(-1)
+    return jnp.where(jnp.all(jnp.isfinite(observed)), block, jnp.inf)
+
+
+@eqx.filter_jit
+def _jacobian_block(measured: Measured, columns: Array) -> Float[Array, "residuals parameters"]:
+    return _whiten(measured, columns).reshape(-1, columns.shape[-1])
+
+
+class Problem(eqx.Module):
+    """A least-squares problem: a model, its free parameters, and measured traces.
+
+    Residuals are in units of the sensor noise and divided by the square root of their number, so the cost
+    `sum(r^2)/2` of a perfect model is one half. A constant offset of each trace and channel is eliminated exactly:
+    both residuals and Jacobian have its mean removed (variable projection of a linear parameter).
+    """
+
+    model: AbstractModel
+    selection: Selection
+    transform: Transform
+    bundles: list[Bundle]
+    measured: list[Measured]
+    count: int = eqx.field(static=True)
+    """Number of measurements."""
+    offsets: int = eqx.field(static=True)
+    """Number of eliminated sensor offsets."""
+
+    def at(self, coordinates: Float[Array, " parameters"]) -> Any:
+        """The model at coordinates of the transform."""
+        return self.selection.unpack(self.model, self.transform.to_physical(coordinates))
+
+    def residuals(self, coordinates: Float[Array, " parameters"]) -> Float[Array, " residuals"]:
+        """Residuals; infinite throughout where a simulation failed.
+
+        Its derivative is the exact segment-parallel Jacobian, not the one of the march itself.
+        """
+        return _residuals(coordinates, self)
+
+    def residuals_and_jacobian(
+        self, coordinates: Float[Array, " parameters"]
+    ) -> tuple[Float[Array, " residuals"], Float[Array, "residuals parameters"]]:
+        """Residuals and their derivatives by the coordinates.
+
+        The column of a parameter that lies on a bound, and would be pushed through it, is zero: a step of the
+        optimiser then moves the others as if it were held.
+        """
+        model = self.at(coordinates)
+        slope = jax.jvp(self.transform.to_physical, (coordinates,), (jnp.ones_like(coordinates),))[1]
+        blocks, columns = [], []
+        for bundle, measured in zip(self.bundles, self.measured, strict=True):
+            observed, derivatives = observe_with_jacobian(model, self.selection, bundle)
+            blocks.append(_residual_block(measured, observed))
+            columns.append(_jacobian_block(measured, derivatives))
+        scale = 1 / np.sqrt(self.count)
+        residuals, jacobian = jnp.concatenate(blocks) * scale, jnp.concatenate(columns) * (scale * slope)[None, :]
+        held = self.transform.pinned(coordinates, residuals @ jacobian)
+        return replicate((residuals, jnp.where(held[None, :], 0.0, jacobian)))
+
+
+@eqx.filter_custom_jvp
+def _residuals(coordinates: Array, problem: Problem) -> Array:
+    model = problem.at(coordinates)
+    blocks = [
+        _residual_block(measured, observe(model, bundle))
+        for bundle, measured in zip(problem.bundles, problem.measured, strict=True)
+    ]
+    return jnp.concatenate(blocks) / np.sqrt(problem.count)
+
+
+@_residuals.def_jvp
+def _residuals_jvp(primals: Any, tangents: Any) -> tuple[Array, Array]:
+    coordinates, problem = primals
+    residuals, columns = problem.residuals_and_jacobian(coordinates)
+    return residuals, columns @ tangents[0]
+
+
+def build_problem(
+    model: AbstractModel,
+    selection: Selection,
+    transform: Transform,
+    traces: Sequence[Trace],
+    *,
+    channels: Sequence[str] = CHANNELS,
+    stepping: FixedStep | None = None,
+) -> Problem:
+    """The problem of fitting the selected parameters of `model` to `traces`.
+
+    **Arguments:** `channels`: the measured signals to fit; those that a trace lacks are skipped.
+    """
+    bundles = bundle_traces(model, traces, stepping)
+    measured = [_measure(bundle, traces, channels) for bundle in bundles]
+    present = [getattr(trace, channel) is not None for trace in traces for channel in CHANNELS if channel in channels]
+    count = sum(int(np.count_nonzero(block.weights)) for block in measured)
+    return Problem(model, selection, transform, bundles, measured, count, sum(present))

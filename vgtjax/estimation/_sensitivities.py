@@ -1,0 +1,167 @@
+"""Exact derivatives of simulated traces by parameters, computed over segments of time in parallel.
+
+Along a known trajectory the sensitivities are linear. So the trajectory is run once, every segment of every trace is
+then a lane that starts from its known state and carries tangents for each of its start states and each parameter,
+and the segments' transition matrices are chained at the end. This is forward mode, reordered; nothing is approximated.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .._devices import replicate, spread
+from .._errors import SimulationError
+from ..parameters import Selection, select
+from ..plants import AbstractModel, State
+from ..simulation import FixedStep, march
+from ..traces import Trace
+from ._bundle import SEGMENT, Bundle, bundle_traces
+
+Lanes = Float[Array, "lanes sample channel"]
+LaneJacobian = Float[Array, "lanes sample channel parameters"]
+
+
+def jacobian(
+    model: AbstractModel,
+    traces: Sequence[Trace],
+    free: Sequence[str] | None = None,
+    *,
+    fixed: Sequence[str] = (),
+    stepping: FixedStep | None = None,
+) -> list[Float[np.ndarray, "time 2 parameters"]]:
+    """Derivatives of `x_d` (m) and `p_act` (Pa) by the free parameters (units of the table), one array a trace.
+
+    **Arguments:**
+
+    - `free`, `fixed`: names or fnmatch patterns, as in a study; all that is not held by default.
+    - `stepping`: fixed steps, 0.5 ms by default.
+
+    The last axis is in the order of `select(model, free, fixed).entries`. With several JAX devices (also of one
+    CPU, see [`configure`][]) the segments are spread over them.
+
+    **Raises:** `InputError` for a name that matches nothing; `SimulationError` when a simulation leaves the finite
+    numbers.
+    """
+    selection = select(model, free, fixed)
+    found: dict[int, np.ndarray] = {}
+    for bundle in bundle_traces(model, traces, stepping):
+        observed, derivatives = observe_with_jacobian(model, selection, bundle)
+        per_trace = zip(
+            bundle.indices,
+            bundle.from_lanes(np.asarray(observed)),
+            bundle.from_lanes(np.asarray(derivatives)),
+            strict=True,
+        )
+        for index, values, columns in per_trace:
+            # One bad number makes a sum bad, and a sum is the cheapest look at millions of them.
+            if not np.isfinite(np.sum(values) + np.sum(columns)):
+                raise SimulationError(
+                    f"the simulation of trace '{traces[index].name}' left the finite numbers, so it has no "
+                    "derivatives; check that the parameters are physical, then lower max_step"
+                )
+            found[index] = columns
+    return [found[index] for index in range(len(traces))]
+
+
+@eqx.filter_jit
+def observe(model: AbstractModel, bundle: Bundle) -> Lanes:
+    """What the sensors would see along every trace of a bundle: position in m, pressure in Pa absolute."""
+    return replicate(_nominal(model, bundle)[1])
+
+
+@eqx.filter_jit
+def observe_with_jacobian(model: AbstractModel, selection: Selection, bundle: Bundle) -> tuple[Lanes, LaneJacobian]:
+    """`observe`, and its derivatives by the selected parameters in the units of the table."""
+    first, observed = _nominal(model, bundle)
+    first, lane_drive = spread((first, bundle.lane_drive))
+    ends, by_start, by_parameter = _push_lanes(model, selection, first, lane_drive, bundle)
+    at_start = _chain(model, selection, bundle, ends)
+    # A sum of products over seven states, lanes innermost: one fused loop, where a dot would transpose everything.
+    total = by_parameter
+    for state in range(at_start.shape[1]):
+        total = total + by_start[:, state, None] * at_start[:, state].T[None, :, None]
+    return observed, jnp.transpose(total, (3, 0, 2, 1))
+
+
+def _nominal(model: AbstractModel, bundle: Bundle) -> tuple[State, Lanes]:
+    """States at the start of every lane, and what is observed along it."""
+
+    def one(drive, start):
+        states = march(model, drive, start, bundle.stepping, bundle.substeps, diffrax.ForwardMode())
+        return states, jnp.stack(jax.vmap(model.observe)(states, drive), axis=-1)
+
+    states, observed = jax.vmap(one, in_axes=(1, 0), out_axes=1)(bundle.drive, bundle.start)
+    first = jax.tree.map(lambda leaf: leaf[::SEGMENT][bundle.lane_segment, bundle.lane_trace], states)
+    by_segment = observed.reshape(-1, SEGMENT, *observed.shape[1:])
+    return first, by_segment[bundle.lane_segment, :, bundle.lane_trace]
+
+
+def _push_lanes(
+    model: AbstractModel, selection: Selection, first: State, lane_drive: Any, bundle: Bundle
+) -> tuple[Array, Array, Array]:
+    """Tangents through every lane for its start states and for the parameters.
+
+    **Returns:** tangents of the end states `(lanes, states, tangents)`, and those of what is observed, split into
+    `(sample, states, channel, lanes)` and `(sample, parameters, channel, lanes)`.
+    """
+    theta = selection.pack(model)
+    leaves, shape = jax.tree.flatten(first)
+    states, lanes = len(leaves), leaves[0].shape[0]
+    identity = jnp.eye(states + len(theta), dtype=theta.dtype)
+    state_tangents = [jnp.broadcast_to(identity[i, :, None], (len(identity), lanes)) for i in range(states)]
+    theta_tangents = identity[:, states:]
+
+    def interval(carry, inputs):
+        state, tangents = carry
+
+        def observe(theta, state):
+            chosen = selection.unpack(model, theta)
+            return jnp.stack(jax.vmap(chosen.observe)(state, inputs))
+
+        def advance(theta, state):
+            chosen = selection.unpack(model, theta)
+            step = bundle.stepping.advance
+            return jax.vmap(lambda y, u: step(chosen, y, u, bundle.substeps))(state, inputs)
+
+        def push(function):
+            return jax.vmap(
+                lambda dtheta, dstate: jax.jvp(function, (theta, state), (dtheta, dstate)),
+                out_axes=(None, 0),
+            )(theta_tangents, tangents)
+
+        _, seen = push(observe)
+        return push(advance), seen
+
+    start = (first, jax.tree.unflatten(shape, state_tangents))
+    (_, ends), seen = jax.lax.scan(interval, start, lane_drive)
+    end_tangents = jnp.transpose(jnp.stack(jax.tree.leaves(ends)), (2, 0, 1))
+    return end_tangents, seen[:, :states], seen[:, states:]
+
+
+def _chain(
+    model: AbstractModel, selection: Selection, bundle: Bundle, tangents: Array
+) -> Float[Array, "lanes states parameters"]:
+    """Derivatives of every lane's start state by the parameters: segments chained along each trace."""
+    traces = bundle.start.at_rest.shape[0]
+    segments = jax.tree.leaves(bundle.drive)[0].shape[0] // SEGMENT
+    table = jnp.zeros((segments, traces, *tangents.shape[1:]), tangents.dtype)
+    table = table.at[bundle.lane_segment, bundle.lane_trace].set(tangents)
+    states = tangents.shape[1]
+
+    def start_states(theta):
+        chosen = selection.unpack(model, theta)
+        begin = jax.tree.map(lambda leaf: leaf[0], bundle.drive)
+        return jnp.stack(jax.tree.leaves(jax.vmap(chosen.start)(bundle.start, begin)), axis=1)
+
+    def segment(sensitivity, transition):
+        following = transition[..., :states] @ sensitivity + transition[..., states:]
+        return following, sensitivity
+
+    initial = jax.jacfwd(start_states)(selection.pack(model))
+    return jax.lax.scan(segment, initial, table)[1][bundle.lane_segment, bundle.lane_trace]

@@ -1,0 +1,78 @@
+"""The slow loop on the bench: the same readings, taken from traces."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..traces import Trace
+from ._base import Readings
+from ._loops import POSITIONS, Loop, find_ends, find_loop
+from ._slow_loop import EFFECTS, label, loop_readings
+
+VENTED = 0.01
+"""Part of a slow loop from rest, at its start, in which the duty is too low for the converter to evacuate."""
+SAME_POINT = 5e3
+"""Pa; turbine pressures this close are one operating point, which the bench holds only about."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class MeasuredLoops:
+    """Slow loops of one unit by turbine pressure (Pa gauge, rising), and what is read off them, by the names of
+    [`SlowLoop`][]'s outputs."""
+
+    turbine_pressures: tuple[float, ...]
+    loops: tuple[Loop, ...]
+    readings: Readings
+
+    @property
+    def hysteresis(self) -> dict[float, float]:
+        """Mean width over 2 to 8 mm of travel in Pa, by turbine pressure."""
+        return {at: loop.mean_width for at, loop in zip(self.turbine_pressures, self.loops, strict=True)}
+
+
+def measure_loops(traces: Sequence[Trace], points: Sequence[float] = (0.0, 1.5e5, 3.0e5)) -> MeasuredLoops | None:
+    """The slow loops among a unit's traces.
+
+    **Arguments:** `points`: operating points in Pa gauge; a trace whose mean turbine pressure lies within `SAME_POINT`
+    of one counts as taken there. Where two traces have the same, the first counts.
+
+    **Returns:** `None` where no trace is a loop with position and pressure.
+    """
+    runs = [(trace, trace.x_d, trace.p_act) for trace in traces if trace.x_d is not None and trace.p_act is not None]
+    rests = [_at_rest(trace, x_d) for trace, x_d, _ in runs]
+    common = float(np.mean([rest for rest in rests if rest is not None] or [0.0]))
+    found: dict[float, tuple[Loop, tuple[float, float]]] = {}
+    for (trace, x_d, p_act), rest in zip(runs, rests, strict=True):
+        # Effects of the gas are as small as the sensors' offsets. Before it moves, the chamber is vented and the rod at
+        # the same stop in every trace.
+        vented = _at_rest(trace, p_act)
+        place = x_d - (0.0 if rest is None else rest - common)
+        gauge = p_act - (trace.atmosphere if vented is None else vented)
+        loop = find_loop(trace.time, place, gauge)
+        if loop is not None:
+            found.setdefault(_operating_point(trace, points), (loop, find_ends(place, gauge)))
+    if not found:
+        return None
+    pressures = sorted(found)
+    read = tuple(found[at][0] for at in pressures)
+    start, end = np.transpose([found[at][1] for at in pressures])
+    closing, opening = np.stack([loop.closing for loop in read]), np.stack([loop.opening for loop in read])
+    assert read[0].position.shape == POSITIONS.shape, "loops are read at the positions of every reading"
+    readings = loop_readings([label(at) for at in pressures], closing, opening, start, end)
+    if pressures[0] != min(points, default=pressures[0]):  # effects count from the lowest operating point
+        readings = {name: value for name, value in readings.items() if not name.startswith(EFFECTS)}
+    return MeasuredLoops(tuple(pressures), read, readings)
+
+
+def _at_rest(trace: Trace, signal: np.ndarray) -> float | None:
+    """Mean of a signal before the converter evacuates, `None` where a trace does not begin at rest."""
+    if not trace.start().at_rest:
+        return None
+    return float(np.mean(signal[trace.time <= trace.time[0] + VENTED * np.ptp(trace.time)]))
+
+
+def _operating_point(trace: Trace, points: Sequence[float]) -> float:
+    mean = 0.0 if trace.p_trb is None else float(np.mean(trace.p_trb))
+    near = min(points, key=lambda point: abs(point - mean), default=mean)
+    return near if abs(near - mean) <= SAME_POINT else 1e3 * round(mean / 1e3)

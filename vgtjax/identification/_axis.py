@@ -1,0 +1,149 @@
+"""Any axis with friction that a measured force drives: mass, friction, spring and a constant force."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from .._errors import SimulationError
+from ..estimation import Progress, Task, start_calibration
+from ..parameters import build_transform, parameter_table, replace_parameters
+from ..plants import AbstractModel, MechanicalActuator
+from ..traces import Trace
+from ._axis_regression import filter_clear, moving_rows, regress_axis
+from ._mechanical_fit import candidates, fit_response, response_figures
+from ._motion import Motion, mechanical_half, plain_friction, read_motion, read_motions
+from ._result import Curve, Identified
+from ._weak_form import CERTAIN
+
+PLOTTED = 1500
+"""Points a curve."""
+BEGINNING, FEWEST = 0.02, 8
+"""s and samples that tell the speed at the first sample."""
+SLOW = 0.02
+"""Part of the greatest speed that counts as rest at the first sample."""
+
+
+def identify_axis(model: AbstractModel, traces: Sequence[Trace]) -> Identified:
+    """Mass, friction, spring and constant force of an axis that a force drives, from force and position alone [2.34].
+
+    `f = m a + b v + F_c sign(v) + k x + F_0`, for instance of a linear motor: every term through the same smooth
+    kernel, so that no signal is differentiated and noise does not bias the regression. It is the start of a nonlinear
+    least squares of the simulated position, with the friction that the model has. The constant force is
+    `diaphragm.preload` (N, against +x). An axis without stops has an infinite `diaphragm.travel`; without a spring,
+    `diaphragm.stiffness` is zero and stays so.
+
+    **Arguments:** `model`: with start values, which may be wrong by orders of magnitude; `traces`: with `x_d` in m of
+    either sign, and `f_drive` in N or `p_act` in Pa.
+
+    **Returns:** parameters of diaphragm and friction by name, of shape `()`.
+    """
+    result = Identified(
+        "axis",
+        "2.34, 2.35",
+        "Regression of the drive over acceleration, velocity, direction and position through a smooth kernel, then "
+        "nonlinear least squares of the position that follows from the drive.",
+    )
+    half, motions = mechanical_half(model), read_motions(model, traces)
+    start = regress_axis(half, motions, candidates(half))
+    if isinstance(start, str):
+        return dataclasses.replace(result, unseen=(start,))
+    response = fit_response(replace_parameters(half, start), motions)
+    if isinstance(response, str):
+        return dataclasses.replace(result, unseen=(response,))
+    return dataclasses.replace(
+        result,
+        values=response.values,
+        std_errors=response.std_errors,
+        unseen=response.unseen,
+        figures=(*_figures(response.model, motions), *response_figures(response)),
+        samples=response.calibration.count,
+    )
+
+
+def better_start(task: Task) -> Progress | None:
+    """Where a fit of the mechanical model had better begin than at its start values; `None` if nowhere.
+
+    A position that drifts with every error of the force has no minimum that descent finds from afar: started at half
+    the mass, a fit of a free axis ends nowhere. Start values stay those of the task; only the search begins at what
+    [`regress_axis`][] finds, if that meets the traces better.
+
+    **Raises:** `SimulationError` when neither start can be simulated.
+    """
+    if not isinstance(task.model, MechanicalActuator):
+        return None
+    motions = read_motions(task.model, [trace for trace in task.fit if trace.f_drive is not None])
+    found = regress_axis(task.model, motions, task.selection.entries) if motions else {}
+    if isinstance(found, str) or not found:
+        return None
+    stated = _progress(task, {})
+    better = _progress(task, found)
+    if better is None or (stated is not None and stated.cost <= better.cost):
+        return None
+    return dataclasses.replace(better, history=())
+
+
+def _progress(task: Task, values: dict[str, float]) -> Progress | None:
+    """The start of a fit at the task's values and others, inside the bounds; `None` if it can't be simulated."""
+    start = np.asarray(task.selection.pack(task.model))
+    transform = build_transform(parameter_table(task.model), task.selection.entries, start, task.bounds)
+    moved = task.selection.pack(replace_parameters(task.model, values))
+    coordinates = transform.clip(transform.to_coordinates(moved))
+    try:
+        return start_calibration(task, Progress(tuple(np.asarray(coordinates).tolist()))).minimiser.progress
+    except SimulationError:
+        return None
+
+
+def moves_at_start(trace: Trace) -> tuple[float, float] | None:
+    """Speed in m/s at the first sample of a trace that a force drives, and the time in s of its first standstill.
+
+    A simulation begins at rest, whatever the trace does: what comes before the standstill is best cut off. `None` where
+    the axis begins at rest as well.
+    """
+    if trace.f_drive is None or trace.x_d is None:
+        return None
+    motion = read_motion(MechanicalActuator(), trace)
+    seen = filter_clear(motion)
+    speed, error = _first_speed(motion)
+    if not np.any(seen.valid) or speed < max(CERTAIN * error, SLOW * float(np.max(np.abs(seen.velocity[seen.valid])))):
+        return None
+    way = seen.direction[seen.valid]
+    still = np.flatnonzero(way != way[0])
+    begin = motion.time[seen.valid][still[0]] if len(still) else motion.time[-1]
+    return speed, float(begin)
+
+
+def _first_speed(motion: Motion) -> tuple[float, float]:
+    """Speed in m/s at the first sample and its standard error, from a parabola through the first moments.
+
+    A kernel would look at what a force has done by its middle.
+    """
+    count = max(round(BEGINNING / motion.interval), FEWEST)
+    time, position = motion.time[:count] - motion.time[0], motion.position[:count]
+    if len(time) < FEWEST:
+        return 0.0, np.inf
+    powers = np.stack([np.ones_like(time), time, time**2], axis=1)
+    values = np.linalg.lstsq(powers, position, rcond=None)[0]
+    left = max(float(np.std(position - powers @ values)), motion.noise)
+    return float(abs(values[1])), left * float(np.sqrt(np.linalg.inv(powers.T @ powers)[1, 1]))
+
+
+def _figures(model: MechanicalActuator, motions: Sequence[Motion]) -> tuple[Curve, ...]:
+    """Friction over velocity where the axis moves, with the law of Coulomb and viscous friction."""
+    friction: Any = plain_friction(model)
+    if not hasattr(friction, "viscous_damping"):
+        return ()
+    velocities, forces = [], []
+    for motion in motions:
+        seen = filter_clear(motion)
+        chosen = np.flatnonzero(moving_rows(model, seen) & (seen.direction != 0))
+        chosen = chosen[:: max(1, len(chosen) * len(motions) // PLOTTED)]
+        applied = seen.force - float(model.diaphragm.preload) - float(model.diaphragm.stiffness) * seen.position
+        velocities.append(seen.velocity[chosen])
+        forces.append((applied - float(model.diaphragm.mass) * seen.acceleration)[chosen])
+    velocity, force = np.concatenate(velocities), np.concatenate(forces)
+    speed = np.linspace(np.min(velocity, initial=0.0), np.max(velocity, initial=0.0), 401)
+    law = float(friction.coulomb_force) * np.sign(speed) + float(friction.viscous_damping) * speed
+    return (Curve("velocity, m/s", "friction, N", (velocity, force), (speed, law), "friction over velocity"),)

@@ -1,0 +1,90 @@
+"""Dahl friction from friction over position [3.3.2.2]."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..parameters import parameter_table
+from ..plants import AbstractModel, MechanicalActuator
+from ..traces import Trace
+from ._bristles import Bristles, fit_bristles, read_paths
+from ._motion import mechanical_half, plain_friction, read_motions
+from ._result import Curve, Identified
+
+VAGUE = 0.3
+"""Relative standard error above which a value is not worth having."""
+PLOTTED = 1500
+"""Points a curve."""
+
+
+def identify_dahl(model: AbstractModel, traces: Sequence[Trace]) -> Identified:
+    """Coulomb force and stiffness of the bristles from friction over position [3.5, section 3.3.2.2].
+
+    The thesis discards all other forces, reads `F_c` where friction over position is level, and `sigma` from its slope
+    where friction is zero. Here every turn counts at once: friction follows `F_c (1 - 2 exp(-sigma dx / F_c))` from
+    turn to turn along the measured path, whatever the turns, and is fitted together with preload, spring, viscous
+    part and inertia (and damping of the bristles, where the model's have it). Friction that sticks harder than it
+    slides does not follow this law; errors then contain half the difference.
+
+    **Arguments:** `model`: with start values; `traces`: with `x_d` in m, and `p_act` in Pa or `f_drive` in N.
+
+    **Returns:** `friction.coulomb_force` in N and, for friction with bristles, `friction.bristle_stiffness` in N/m, of
+    shape `()`.
+    """
+    result = Identified(
+        "Dahl friction",
+        "3.5, section 3.3.2.2",
+        "Least squares of the drive over position, velocity, acceleration and the force of bristles along the path.",
+    )
+    half = mechanical_half(model)
+    found = fit_bristles(half, read_paths(half, read_motions(model, traces)), stribeck=False)
+    if isinstance(found, str):
+        return dataclasses.replace(result, unseen=(found,))
+    values: dict[str, Any] = {}
+    errors: dict[str, Any] = {}
+    unseen = []
+    coulomb, deflection = found.values["coulomb"], found.values["deflection"]
+    uncertain = float(np.hypot(found.relative_error("coulomb"), _stiction(half) / abs(coulomb)))
+    if uncertain < VAGUE and coulomb > 0:
+        values["friction.coulomb_force"] = np.asarray(coulomb)
+        errors["friction.coulomb_force"] = np.asarray(uncertain * coulomb)
+    else:
+        unseen.append("friction.coulomb_force: the rod does not slide both ways; record it moving out and back")
+    if "friction.bristle_stiffness" in parameter_table(half):
+        error = float(np.hypot(uncertain, found.relative_error("deflection")))
+        if error < VAGUE and coulomb > 0:
+            values["friction.bristle_stiffness"] = np.asarray(coulomb / deflection)
+            errors["friction.bristle_stiffness"] = np.asarray(error * coulomb / deflection)
+        else:
+            unseen.append(
+                "friction.bristle_stiffness: the rod does not turn round often enough within its travel; record turns"
+            )
+    return dataclasses.replace(
+        result,
+        values=values,
+        std_errors=errors,
+        unseen=tuple(unseen),
+        figures=(friction_over_position(found),),
+        samples=found.samples,
+    )
+
+
+def _stiction(half: MechanicalActuator) -> float:
+    """What Dahl's law leaves open in N where friction has stiction: its level is between `F_c` and `F_s`."""
+    friction = plain_friction(half)
+    return 0.5 * abs(float(getattr(friction, "static_force", friction.coulomb_force) - friction.coulomb_force))
+
+
+def friction_over_position(found: Bristles) -> Curve:
+    """Friction without its viscous part over position, measured and by the law."""
+    chosen = slice(None, None, max(1, len(found.law) // PLOTTED))
+    position = 1e3 * found.position[chosen]
+    return Curve(
+        "position, mm",
+        "friction, N",
+        (position, found.measured[chosen]),
+        (position, found.law[chosen]),
+        "friction over position",
+    )

@@ -1,0 +1,177 @@
+"""A trace as the motion of a mass under a force, its sensors' offsets and the noise of the drive removed."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool
+from scipy.linalg import solveh_banded
+from scipy.sparse import csr_array, dia_array
+
+from ..plants import AbstractModel, Actuator, MechanicalActuator
+from ..traces import SENSOR_PRESSURE_OFFSET, START_WINDOW, Trace, noise_level
+from ._filters import Samples, resting
+
+UNKNOWN_POSITION = 0.25e-3
+"""m; standard error of the offset of a position sensor that was never seen at a known place."""
+BLOCK = 0.25
+"""s; residuals farther apart are taken for independent: friction and smoothed noise are alike over shorter times."""
+
+
+# -- the pressure, free of noise ---------------------------------------------------------------------------------------
+
+CREASE, FLAT, ROUGH = 0.6, 1.6e-5, 10.0
+"""What a corner of the pressure costs, in units of its log-likelihood, below which size (in units of the noise) there
+is none, and the weight of the convex first pass. On simulated bench traces 0.35 to 0.7, 1.6e-5 to 5e-5 and 10 to 100
+leave 8 to 14 Pa of 60."""
+PASSES = (15, 30)
+"""Of the convex penalty, and of the logarithmic one."""
+
+
+def remove_noise(samples: Samples, noise: float) -> Samples:
+    """The signal through evenly sampled noisy ones that consists of as few parabolas as the noise allows.
+
+    The mechanical model is driven by a measured pressure. Its noise shakes the rod, which then creeps where friction
+    would hold it: fitted on raw pressure, mass is 7 % off and stiction without bounds. Windows of one length either
+    leave too much noise, or round the corner after a duty step and then the mass is off by half. Third differences
+    with a penalty that grows with the logarithm of their size (after Candes, Wakin and Boyd, 2008) have long parabolas
+    between corners wherever those are.
+
+    **Arguments:** `noise`: standard deviation of the white noise.
+    """
+    count = len(samples) - 3
+    if count < 5 or noise <= 0:
+        return samples
+    scaled = samples / noise
+    stencil = np.broadcast_to(np.array([[-1.0], [3.0], [-3.0], [1.0]]), (4, len(samples)))
+    differences = dia_array((stencil, range(4)), shape=(count, len(samples))).tocsr()
+    smooth = _penalised(scaled, differences, np.full(count, 1e4 * ROUGH))
+    for _ in range(PASSES[0]):
+        size = np.abs(differences @ smooth)
+        smooth = _penalised(scaled, differences, ROUGH / np.hypot(size, 0.1 * np.median(size) + FLAT))
+    for _ in range(PASSES[1]):
+        smooth = _penalised(scaled, differences, CREASE / ((differences @ smooth) ** 2 + FLAT**2))
+    return smooth * noise
+
+
+def _penalised(samples: Samples, differences: csr_array, weights: np.ndarray) -> Samples:
+    """Minimum of `|s - samples|^2 + sum(weights (differences s)^2)`."""
+    gram = (differences.T @ differences.multiply(weights[:, None])).tocsr()
+    bands = np.zeros((4, len(samples)))
+    for offset in range(4):
+        bands[3 - offset, offset:] = gram.diagonal(offset)
+    bands[3] += 1.0
+    return solveh_banded(bands, samples)
+
+
+# -- one trace ---------------------------------------------------------------------------------------------------------
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Motion:
+    """One trace in the words of mechanics, arrays of shape `(time,)`.
+
+    `time` in s, evenly spaced; the driving `force` along +x in N and the `position` in m, both without their sensors'
+    offsets where rest tells them. `noise` is the standard deviation of one position in m, `drive_noise` that of one
+    pressure in Pa (0 for a force), `force_error` and `position_error` are what remains unknown of the offsets. `rest`
+    is before anything moves. `trace` has the same drive, without noise, for a simulation.
+    """
+
+    trace: Trace
+    time: Samples
+    force: Samples
+    position: Samples
+    noise: float
+    force_error: float
+    position_error: float
+    rest: Bool[np.ndarray, " time"]
+    drive_noise: float = 0.0
+
+    def with_fresh_noise(self, random: np.random.Generator) -> "Motion":
+        """The same motion as another measurement of the same pressure would have told it."""
+        pressure = self.trace.p_act
+        if pressure is None or self.drive_noise == 0:
+            return self
+        again = remove_noise(pressure + random.normal(0, self.drive_noise, len(pressure)), self.drive_noise)
+        return dataclasses.replace(self, trace=dataclasses.replace(self.trace, p_act=again))
+
+    @property
+    def interval(self) -> float:
+        """Time between two samples in s."""
+        return float(self.time[1] - self.time[0])
+
+
+def mechanical_half(model: AbstractModel) -> MechanicalActuator:
+    """Diaphragm, friction and vanes of a model."""
+    whole: Any = model
+    return MechanicalActuator(whole.diaphragm, whole.friction, whole.vane_force, whole.air)
+
+
+def plain_friction(model: MechanicalActuator) -> Any:
+    """The friction of a model in the thesis's parameters."""
+    friction: Any = model.friction
+    return getattr(friction, "lugre", friction)
+
+
+def read_motions(model: AbstractModel, traces: Sequence[Trace]) -> list[Motion]:
+    """What the mechanical identifications see of traces; those without a drive or a position are left out."""
+    usable = [
+        trace for trace in traces if trace.x_d is not None and not (trace.p_act is None and trace.f_drive is None)
+    ]
+    return [read_motion(mechanical_half(model), trace) for trace in usable]
+
+
+def _even(trace: Trace) -> Trace:
+    """The trace on evenly spaced times, which kernels need."""
+    steps = np.diff(trace.time)
+    step = float(np.median(steps))
+    if np.all(np.abs(steps - step) < 0.01 * step):
+        return trace
+    time = trace.time[0] + step * np.arange(int((trace.time[-1] - trace.time[0]) / step) + 1)
+    held = np.searchsorted(trace.time, time, side="right") - 1
+    signals: dict[str, Any] = {
+        name: None if getattr(trace, name) is None else np.interp(time, trace.time, getattr(trace, name))
+        for name in ("p_act", "p_res", "p_trb", "x_d", "f_vane", "f_drive")
+    }
+    pwm = None if trace.pwm is None else trace.pwm[held]
+    return dataclasses.replace(trace, time=time, pwm=pwm, **signals)
+
+
+def read_motion(model: MechanicalActuator, trace: Trace) -> Motion:
+    """One trace that has a drive and a position."""
+    trace = _even(trace)
+    assert trace.x_d is not None
+    noise = noise_level(trace.x_d, "x_d")
+    time = trace.time[0] + (trace.time[-1] - trace.time[0]) / (len(trace.time) - 1) * np.arange(len(trace.time))
+    if trace.f_drive is not None:
+        # A force that a command states has no noise to remove, and often jumps.
+        rest = np.zeros(len(time), dtype=bool)
+        return Motion(trace, time, trace.f_drive, trace.x_d, noise, 0.0, UNKNOWN_POSITION, rest)
+    assert trace.p_act is not None
+    rest = _resting(model, trace)
+    pressure_noise = noise_level(trace.p_act, "p_act")
+    pressure = remove_noise(trace.p_act, pressure_noise)
+    area, count = float(model.diaphragm.area), int(np.sum(rest))
+    if count == 0:
+        offset, place, position_error, pressure_error = 0.0, 0.0, UNKNOWN_POSITION, 0.5 * SENSOR_PRESSURE_OFFSET
+    else:
+        offset, pressure_error = float(np.mean(trace.p_act[rest])) - trace.atmosphere, pressure_noise / np.sqrt(count)
+        pressed = float(model.diaphragm.rest_position(np.asarray(0.0)))
+        place = float(np.mean(trace.x_d[rest])) - pressed
+        position_error = noise / np.sqrt(count)
+    # The simulation counts pressure from the model's own ambient, as the trace does.
+    clean = dataclasses.replace(trace, p_act=pressure - offset)
+    ambient = float(model.air.pressure) + float(trace.drive().ambient_shift[0])
+    force = (ambient - (trace.p_act - offset)) * area
+    return Motion(
+        clean, time, force, trace.x_d - place, noise, area * pressure_error, position_error, rest, pressure_noise
+    )
+
+
+def _resting(model: MechanicalActuator, trace: Trace) -> Bool[np.ndarray, " time"]:
+    """Samples at the start of a trace at which the chamber is at atmosphere and the rod on its open stop."""
+    if trace.pwm is not None:
+        # Which duty closes the valve hardly differs between valves; half of it is margin enough.
+        return resting(Actuator(diaphragm=model.diaphragm), trace)
+    return (trace.time <= trace.time[0] + START_WINDOW) & bool(trace.start().at_rest)

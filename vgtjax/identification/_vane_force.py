@@ -1,0 +1,262 @@
+"""Exhaust gas force from loops at several turbine pressures [3.16], or from a force sensor (section 3.4)."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from ..parts import POWERS, ForcePolynomial, HysteresisMap, polynomial_terms
+from ..plants import Actuator, MechanicalActuator
+from ..traces import Trace, noise_level
+from ._filters import Samples, resting, sensor_offset, smooth
+from ._result import Curve, Identified
+from ._solution import Solution, least_squares, white_noise
+
+Model = Actuator | MechanicalActuator
+MARGIN = 0.5e-3
+"""m; samples nearer to a stop are left out: the rod reverses there."""
+SLOWEST, FASTEST = 5e-5, 5e-3
+"""m/s; slower the direction is noise, faster inertia and damping are no longer small."""
+NO_GAS = 2e3
+"""Pa gauge; below, the turbine is taken as still."""
+APART = 5e3
+"""Pa; turbine pressures nearer than this are one."""
+PLOTTED = 400
+"""Points a curve."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class SlowSamples:
+    """Slow motion of one trace, arrays of shape `(samples,)`.
+
+    Crank `angle` in deg, whether the vanes are `closing`, `turbine` pressure in Pa gauge, `force` in N: the drive, or
+    the force sensor's. `noise` is the standard deviation of one force, `common` that of its unknown constant.
+    """
+
+    angle: Samples
+    closing: Bool[np.ndarray, " samples"]
+    turbine: Samples
+    force: Samples
+    noise: float
+    common: float
+
+    @property
+    def hot(self) -> bool:
+        """Whether there is exhaust gas."""
+        return bool(np.max(self.turbine, initial=0.0) > NO_GAS)
+
+
+def identify_vane_map(model: Model, traces: Sequence[Trace]) -> Identified:
+    """Both tables of [`HysteresisMap`][] from slow loops [3.16], one of them without exhaust gas.
+
+    At the same position and direction, the drive `(p_atm - p_act) A_d` differs between a loop with exhaust gas and one
+    without by the force of the gas: `F_aero = [p_act(0) - p_act(X)] A_d` (erratum 14). All samples are solved at once:
+    a cold force for each direction, and both tables, linear between the crank angles of the map. Where traces have a
+    force sensor (`f_vane`), the tables come from it directly, and no cold loop is needed.
+
+    The knots in turbine pressure are those of the model where the traces visit just them, or else the traces' own.
+    """
+    result = Identified(
+        "vane force map",
+        "3.16",
+        "Least squares over turbine pressure and crank angle of slow samples in both directions; loops without exhaust "
+        "gas are the reference.",
+    )
+    vane_force = model.vane_force
+    if not isinstance(vane_force, HysteresisMap):
+        return dataclasses.replace(result, unseen=("the model has no vane-force map; choose vane_force = 'map'",))
+    sensed = any(trace.f_vane is not None for trace in traces)
+    used = [samples for trace in traces for samples in _slow_samples(model, vane_force, trace, sensed)]
+    if not any(samples.hot for samples in used):
+        sentence = "no trace moves slowly under exhaust gas; record loops with p_trb above zero"
+        return dataclasses.replace(result, unseen=(sentence,))
+    if not sensed and all(samples.hot for samples in used):
+        sentence = "no trace moves slowly without exhaust gas, the reference; record a loop at 0 mbar gauge"
+        return dataclasses.replace(result, unseen=(sentence,))
+    return _solve_map(_on_visited_knots(vane_force, used), vane_force, used, sensed, result)
+
+
+def _slow_samples(model: Model, vane_force: HysteresisMap, trace: Trace, sensed: bool) -> list[SlowSamples]:
+    """What of a trace can be used: one set of samples, or none."""
+    if trace.x_d is None or (trace.f_vane is None if sensed else trace.p_act is None):
+        return []
+    diaphragm = model.diaphragm
+    noise = noise_level(trace.x_d, "x_d")
+    seen, offset = smooth(trace.time, trace.x_d, noise), sensor_offset(model, trace, "x_d")
+    position = seen.value - offset.value
+    chosen = (np.abs(seen.rate) > np.maximum(SLOWEST, 3 * seen.rate_error)) & (np.abs(seen.rate) < FASTEST)
+    chosen &= (position > MARGIN) & (position < float(diaphragm.travel) - MARGIN)
+    if not np.any(chosen):
+        return []
+    if sensed:
+        assert trace.f_vane is not None
+        force, deviation, common = trace.f_vane, white_noise(trace.f_vane), 0.0
+    else:
+        assert trace.p_act is not None
+        area, stiffness = float(diaphragm.area), float(diaphragm.stiffness)
+        pressure = sensor_offset(model, trace, "p_act")
+        force = (trace.atmosphere - trace.p_act + pressure.value) * area
+        deviation = noise_level(trace.p_act, "p_act") * area
+        common = float(np.hypot(pressure.std_error * area, offset.std_error * stiffness))
+    turbine = np.zeros_like(trace.time) if trace.p_trb is None else trace.p_trb
+    angle = np.asarray(vane_force.crank.angle(float(diaphragm.travel) - position))
+    closing = seen.rate > 0
+    return [SlowSamples(angle[chosen], closing[chosen], turbine[chosen], force[chosen], deviation, common)]
+
+
+def _on_visited_knots(vane_force: HysteresisMap, used: list[SlowSamples]) -> HysteresisMap:
+    visited = np.sort(np.concatenate([samples.turbine for samples in used]))
+    groups = np.split(visited, np.flatnonzero(np.diff(visited) > APART) + 1)
+    means = np.array([np.round(np.mean(group), -2) for group in groups if np.mean(group) > NO_GAS])
+    steady = all(np.ptp(group) < 2 * APART for group in groups)
+    given = np.asarray(vane_force.turbine_pressure)
+    if not steady or (len(given) == len(means) and np.all(np.abs(given - means) < APART)):
+        return vane_force
+    return vane_force.on_knots(means, np.asarray(vane_force.crank_angle))
+
+
+def hats(knots: Float[np.ndarray, " knots"], at: Samples) -> Float[np.ndarray, "samples knots"]:
+    """Weights of linear interpolation between increasing knots, held beyond them."""
+    return np.stack([np.interp(at, knots, unit) for unit in np.eye(len(knots))], axis=1)
+
+
+def _solve_map(
+    moved: HysteresisMap, given: HysteresisMap, used: list[SlowSamples], sensed: bool, result: Identified
+) -> Identified:
+    pressures, angles = np.asarray(moved.turbine_pressure), np.asarray(moved.crank_angle)
+    size = len(pressures) * len(angles)
+    solution = least_squares(*_equations(pressures, angles, used, sensed))
+    names = ("closing", "opening")
+    values, errors = solution.values[: 2 * size].reshape(2, -1), solution.std_errors[: 2 * size].reshape(2, -1)
+    kept = np.stack([np.asarray(moved.closing), np.asarray(moved.opening)])
+    values = np.where(np.isfinite(errors), values, kept)
+    unseen = tuple(
+        f"nothing at {pressures[i // len(angles)] / 100:.0f} mbar and {angles[i % len(angles)]:g} deg while {name}"
+        for name, row in zip(names, errors, strict=True)
+        for i in np.flatnonzero(~np.isfinite(row))
+    )
+    knots = {} if moved is given else {"vane_force.turbine_pressure": pressures}
+    return dataclasses.replace(
+        result,
+        values={**knots, **{f"vane_force.{name}": row for name, row in zip(names, values, strict=True)}},
+        std_errors={f"vane_force.{name}": row for name, row in zip(names, errors, strict=True)},
+        unseen=unseen,
+        figures=_figures(pressures, angles, used, solution, sensed),
+        samples=sum(len(samples.angle) for samples in used),
+    )
+
+
+def _equations(
+    pressures: np.ndarray, angles: np.ndarray, used: list[SlowSamples], sensed: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """Rows in units of the noise: closing table, opening table, cold forces both ways, a constant for every trace."""
+    rows, right = [], []
+    for number, samples in enumerate(used):
+        gas, cold, constant = _columns(pressures, angles, samples, number, len(used))
+        rows.append(np.hstack([gas, constant] if sensed else [gas, cold, constant]) / samples.noise)
+        right.append(samples.force / samples.noise)
+    # What rest has not told of a trace's offsets stays open: its constant is known to within `common`.
+    commons = [max(samples.common, 1e-9) for samples in used]
+    width = rows[0].shape[1] - len(used)
+    rows.append(np.hstack([np.zeros((len(used), width)), np.diag(1 / np.asarray(commons))]))
+    return np.vstack(rows), np.concatenate([*right, np.zeros(len(used))])
+
+
+def _columns(
+    pressures: np.ndarray, angles: np.ndarray, samples: SlowSamples, number: int, count: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    over_angle = hats(angles, samples.angle)
+    over_pressure = hats(np.concatenate([[0.0], pressures]), samples.turbine)[:, 1:]
+    table = (over_pressure[:, :, None] * over_angle[:, None, :]).reshape(len(samples.angle), -1)
+    closing = samples.closing[:, None]
+    constant = np.zeros((len(samples.angle), count))
+    constant[:, number] = 1.0
+    return (
+        np.hstack([closing * table, ~closing * table]),
+        np.hstack([closing * over_angle, ~closing * over_angle]),
+        constant,
+    )
+
+
+def _figures(
+    pressures: np.ndarray, angles: np.ndarray, used: list[SlowSamples], solution: Solution, sensed: bool
+) -> tuple[Curve, ...]:
+    size = len(pressures) * len(angles)
+    figures = []
+    for number, samples in enumerate(used):
+        if not samples.hot:
+            continue
+        gas, cold, constant = _columns(pressures, angles, samples, number, len(used))
+        rest = constant if sensed else np.hstack([cold, constant])
+        force = samples.force - rest @ solution.values[2 * size :]
+        for name, way in (("closing", samples.closing), ("opening", ~samples.closing)):
+            index = np.flatnonzero(way)[np.argsort(samples.angle[way])]
+            index = index[:: max(1, len(index) // PLOTTED)]
+            figures.append(
+                Curve(
+                    "crank angle, deg",
+                    "vane force, N",
+                    (samples.angle[index], force[index]),
+                    (samples.angle[index], (gas @ solution.values[: 2 * size])[index]),
+                    f"Force of the exhaust gas while {name}",
+                    f"{np.mean(samples.turbine) / 100:.0f} mbar",
+                )
+            )
+    return tuple(figures)
+
+
+def _true_position(model: Model, trace: Trace) -> Samples:
+    """Position in m without the sensor's offset; at rest the measured force presses the rod into its stop."""
+    assert trace.x_d is not None
+    assert trace.f_vane is not None
+    rest = resting(model, trace)
+    pressed = float(np.mean(trace.f_vane[rest])) if np.any(rest) else 0.0
+    into_stop = pressed / float(model.diaphragm.stiffness + model.diaphragm.stop_stiffness)
+    return trace.x_d - sensor_offset(model, trace, "x_d").value - into_stop
+
+
+def identify_vane_polynomial(model: Model, traces: Sequence[Trace]) -> Identified:
+    """Coefficients of [`ForcePolynomial`][] from a force sensor: a surface fit over crank angle and ratio [3.15].
+
+    Powers of the ratio that the turbine pressures of the traces can't tell apart are left out: zero, without an error.
+    """
+    result = Identified(
+        "vane force polynomial", "3.15", "Least squares of the force sensor over crank angle and pressure ratio."
+    )
+    vane_force = model.vane_force
+    if not isinstance(vane_force, ForcePolynomial):
+        return dataclasses.replace(result, unseen=("the model has no polynomial; choose vane_force = 'polynomial'",))
+    sensed = [trace for trace in traces if trace.f_vane is not None and trace.x_d is not None]
+    if not sensed:
+        return dataclasses.replace(result, unseen=("no trace has a force sensor; record f_vane and x_d",))
+    travel = float(model.diaphragm.travel)
+    position = np.concatenate([_true_position(model, trace) for trace in sensed])
+    angle = np.asarray(vane_force.crank.angle(travel - position))
+    turbine = np.concatenate([np.zeros_like(t.time) if t.p_trb is None else t.p_trb for t in sensed])
+    force = np.concatenate([np.asarray(trace.f_vane) for trace in sensed])
+    distinct = len(np.unique(np.round(turbine / APART)))
+    used = np.array([power < distinct for _, power in POWERS])
+    terms = np.stack(np.broadcast_arrays(*polynomial_terms(angle, np.asarray(vane_force.ratio(turbine)))), axis=1)
+    noise = white_noise(force)
+    solution = least_squares(terms[:, used] / noise, force / noise)
+    values, errors = np.zeros(len(POWERS)), np.full(len(POWERS), np.nan)
+    values[used], errors[used] = solution.values, solution.std_errors
+    sentence = f"{distinct} turbine pressures do not tell powers of the ratio above {distinct - 1}; those are zero"
+    order = np.argsort(angle)[:: max(1, len(angle) // PLOTTED)]
+    return dataclasses.replace(
+        result,
+        values={"vane_force.coefficients": values},
+        std_errors={"vane_force.coefficients": errors},
+        unseen=() if np.all(used) else (sentence,),
+        figures=(
+            Curve(
+                "crank angle, deg",
+                "vane force, N",
+                (angle[order], force[order]),
+                (angle[order], (terms @ values)[order]),
+                "Force sensor and surface",
+            ),
+        ),
+        samples=len(angle),
+    )

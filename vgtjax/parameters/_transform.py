@@ -1,0 +1,93 @@
+"""The map between physical parameters and the coordinates that an optimiser moves, and the box that holds them.
+
+Positive parameters move by their logarithm, the rest by their start value as scale, so that a step of one in any
+coordinate is a large but sane change of that parameter. Bounds are ends of the coordinates, reached exactly; a
+transform that only tends to its bound (a logistic) would keep a fit creeping towards it forever.
+"""
+
+from collections.abc import Sequence
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from .._errors import InputError
+from ._table import Parameter, table_row
+
+
+class Transform(eqx.Module):
+    """Entrywise bijection between physical values and coordinates; all arrays have shape `(parameters,)`.
+
+    `positive` entries move by their logarithm, the others in units of `scale`; `lower` and `upper` are bounds of the
+    coordinates, infinite where there is none.
+    """
+
+    positive: Bool[np.ndarray, " parameters"] = eqx.field(converter=np.asarray)
+    scale: Float[np.ndarray, " parameters"] = eqx.field(converter=np.asarray)
+    lower: Float[np.ndarray, " parameters"] = eqx.field(converter=np.asarray)
+    upper: Float[np.ndarray, " parameters"] = eqx.field(converter=np.asarray)
+
+    def to_physical(self, coordinates: Float[Array, " parameters"]) -> Float[Array, " parameters"]:
+        """Physical values of coordinates."""
+        exponent = jnp.where(self.positive, coordinates, 0.0)
+        return jnp.where(self.positive, jnp.exp(exponent), self.scale * coordinates)
+
+    def to_coordinates(self, values: Float[Array, " parameters"]) -> Float[Array, " parameters"]:
+        """Coordinates of physical values inside the domain."""
+        logarithm = jnp.log(jnp.where(self.positive, values, 1.0))
+        return jnp.where(self.positive, logarithm, values / self.scale)
+
+    def clip(self, coordinates: Float[Array, " parameters"]) -> Float[Array, " parameters"]:
+        """The nearest coordinates inside the bounds."""
+        return jnp.clip(coordinates, self.lower, self.upper)
+
+    def pinned(
+        self, coordinates: Float[Array, " parameters"], gradient: Float[Array, " parameters"]
+    ) -> Bool[Array, " parameters"]:
+        """Which coordinates lie on a bound that the cost, of this gradient, would push them through."""
+        return ((coordinates <= self.lower) & (gradient > 0)) | ((coordinates >= self.upper) & (gradient < 0))
+
+    def at_bound(self, coordinates: Float[Array, " parameters"]) -> Bool[Array, " parameters"]:
+        """Which coordinates lie on a bound."""
+        return (coordinates <= self.lower) | (coordinates >= self.upper)
+
+
+def build_transform(
+    table: dict[str, Parameter],
+    entries: Sequence[str],
+    start: Float[np.ndarray, " parameters"],
+    bounds: dict[str, tuple[float | None, float | None]],
+) -> Transform:
+    """The transform of the given entries: the table's domain and the user's bounds.
+
+    **Raises:** `InputError` when a start value is outside its domain or its bounds.
+    """
+    rows = [table_row(table, entry) for entry in entries]
+    positive = np.array([row.positive for row in rows], dtype=bool)
+    usual = np.array([abs(row.default) for row in rows])
+    size = np.where(start != 0, np.abs(start), np.where(usual > 0, usual, 1.0))
+    low, high = np.full(len(rows), -np.inf), np.full(len(rows), np.inf)
+    for position, (entry, row) in enumerate(zip(entries, rows, strict=True)):
+        lower, upper = bounds.get(entry, (None, None))
+        low[position] = max(row.lower, -np.inf if lower is None else lower)
+        high[position] = np.inf if upper is None else upper
+        _check_start(entry, start[position], row, low[position], high[position])
+    with np.errstate(divide="ignore"):  # a lower bound of zero is no bound of a logarithm
+        ends = [
+            np.where(positive, np.log(np.where(positive, np.maximum(end, 0.0), 1.0)), end / size) for end in (low, high)
+        ]
+    return Transform(positive, size, *ends)
+
+
+def _check_start(entry: str, value: float, row: Parameter, lower: float, upper: float) -> None:
+    if row.positive and value <= 0:
+        raise InputError(
+            f"the start value of '{entry}' must be positive to be fitted, but it is {value:g}; change it under "
+            "[parameters], or hold it with fixed"
+        )
+    if not lower <= value <= upper:
+        raise InputError(
+            f"the start value of '{entry}' must lie between {lower:g} and {upper:g}, but it is {value:g}; change the "
+            "value or the bounds under [parameters], or hold it with fixed"
+        )

@@ -1,0 +1,73 @@
+"""Air: ideal gas at the ambient state, and compressible flow through an orifice [2.13-2.15, A.29]."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..parameters import parameter
+
+Scalar = Float[Array, ""]
+
+
+class Air(eqx.Module):
+    """Properties of air and of the atmosphere around the actuator (Table B.2)."""
+
+    gas_constant: Scalar = parameter(286.7, symbol="R", unit="J/(kg K)", source="B.2", held=True)
+    heat_capacity_ratio: Scalar = parameter(1.396, symbol="gamma", unit="1", source="B.2", held=True)
+    pressure: Scalar = parameter(101013.0, symbol="p_atm", unit="Pa", source="B.2", held=True)
+    temperature: Scalar = parameter(293.15, symbol="T_atm", unit="K", source="assumed", held=True, assumed=True)
+    linear_above: float = eqx.field(static=True, default=0.9999)
+    """Pressure ratio above which the flow function is a straight line to zero; a numerical setting."""
+
+    def critical_ratio(self) -> Scalar:
+        """Pressure ratio below which the flow is choked, `(2/(gamma+1))^(gamma/(gamma-1))` [2.15]."""
+        gamma = self.heat_capacity_ratio
+        return jnp.exp(gamma / (gamma - 1) * jnp.log(2 / (gamma + 1)))
+
+
+def _choked_or_smooth(air: Air, ratio: Scalar) -> Scalar:
+    """`Phi^2` [2.15], held constant below the critical ratio and above `air.linear_above`.
+
+    With `q = r^(1/gamma)` it is `2/(gamma-1) q (q - r)`: one logarithm and one exponential.
+    """
+    clipped = jnp.clip(ratio, air.critical_ratio(), air.linear_above)
+    root = jnp.exp(jnp.log(clipped) / air.heat_capacity_ratio)
+    return 2 / (air.heat_capacity_ratio - 1) * root * (root - clipped)
+
+
+def _chord(air: Air, ratio: Scalar) -> Scalar:
+    """One up to `air.linear_above`, then straight to zero at equal pressures."""
+    return jnp.minimum((1 - ratio) * (1 / (1 - air.linear_above)), 1.0)
+
+
+def flow_function(air: Air, ratio: Scalar) -> Scalar:
+    """`Phi(p_down / p_up)` [2.15, with `2/(gamma-1)` under the root], dimensionless.
+
+    Constant when choked. Its slope is infinite at `ratio = 1`, so above `air.linear_above` it is the chord to
+    zero, which keeps derivatives finite through a flow reversal.
+    """
+    return jnp.sqrt(_choked_or_smooth(air, ratio)) * _chord(air, ratio)
+
+
+def orifice_flow(
+    air: Air, area: Scalar, source_pressure: Scalar, pressure: Scalar, temperature: Scalar
+) -> tuple[Scalar, Scalar]:
+    """Mass flow from a source through an orifice into a volume [2.13-2.14, A.29], either way.
+
+    Upstream is whichever pressure is larger. Gas that enters has the ambient temperature, gas that leaves has
+    that of the volume.
+
+    **Arguments:** `area` in m2, both pressures in Pa absolute, `temperature` of the volume in K.
+
+    **Returns:** mass flow into the volume in kg/s, and the temperature of the gas that flows in K.
+    """
+    entering = source_pressure > pressure
+    # Not maximum and minimum: at equal pressures, where a vented chamber rests, their derivatives split the tie and the
+    # flow would not feel either pressure.
+    upstream = jnp.where(entering, source_pressure, pressure)
+    ratio = jnp.where(entering, pressure, source_pressure) / upstream
+    gas_temperature = jnp.where(entering, air.temperature, temperature)
+    # sqrt(gamma / (R T)) and Phi under a single root: roots and divisions are what this costs.
+    scale = air.heat_capacity_ratio / air.gas_constant
+    speed = jnp.sqrt(scale * _choked_or_smooth(air, ratio) / gas_temperature)
+    return jnp.where(entering, area, -area) * upstream * speed * _chord(air, ratio), gas_temperature

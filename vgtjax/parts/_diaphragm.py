@@ -1,0 +1,90 @@
+"""Diaphragm, rod and end stops [2.34]."""
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from ..parameters import parameter
+from ..traces import Start
+from ._air import Scalar
+
+
+class Body(eqx.Module):
+    """State of the diaphragm and its rod: position in m (pulled in, vanes closing, is positive), velocity in m/s."""
+
+    position: Scalar
+    velocity: Scalar
+
+
+class Diaphragm(eqx.Module):
+    """Spring-loaded diaphragm between two end stops at 0 and `travel`.
+
+    The stops are not in the thesis but on the bench; their contact law is Hunt and Crossley's (1975), whose
+    force is continuous at contact. With an infinite `travel` there are none at all, at zero neither: an axis that moves
+    freely both ways.
+    """
+
+    mass: Scalar = parameter(0.63, symbol="m_d", unit="kg", source="B.2")
+    area: Scalar = parameter(2.9224e-3, symbol="A_d", unit="m2", source="B.2", held=True)
+    preload: Scalar = parameter(49.46, symbol="F_0", unit="N", source="B.2", positive=False)
+    stiffness: Scalar = parameter(12000.0, symbol="k_sm", unit="N/m", source="B.2")
+    damping: Scalar = parameter(
+        0.0, symbol="b_d", unit="N s/m", source="erratum 11", positive=False, lower=0.0, held=True
+    )
+    travel: Scalar = parameter(10.13e-3, symbol="x_max", unit="m", source="3.6")
+    stop_stiffness: Scalar = parameter(1e6, symbol="k_stop", unit="N/m", source="assumed", assumed=True)
+    stop_damping: Scalar = parameter(20.0, symbol="d", unit="s/m", source="assumed", assumed=True)
+
+    def stop_force(self, body: Body) -> Scalar:
+        """Force of the end stops in N, positive against the open one."""
+        into_open = jnp.maximum(-body.position, 0.0) * jnp.maximum(1 - self.stop_damping * body.velocity, 0.0)
+        past_travel = jnp.maximum(body.position - self.travel, 0.0)
+        into_closed = past_travel * jnp.maximum(1 + self.stop_damping * body.velocity, 0.0)
+        return self._contact_stiffness() * (into_open - into_closed)
+
+    def applied_force(self, body: Body, drive_force: Scalar) -> Scalar:
+        """All forces on the rod but friction in N along +x [2.34], under a drive in N along +x."""
+        return (
+            drive_force
+            - self.damping * body.velocity
+            - self.preload
+            - self.stiffness * body.position
+            + self.stop_force(body)
+        )
+
+    def damping_rate(self, friction_damping: Scalar) -> Scalar:
+        """Rate in 1/s at which damping and friction stop the rod."""
+        return (self.damping + friction_damping) / self.mass
+
+    def balance_force(self, position: Scalar) -> Scalar:
+        """Drive in N that holds the rod at a position in m between the stops."""
+        return self.preload + self.stiffness * position
+
+    def start(self, start: Start, drive_force: Scalar) -> Body:
+        """At rest where the trace says, or else in static balance with the drive (N along +x)."""
+        balanced = self.rest_position(drive_force)
+        measured = start.position_known & ~start.at_rest
+        position = jnp.where(measured, start.position, balanced)
+        return Body(position, jnp.zeros_like(position))
+
+    def rest_position(self, drive_force: Scalar) -> Scalar:
+        """Position in m at which the spring and the stops balance a drive along +x in N, without friction."""
+        force = drive_force - self.preload
+        closed = jnp.where(jnp.isfinite(self.travel), self.travel, 0.0)
+        stopped = _reciprocal(self.stiffness + self._contact_stiffness())
+        past = (force + self._contact_stiffness() * closed) * stopped
+        reaches = jnp.isfinite(self.travel) & (force > self.stiffness * closed)
+        free = force * _reciprocal(self.stiffness)
+        return jnp.where(force < 0, force * stopped, jnp.where(reaches, past, free))
+
+    def _contact_stiffness(self) -> Scalar:
+        return jnp.where(jnp.isfinite(self.travel), self.stop_stiffness, 0.0)
+
+    def displaced_volume(self, position: Scalar) -> Scalar:
+        """Volume in m3 that the diaphragm takes from the chamber, `A_d x_d` [2.39]."""
+        return self.area * position
+
+
+def _reciprocal(stiffness: Scalar) -> Scalar:
+    """Compliance in m/N, zero for an axis without a spring, whose rest position is then taken as zero."""
+    present = stiffness > 0
+    return jnp.where(present, 1 / jnp.where(present, stiffness, 1.0), 0.0)

@@ -1,0 +1,37 @@
+"""A chamber without heat exchange [2.39-2.57]."""
+
+from ...parameters import parameter
+from .._air import Air, Scalar
+from .._converter import Flow
+from ._base import AbstractChamber, Gas
+
+
+def adiabatic_rates(air: Air, gas: Gas, inflow: Flow, volume: Scalar, displacement_rate: Scalar) -> Gas:
+    """Time derivatives of pressure (Pa/s) and temperature (K/s) without heat exchange.
+
+    [2.57] with the volume term `+ gamma p A_d v / V` (erratum 3), and `T' = T (p'/p + V'/V - m'/m)` with
+    `m = p V / (R T)`; the two are written over the common denominators `V` and `p V`.
+
+    **Arguments:** `volume` of the gas in m3, which the diaphragm takes at `displacement_rate` in m3/s.
+    """
+    gamma = air.heat_capacity_ratio
+    heat = air.gas_constant * inflow.temperature * inflow.mass_flow
+    work = -gas.pressure * displacement_rate
+    leaving = air.gas_constant * gas.temperature * inflow.mass_flow
+    pressure_rate = gamma * (heat - work) / volume
+    temperature_rate = gas.temperature * (gamma * heat - (gamma - 1) * work - leaving) / (gas.pressure * volume)
+    return Gas(pressure_rate, temperature_rate)
+
+
+class AdiabaticChamber(AbstractChamber):
+    """Chamber without heat exchange."""
+
+    volume: Scalar = parameter(60e-6, symbol="V_0", unit="m3", source="B.2")
+
+    def rates(self, air: Air, gas: Gas, inflow: Flow, displaced: Scalar, displacement_rate: Scalar) -> Gas:
+        """Time derivatives of pressure (Pa/s) and temperature (K/s) [2.57]."""
+        return adiabatic_rates(air, gas, inflow, self.gas_volume(displaced), displacement_rate)
+
+    def relaxation(self, air: Air, gas: Gas, displaced: Scalar) -> Gas:
+        """The gas is slow."""
+        return Gas(None, None)

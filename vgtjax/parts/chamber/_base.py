@@ -1,0 +1,43 @@
+"""What every model of the gas in the chamber answers."""
+
+import abc
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._air import Air, Scalar
+from .._converter import Flow
+
+
+class Gas(eqx.Module):
+    """State of the gas in the chamber: pressure in Pa absolute and temperature in K."""
+
+    pressure: Scalar
+    temperature: Scalar
+
+
+class AbstractChamber(eqx.Module):
+    """Gas in the volume that the diaphragm leaves; mass is an output, `p V / (R T)`, never a state of its own."""
+
+    volume: eqx.AbstractVar[Scalar]
+    """Volume in m3 with the diaphragm at its open stop."""
+
+    def gas_volume(self, displaced: Float[Array, "..."]) -> Float[Array, "..."]:
+        """Volume of the gas in m3 when the diaphragm has displaced `displaced` m3 [2.41].
+
+        A diaphragm that has swallowed its chamber is a failed simulation, not a negative volume: then it is NaN.
+        """
+        volume = self.volume - displaced
+        return jnp.where(volume > 0, volume, jnp.nan)
+
+    @abc.abstractmethod
+    def rates(self, air: Air, gas: Gas, inflow: Flow, displaced: Scalar, displacement_rate: Scalar) -> Gas:
+        """Time derivatives of pressure (Pa/s) and temperature (K/s).
+
+        **Arguments:** `displaced` in m3 and `displacement_rate` in m3/s, the volume swept by the diaphragm.
+        """
+
+    @abc.abstractmethod
+    def relaxation(self, air: Air, gas: Gas, displaced: Scalar) -> Gas:
+        """Rate in 1/s at which pressure and temperature forget themselves, `None` where that is slow."""

@@ -1,0 +1,28 @@
+"""A chamber whose gas stays at ambient temperature [3.13, 5.2]."""
+
+import jax.numpy as jnp
+
+from ...parameters import parameter
+from .._air import Air, Scalar
+from .._converter import Flow
+from ._base import AbstractChamber, Gas
+
+
+class IsothermalChamber(AbstractChamber):
+    """Chamber that exchanges all heat at once; it must start at ambient temperature."""
+
+    volume: Scalar = parameter(60e-6, symbol="V_0", unit="m3", source="B.2")
+
+    def rates(self, air: Air, gas: Gas, inflow: Flow, displaced: Scalar, displacement_rate: Scalar) -> Gas:
+        """Time derivatives of pressure (Pa/s) and temperature (zero).
+
+        `p' = (R T_atm m' + p A_d v) / V` [5.2]. [3.13] has inflow and outflow swapped (erratum 4), and its equation
+        carries no gamma: that belongs to the adiabatic chamber.
+        """
+        flow = air.gas_constant * air.temperature * inflow.mass_flow
+        pressure_rate = (flow + gas.pressure * displacement_rate) / self.gas_volume(displaced)
+        return Gas(pressure_rate, jnp.zeros_like(gas.temperature))
+
+    def relaxation(self, air: Air, gas: Gas, displaced: Scalar) -> Gas:
+        """The gas is slow."""
+        return Gas(None, None)

@@ -1,0 +1,76 @@
+"""Flow over plunger position and pressure as a table [5.1]."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from ..._errors import InputError
+from ...parameters import parameter
+from .._air import Scalar
+from ._base import AbstractLiftMap, Values
+
+
+class LiftTable(AbstractLiftMap):
+    """Table over plunger position and chamber pressure, linear between its knots and held beyond them.
+
+    The thesis fits a polynomial in both [5.1] and prints no coefficients. A polynomial has no kink where the plunger
+    closes, and lets air flow there; a table read from the full model at its kinks keeps zero where nothing flows. The
+    default is a table without any flow: [`fit_flow_map`][] makes one.
+    """
+
+    position: Float[Array, " positions"] = parameter(
+        (-1e-3, 1e-3), symbol="x_p", unit="m", source="fitted", positive=False, held=True
+    )
+    """Knots, increasing."""
+    pressure: Float[Array, " pressures"] = parameter(
+        (2.0e4, 101013.0), symbol="p_act", unit="Pa", source="fitted", held=True
+    )
+    """Knots, increasing."""
+    flow: Float[Array, " knots"] = parameter(
+        (0.0,) * 4, symbol="lambda", unit="kg/s", source="fitted", positive=False, held=True
+    )
+    """A row of pressures for every position, one row after the other."""
+    ambient: Scalar = parameter(101013.0, symbol="p_map", unit="Pa", source="B.2", held=True)
+
+    def __check_init__(self) -> None:
+        if any(isinstance(values, jax.core.Tracer) for values in (self.position, self.pressure, self.flow)):
+            return
+        for name, knots, unit in (("position", self.position, "m"), ("pressure", self.pressure, "Pa")):
+            if len(knots) < 2 or not np.all(np.diff(knots) > 0):
+                raise InputError(
+                    f"the knots of {name} must be at least two that increase, in {unit}, but they are "
+                    f"{[float(knot) for knot in knots]}; sort them and remove repeated ones"
+                )
+        rows, columns = len(self.position), len(self.pressure)
+        if self.flow.size != rows * columns:
+            raise InputError(
+                f"a table needs {rows * columns} flows, one for each position and pressure, but it has "
+                f"{self.flow.size}; give {rows} rows of {columns}"
+            )
+
+    def __call__(self, position: Values, pressure: Values, ambient: Values | None = None) -> Values:
+        """Flow in kg/s."""
+        gauged = pressure if ambient is None else pressure - (ambient - self.ambient)
+        return jnp.vectorize(self._look_up)(position, gauged)
+
+    def _look_up(self, position: Scalar, pressure: Scalar) -> Scalar:
+        # Gathered, unlike `tables.bilinear`, whose sum over intervals compiles for ten seconds at this size and runs a
+        # batch sixteen times slower.
+        row, down = _place(self.position, position)
+        column, across = _place(self.pressure, pressure)
+        width = self.pressure.shape[-1]
+        corner = row * width + column
+        flow = self.flow
+        above = flow[corner] + across * (flow[corner + 1] - flow[corner])
+        below = flow[corner + width] + across * (flow[corner + width + 1] - flow[corner + width])
+        # As a difference, so that two equal rows (a saturated orifice) have a slope of exactly zero.
+        return above + down * (below - above)
+
+
+def _place(knots: Float[Array, " knots"], at: Scalar) -> tuple[Int[Array, ""], Scalar]:
+    """The interval between knots where a value lies, held within the outer ones, and how far across it."""
+    within = jnp.clip(at, knots[0], knots[-1])
+    index = jnp.clip(jnp.sum(within >= knots) - 1, 0, knots.shape[-1] - 2)
+    low, high = knots[index], knots[index + 1]
+    return index, (within - low) / (high - low)

@@ -1,0 +1,78 @@
+"""The flow map that the thesis prints [B.4]."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from ...parameters import parameter
+from .._air import Scalar
+from ._base import FULL_DUTY, AbstractFlowMap, Values, duty_by_bisection
+from ._roots import polynomial, slope
+
+MBAR = 100.0
+"""Pa."""
+
+
+class PrintedFlow(AbstractFlowMap):
+    """`f = phi(dp) + psi(dp) u` [B.4] with `dp = p - p_eq(u)` in mbar and `u` as a fraction from 0 to 1 (erratum 25).
+
+    As printed: nothing flows near -16 mbar instead of zero, and `psi` vanishes at 10.5, 179 and 599 mbar, so that the
+    control law (5.63), which divides by it, has poles there; [`duty_for`][] inverts the map instead. `p_eq(u)`, which
+    is not printed, is where the plunger of the full model closes, a quartic [2.8, B.1]; the defaults are its printed
+    values at 20 kPa of reservoir pressure.
+    """
+
+    phi: Float[Array, " 6"] = parameter(
+        (-7.94e-6, -4.92e-7, -5.94e-10, -2.48e-12, 5.65e-15, 1.59e-18),
+        symbol="phi",
+        unit=tuple(f"kg/(s mbar^{k})" for k in range(6)),
+        source="B.4",
+        positive=False,
+        held=True,
+    )
+    psi: Float[Array, " 5"] = parameter(
+        (5.19e-7, -5.27e-8, 3.13e-10, -1.13e-13, -4.42e-16),
+        symbol="psi",
+        unit=tuple(f"kg/(s mbar^{k})" for k in range(5)),
+        source="B.4",
+        positive=False,
+        held=True,
+    )
+    equilibrium: Float[Array, " 5"] = parameter(
+        (101843.62559540888, -12.98938307030129, -22.38163558106169, 0.20506743185078907, -5.242754662840745e-4),
+        symbol="p_eq",
+        unit=tuple(f"Pa/%^{k}" for k in range(5)),
+        source="2.8, B.1",
+        positive=False,
+        held=True,
+    )
+    ambient: Scalar = parameter(101013.0, symbol="p_map", unit="Pa", source="B.2", held=True)
+    difference_range: tuple[float, float] = eqx.field(static=True, default=(-720.0, 440.0))
+    """mbar; none is printed. Within it flow falls with pressure, and with duty from 1 % upwards."""
+
+    def equilibrium_pressure(self, duty: Values) -> Values:
+        """`p_eq` in Pa absolute at the atmosphere of the map."""
+        return polynomial(self.equilibrium, duty)
+
+    def __call__(self, duty: Values, pressure: Values, ambient: Values | None = None) -> Values:
+        """Flow in kg/s [B.4]."""
+        duty = jnp.clip(duty, 0.0, FULL_DUTY)
+        share = duty / FULL_DUTY
+        difference = self._difference(duty, pressure, ambient)
+        within = jnp.clip(difference, *self.difference_range)
+        value = polynomial(self.phi, within) + polynomial(self.psi, within) * share
+        along = slope(self.phi, within) + slope(self.psi, within) * share
+        return value + along * (difference - within)
+
+    def valid(self, duty: Values, pressure: Values, ambient: Values | None = None) -> Bool[Array, "..."]:
+        """Whether the pressure is near enough to that of equilibrium."""
+        low, high = self.difference_range
+        difference = self._difference(duty, pressure, ambient)
+        return (duty >= 0) & (duty <= FULL_DUTY) & (difference >= low) & (difference <= high)
+
+    def duty_for(self, flow: Values, pressure: Values, ambient: Values | None = None) -> Values:
+        """By bisection."""
+        return duty_by_bisection(self, flow, pressure, ambient)
+
+    def _difference(self, duty: Values, pressure: Values, ambient: Values | None) -> Values:
+        return (pressure - self.gauge_shift(ambient) - self.equilibrium_pressure(duty)) / MBAR

@@ -1,0 +1,60 @@
+"""Flow over duty and pressure when the plunger is always at rest [5.3]."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from ...parameters import parameter
+from ._base import FULL_DUTY, AbstractFlowMap, Values, duty_by_bisection
+from ._lift_table import LiftTable
+from ._roots import polynomial
+
+
+class SteadyPlungerFlow(AbstractFlowMap):
+    """The table of flow over plunger position, with the plunger where duty and pressure balance it.
+
+    `x_p = c (p_eq(u) - p)` with one compliance for each direction, since the return spring acts on one side only
+    (erratum 6). So the duty acts through the pressure difference `p - p_eq(u)` alone, as in [5.3], but the rest of the
+    flow law is the pressure's, not the duty's as in B.4. Where the orifice to the reservoir is saturated, flow does not
+    depend on duty.
+    """
+
+    equilibrium: Float[Array, " 5"] = parameter(
+        (101843.62559540888, -12.98938307030129, -22.38163558106169, 0.20506743185078907, -5.242754662840745e-4),
+        symbol="p_eq",
+        unit=tuple(f"Pa/%^{k}" for k in range(5)),
+        source="2.8, B.1",
+        positive=False,
+        held=True,
+    )
+    compliance: Float[Array, " 2"] = parameter(
+        (8.7125e-8, 3.9602272727e-8), symbol="c", unit="m/Pa", source="2.7, B.1", held=True
+    )
+    """Below and above zero."""
+    table: LiftTable = eqx.field(default_factory=LiftTable)
+
+    @property  # type: ignore[misc]
+    def ambient(self) -> Values:  # type: ignore[override]
+        """That of the table."""
+        return self.table.ambient
+
+    def position(self, duty: Values, pressure: Values, ambient: Values | None = None) -> Values:
+        """Where the plunger rests, in m."""
+        gauged = pressure - self.gauge_shift(ambient)
+        lack = polynomial(self.equilibrium, jnp.clip(duty, 0.0, FULL_DUTY)) - gauged
+        return lack * jnp.where(lack < 0, self.compliance[0], self.compliance[1])
+
+    def __call__(self, duty: Values, pressure: Values, ambient: Values | None = None) -> Values:
+        """Flow in kg/s."""
+        return self.table(self.position(duty, pressure, ambient), pressure, ambient)
+
+    def valid(self, duty: Values, pressure: Values, ambient: Values | None = None) -> Bool[Array, "..."]:
+        """Whether plunger and pressure lie within the table."""
+        gauged = pressure - self.gauge_shift(ambient)
+        at, table = self.position(duty, pressure, ambient), self.table
+        within = (gauged >= table.pressure[0]) & (gauged <= table.pressure[-1])
+        return within & (at >= table.position[0]) & (at <= table.position[-1]) & (duty >= 0) & (duty <= FULL_DUTY)
+
+    def duty_for(self, flow: Values, pressure: Values, ambient: Values | None = None) -> Values:
+        """By bisection."""
+        return duty_by_bisection(self, flow, pressure, ambient)

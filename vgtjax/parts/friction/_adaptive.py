@@ -1,0 +1,124 @@
+"""LuGre friction that grows with the exhaust gas on the vanes [3.18-3.20]."""
+
+import dataclasses
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ...parameters import parameter
+from .._air import Scalar
+from .._gas_table import Knots, Table
+from .._vanes import Crank, Vanes
+from ._base import AbstractFriction, Contact
+from ._lugre import SMALLEST_FORCE, Bristle, LuGre
+from ._passive import check_not_negative
+
+PRESSURES = (1.5e5, 3.0e5)
+"""Pa gauge; the thesis's two operating points besides none (section 3.4.2)."""
+ANGLES = (4.0, 12.0, 20.0, 28.0, 36.0)
+"""deg; from the closed stop to the open one of a travel of about 10 mm."""
+
+
+class AdaptiveLuGre(AbstractFriction):
+    """`F_f = theta F_LuGre` with `theta = 1 + load(p_trb, C_r) / F_c` [3.18-3.20].
+
+    (3.19) and (3.20) print `theta = 1 + F_aero / F_f`, which is singular wherever friction passes through zero, and has
+    nothing left of friction in the product. What the loops of section 3.4.2 show is a contact that is pressed harder,
+    so the load is referred to the sliding force instead: it is what exhaust gas adds to Coulomb friction, and every
+    other part of LuGre grows in proportion. The sign is that of the bristles; it is not applied again (erratum 14).
+
+    `load` is linear between knots, held beyond them, zero at zero gauge pressure and linear from there to the first
+    knot. While it does not change, friction is passive where that of [`LuGre`][] is.
+    """
+
+    static_force: Scalar = parameter(3.2, symbol="F_s", unit="N", source="B.2")
+    coulomb_force: Scalar = parameter(2.8, symbol="F_c", unit="N", source="B.2")
+    bristle_stiffness: Scalar = parameter(43135.0, symbol="sigma_0", unit="N/m", source="B.2")
+    bristle_damping: Scalar = parameter(429.77, symbol="sigma_1", unit="N s/m", source="B.2")
+    viscous_damping: Scalar = parameter(206.0, symbol="sigma_2", unit="N s/m", source="B.2")
+    stribeck_velocity: Scalar = parameter(1e-3, symbol="v_s", unit="m/s", source="B.2")
+    load: Table = parameter(
+        (0.0,) * (len(PRESSURES) * len(ANGLES)),
+        symbol="F_load",
+        unit="N",
+        source="3.20",
+        positive=False,
+        lower=0.0,
+        assumed=True,
+    )
+    """Sliding force in N that exhaust gas adds; a row of angles for every pressure, one row after the other."""
+    turbine_pressure: Float[Array, " pressures"] = parameter(
+        PRESSURES, symbol="p_trb", unit="Pa gauge", source="3.4.2", held=True
+    )
+    """Knots, increasing, above zero."""
+    crank_angle: Float[Array, " angles"] = parameter(
+        ANGLES, symbol="C_r", unit="deg", source="assumed", held=True, assumed=True
+    )
+    """Knots, increasing."""
+    crank: Crank = eqx.field(default_factory=Crank)
+    stribeck_exponent: int = eqx.field(static=True, default=1)
+    """As in [`LuGre`][]."""
+
+    def __check_init__(self) -> None:
+        _ = self._cold  # its own rules
+        self._knots.check("friction", {"load": self.load})
+        check_not_negative("load", self.load)
+
+    def on_knots(
+        self, turbine_pressure: Float[Array, " pressures"], crank_angle: Float[Array, " angles"]
+    ) -> "AdaptiveLuGre":
+        """The same friction, its load read at other knots (Pa gauge, deg)."""
+        other = Knots(jnp.asarray(turbine_pressure), jnp.asarray(crank_angle), self.crank)
+        return dataclasses.replace(
+            self,
+            load=self._knots.reread(self.load, other),
+            turbine_pressure=other.turbine_pressure,
+            crank_angle=other.crank_angle,
+        )
+
+    def theta(self, vanes: Vanes) -> Scalar:
+        """How many times its friction without exhaust gas the contact has; one at zero gauge pressure [3.20]."""
+        load = self._knots.read(self.load, vanes)
+        return 1 + load / jnp.maximum(self.coulomb_force, SMALLEST_FORCE)
+
+    def initial_state(self) -> Bristle:
+        """A relaxed bristle."""
+        return Bristle(jnp.zeros_like(self.static_force))
+
+    def relaxation(self, contact: Contact, state: Bristle) -> Bristle:
+        """That of LuGre: the load stiffens the bristles and raises the force they slip at alike."""
+        return self._cold.relaxation(contact, state)
+
+    def damping(self, contact: Contact) -> Scalar:
+        """`theta (sigma_1 + sigma_2)`."""
+        return self.theta(contact.vanes) * self._cold.damping(contact)
+
+    def __call__(self, contact: Contact, state: Bristle, applied_force: Scalar) -> tuple[Scalar, Bristle]:
+        """Force [3.18]; the applied force plays no part."""
+        force, rate = self._cold(contact, state, applied_force)
+        return self.theta(contact.vanes) * force, rate
+
+    def signals(self, state: Bristle) -> dict[str, Array]:
+        """The deflection `z` in m."""
+        return self._cold.signals(state)
+
+    def typical_state(self) -> Bristle:
+        """The deflection at break-away."""
+        return self._cold.typical_state()
+
+    @property
+    def _knots(self) -> Knots:
+        return Knots(self.turbine_pressure, self.crank_angle, self.crank)
+
+    @property
+    def _cold(self) -> LuGre:
+        return LuGre(
+            self.static_force,
+            self.coulomb_force,
+            self.bristle_stiffness,
+            self.bristle_damping,
+            self.viscous_damping,
+            self.stribeck_velocity,
+            self.stribeck_exponent,
+        )

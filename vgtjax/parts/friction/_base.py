@@ -1,0 +1,55 @@
+"""What every friction model answers."""
+
+import abc
+from typing import Any
+
+import equinox as eqx
+from jaxtyping import Array, PyTree
+
+from .._air import Scalar
+from .._vanes import Vanes
+
+
+class Contact(eqx.Module):
+    """What moves and presses where rod and guide touch."""
+
+    velocity: Scalar
+    """Velocity of the rod in m/s."""
+    mass: Scalar
+    """Mass that friction has to stop, in kg."""
+    vanes: Vanes
+    """Exhaust gas loads the bearings of the vanes."""
+
+
+class AbstractFriction(eqx.Module):
+    """Friction between rod and guide; the force opposes positive velocity.
+
+    The state is a PyTree of scalars, `None` where a model has none.
+    """
+
+    @abc.abstractmethod
+    def initial_state(self) -> PyTree[Scalar]:
+        """State at rest with nothing stretched."""
+
+    @abc.abstractmethod
+    def __call__(self, contact: Contact, state: Any, applied_force: Scalar) -> tuple[Scalar, PyTree[Scalar]]:
+        """Friction force in N and the time derivative of the state.
+
+        **Arguments:** `applied_force` in N: all other forces on the rod along +x.
+        """
+
+    @abc.abstractmethod
+    def relaxation(self, contact: Contact, state: Any) -> PyTree[Scalar]:
+        """Rate in 1/s, one for each state, at which it forgets itself: `-d(state')/d(state)`."""
+
+    @abc.abstractmethod
+    def damping(self, contact: Contact) -> Scalar:
+        """The largest slope of the force over velocity in N s/m."""
+
+    @abc.abstractmethod
+    def signals(self, state: Any) -> dict[str, Array]:
+        """The state by the names of the trace columns."""
+
+    @abc.abstractmethod
+    def typical_state(self) -> PyTree[Scalar]:
+        """The usual size of each state, by which an absolute tolerance is scaled."""

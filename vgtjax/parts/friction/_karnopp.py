@@ -1,0 +1,60 @@
+"""Karnopp friction: a stiction band around zero velocity [3.1]."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ...parameters import parameter
+from .._air import Scalar
+from ._base import AbstractFriction, Contact
+from ._coulomb import Coulomb, check_width
+
+
+class Karnopp(AbstractFriction):
+    """A rod at rest holds up to `F_s`, one that slides feels `F_c sign(v) + sigma_2 v` [3.1].
+
+    The print compares `F_p` where `|F_p|` is meant, and has no band (erratum 12), without which rest is never met. Here
+    the dry force may reach `F_s` up to `velocity_band`, then the limit falls linearly to `F_c` at twice the band, so
+    that nothing jumps. Sticking is that of [`Coulomb`][], and so is what is approximated. The viscous part is [2.35]'s.
+    """
+
+    static_force: Scalar = parameter(3.2, symbol="F_s", unit="N", source="B.2")
+    coulomb_force: Scalar = parameter(2.8, symbol="F_c", unit="N", source="B.2")
+    viscous_damping: Scalar = parameter(206.0, symbol="sigma_2", unit="N s/m", source="B.2")
+    velocity_band: float = eqx.field(static=True, default=1e-3)
+    """Width in m/s; assumed, the size of LuGre's Stribeck velocity. The narrower, the more abrupt the break-away."""
+    stick_time: float = eqx.field(static=True, default=1e-3)
+    """Time constant in s with which a rod comes to rest; see [`Coulomb`][]."""
+
+    def __check_init__(self) -> None:
+        check_width("velocity_band", self.velocity_band, "m/s", 1e-3)
+        check_width("stick_time", self.stick_time, "s", 1e-3)
+
+    def initial_state(self) -> None:
+        """Nothing to remember."""
+
+    def limit(self, velocity: Scalar) -> Scalar:
+        """The largest dry force in N at a velocity in m/s."""
+        stiction = jnp.clip(2.0 - jnp.abs(velocity) / self.velocity_band, 0.0, 1.0)
+        return self.coulomb_force + (self.static_force - self.coulomb_force) * stiction
+
+    def relaxation(self, contact: Contact, state: None) -> None:
+        """No state, no rate."""
+
+    def damping(self, contact: Contact) -> Scalar:
+        """That of [`Coulomb`][]; in the band's flank the force falls with velocity, which no damping does."""
+        return self._at(contact.velocity).damping(contact)
+
+    def __call__(self, contact: Contact, state: None, applied_force: Scalar) -> tuple[Scalar, None]:
+        """Force in N under an applied force in N."""
+        return self._at(contact.velocity)(contact, state, applied_force)
+
+    def signals(self, state: None) -> dict[str, Array]:
+        """Nothing to show."""
+        return {}
+
+    def typical_state(self) -> None:
+        """No state, no size."""
+
+    def _at(self, velocity: Scalar) -> Coulomb:
+        return Coulomb(self.limit(velocity), self.viscous_damping, self.stick_time)

@@ -1,0 +1,52 @@
+"""What every model of the hose between converter and chamber answers."""
+
+import abc
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+from jaxtyping import Array, PyTree
+
+from .._air import Air, Scalar
+from .._converter import Flow
+from ..chamber._base import Gas
+
+
+class AbstractLine(eqx.Module):
+    """A line that carries flow from the converter to the chamber; its state is a PyTree, `None` for no line."""
+
+    @abc.abstractmethod
+    def initial_state(self, air: Air, gas: Gas) -> PyTree[Scalar]:
+        """State at rest, filled with the gas of the chamber."""
+
+    @abc.abstractmethod
+    def port(self, air: Air, state: Any, gas: Gas, flow: Callable[[Gas], Flow]) -> tuple[Gas, Flow]:
+        """What the converter sees at its end of the line, and the flow that enters there.
+
+        **Arguments:** `gas` is the state of the chamber; `flow` is the converter's, into a gas that it sees.
+        """
+
+    @abc.abstractmethod
+    def __call__(self, air: Air, state: Any, entering: Flow, gas: Gas) -> tuple[Flow, PyTree[Scalar]]:
+        """Flow into the chamber, and the time derivative of the state.
+
+        **Arguments:** `entering` is the flow that `port` says; `gas` is the state of the chamber; `air` gives speed of
+        sound and ambient temperature.
+        """
+
+    @abc.abstractmethod
+    def relaxation(self, air: Air, state: Any, gas: Gas) -> PyTree[Scalar]:
+        """Rate in 1/s, one for each state, at which it forgets itself, `None` where it is slow or oscillates."""
+
+    @property
+    @abc.abstractmethod
+    def longest_step(self) -> float:
+        """Longest step in s that resolves the line, infinite where any does."""
+
+    @abc.abstractmethod
+    def signals(self, state: Any, inflow: Flow) -> dict[str, Array]:
+        """The state and the flow into the chamber, by the names of the trace columns."""
+
+    @abc.abstractmethod
+    def typical_state(self, gas: Gas) -> PyTree[Scalar]:
+        """The usual size of each state with `gas` in the line, by which an absolute tolerance is scaled."""

@@ -1,0 +1,5 @@
+"""Magnetic force on the converter's plunger, on one interface."""
+
+from ._base import AbstractMagneticForce as AbstractMagneticForce
+from ._coil import Coil as Coil
+from ._static import StaticForce as StaticForce

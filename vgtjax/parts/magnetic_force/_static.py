@@ -1,0 +1,35 @@
+"""Magnetic force as a static function of the duty [2.9, B.1]."""
+
+from jaxtyping import Array, Float
+
+from .._air import Scalar
+from ._base import AbstractMagneticForce
+
+
+class StaticForce(AbstractMagneticForce):
+    """Quartic in the duty, whatever the plunger's position, without a state."""
+
+    coefficients: Float[Array, " 5"]
+    """`c0..c4` in N/%^k."""
+
+    def initial_state(self, pwm: Scalar) -> None:
+        """Nothing to remember."""
+
+    def __call__(self, pwm: Scalar, position: Scalar, velocity: Scalar, state: None) -> tuple[Scalar, None]:
+        """The quartic."""
+        return self.steady_pull(pwm, position), None
+
+    def steady_pull(self, pwm: Scalar, position: Scalar) -> Scalar:
+        """The quartic [2.9 with the digits of B.1]."""
+        c0, c1, c2, c3, c4 = (self.coefficients[k] for k in range(5))
+        return (((c4 * pwm + c3) * pwm + c2) * pwm + c1) * pwm + c0
+
+    def relaxation(self, position: Scalar, state: None) -> None:
+        """No state, no rate."""
+
+    def signals(self, state: None) -> dict[str, Array]:
+        """Nothing to show."""
+        return {}
+
+    def typical_state(self) -> None:
+        """No state, no size."""

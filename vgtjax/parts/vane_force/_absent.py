@@ -1,0 +1,29 @@
+"""The cold bench: no exhaust gas, no force."""
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from .._air import Scalar
+from .._vanes import Vanes
+from ._base import AbstractVaneForce
+
+
+class NoVaneForce(AbstractVaneForce):
+    """Zero at every position and pressure, without a state."""
+
+    def initial_state(self) -> None:
+        """Nothing to remember."""
+
+    def __call__(self, vanes: Vanes, velocity: Scalar, state: None) -> tuple[Scalar, None]:
+        """Zero."""
+        return jnp.zeros_like(velocity), None
+
+    def relaxation(self, vanes: Vanes, velocity: Scalar, state: None) -> None:
+        """No state, no rate."""
+
+    def signals(self, vanes: Vanes, velocity: Scalar, state: None) -> dict[str, Array]:
+        """Nothing to show."""
+        return {}
+
+    def typical_state(self) -> None:
+        """No state, no size."""

@@ -1,0 +1,37 @@
+"""What every model of the exhaust gas force on the vanes answers."""
+
+import abc
+from typing import Any
+
+import equinox as eqx
+from jaxtyping import Array, PyTree
+
+from .._air import Scalar
+from .._vanes import Vanes
+
+
+class AbstractVaneForce(eqx.Module):
+    """Force of the exhaust gas on the rod, positive against +x; its state is a PyTree of scalars, `None` for none."""
+
+    @abc.abstractmethod
+    def initial_state(self) -> PyTree[Scalar]:
+        """State at rest."""
+
+    @abc.abstractmethod
+    def __call__(self, vanes: Vanes, velocity: Scalar, state: Any) -> tuple[Scalar, PyTree[Scalar]]:
+        """Force in N, and the time derivative of the state.
+
+        **Arguments:** where the vanes are and the turbine pressure; `velocity` of the rod in m/s.
+        """
+
+    @abc.abstractmethod
+    def relaxation(self, vanes: Vanes, velocity: Scalar, state: Any) -> PyTree[Scalar]:
+        """Rate in 1/s, one for each state, at which it forgets itself; `None` where it is slow."""
+
+    @abc.abstractmethod
+    def signals(self, vanes: Vanes, velocity: Scalar, state: Any) -> dict[str, Array]:
+        """The force as `f_vane` in N, where there is one."""
+
+    @abc.abstractmethod
+    def typical_state(self) -> PyTree[Scalar]:
+        """The usual size of each state, by which an absolute tolerance is scaled."""

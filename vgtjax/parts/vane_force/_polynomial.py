@@ -1,0 +1,76 @@
+"""The force-sensor polynomial [3.15]."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ...parameters import parameter
+from .._air import Scalar
+from .._vanes import Crank, Vanes
+from ._base import AbstractVaneForce
+
+POWERS = (
+    (0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0, 3),
+    (4, 0), (3, 1), (2, 2), (1, 3), (5, 0), (4, 1), (3, 2), (2, 3),
+)  # fmt: skip
+"""Powers of crank angle and pressure ratio, term by term as printed."""
+PRINTED = (
+    191.0, 2.065, -408.3, -1.192, 14.65, 261.5, 0.0385, 0.7, -16.06, -47.88,
+    -0.00029, -0.029, 0.162, 3.38, -7.78e-7, 2.25e-4, 2.29e-3, -0.057,
+)  # fmt: skip
+
+
+def _unit(angle: int, ratio: int) -> str:
+    return "N" if angle == 0 else "N/deg" if angle == 1 else f"N/deg^{angle}"
+
+
+class ForcePolynomial(AbstractVaneForce):
+    """Polynomial in crank angle (deg) and pressure ratio across the turbine, without a state [3.15].
+
+    The ratio is that of the turbine's inlet to the ambient, `1 + p_trb / p_atm`, as its outlet blows into the
+    ambient. The thesis prints no range. As printed the polynomial makes little sense in places (erratum 13): at ratio
+    1, without exhaust gas, it is 4 to 34 N, at ratio 2 it rises again above 12 deg, and beyond 3 it turns negative. So
+    angle and ratio are held at the ends of `angle_range` and `ratio_range`, where the force is continuous.
+    """
+
+    coefficients: Float[Array, " 18"] = parameter(
+        PRINTED, symbol="a", unit=tuple(_unit(*power) for power in POWERS), source="3.15", positive=False
+    )
+    """In the order of `POWERS`."""
+    ambient_pressure: Scalar = parameter(101013.0, symbol="p_atm", unit="Pa", source="B.2", held=True)
+    """Pa absolute at the turbine's outlet."""
+    crank: Crank = eqx.field(default_factory=Crank)
+    angle_range: tuple[float, float] = eqx.field(static=True, default=(4.0, 36.0))
+    ratio_range: tuple[float, float] = eqx.field(static=True, default=(1.0, 3.0))
+
+    def initial_state(self) -> None:
+        """Nothing to remember."""
+
+    def ratio(self, turbine_pressure: Scalar) -> Scalar:
+        """Pressure ratio across the turbine at an inlet pressure in Pa gauge."""
+        return 1 + turbine_pressure / self.ambient_pressure
+
+    def force(self, angle: Scalar, ratio: Scalar) -> Scalar:
+        """Force in N at a crank angle in degrees and a pressure ratio, both held inside their ranges."""
+        terms = polynomial_terms(jnp.clip(angle, *self.angle_range), jnp.clip(ratio, *self.ratio_range))
+        return sum(self.coefficients[k] * term for k, term in enumerate(terms))
+
+    def __call__(self, vanes: Vanes, velocity: Scalar, state: None) -> tuple[Scalar, None]:
+        """Force in N, the same in both directions."""
+        return self.force(self.crank.angle(vanes.opening), self.ratio(vanes.turbine_pressure)), None
+
+    def relaxation(self, vanes: Vanes, velocity: Scalar, state: None) -> None:
+        """No state, no rate."""
+
+    def signals(self, vanes: Vanes, velocity: Scalar, state: None) -> dict[str, Array]:
+        """`f_vane` in N."""
+        return {"f_vane": self(vanes, velocity, state)[0]}
+
+    def typical_state(self) -> None:
+        """No state, no size."""
+
+
+def polynomial_terms(angle: Scalar | np.ndarray, ratio: Scalar | np.ndarray) -> list:
+    """The products of powers that [3.15] sums, at crank angles in degrees and pressure ratios."""
+    return [angle**first * ratio**second for first, second in POWERS]

@@ -1,0 +1,56 @@
+"""What the integrator, the fit and the studies need of a model of the actuator."""
+
+import abc
+from typing import Any
+
+import equinox as eqx
+from jaxtyping import Array, Float, PyTree
+
+from ..parts import Air, Scalar
+from ..traces import Drive, Start
+
+State = PyTree[Float[Array, "..."]]
+
+
+class AbstractModel(eqx.Module):
+    """A set of ordinary differential equations driven by a trace.
+
+    Its parameters are its array leaves; its state is a PyTree of scalars that the model alone understands.
+    """
+
+    air: eqx.AbstractVar[Air]
+    """The air around it, whose pressure is what gauge pressures count from."""
+
+    @abc.abstractmethod
+    def start(self, start: Start, drive: Drive) -> State:
+        """State at the first sample; `drive` is the first interval."""
+
+    @abc.abstractmethod
+    def vector_field(self, time: Scalar, state: Any, drive: Drive) -> State:
+        """Time derivative of the state, `time` seconds after the start of the interval `drive`."""
+
+    @abc.abstractmethod
+    def relaxation(self, time: Scalar, state: Any, drive: Drive) -> Any:
+        """Rate in 1/s at which each state forgets itself, shaped like the state, `None` where it is slow."""
+
+    @abc.abstractmethod
+    def observe(self, state: Any, drive: Drive) -> tuple[Scalar, Scalar]:
+        """What sensors see at the start of `drive`: position in m and chamber pressure in Pa absolute."""
+
+    @abc.abstractmethod
+    def signals(self, state: Any, drive: Drive) -> dict[str, Array]:
+        """All that a simulation reports at the start of `drive`, by the names of the trace columns."""
+
+    @abc.abstractmethod
+    def typical_state(self) -> Any:
+        """The usual size of each state, by which an absolute tolerance is scaled."""
+
+    @property
+    @abc.abstractmethod
+    def longest_step(self) -> float:
+        """Longest step in s that resolves the model's own dynamics, infinite where the default does."""
+
+    @property
+    @abc.abstractmethod
+    def needs(self) -> tuple[str, ...]:
+        """Columns that a trace must have to drive this model, alternatives joined by `|`."""

@@ -1,0 +1,72 @@
+"""The rod with all that acts on it, which every model of the actuator has in common [2.34]."""
+
+import equinox as eqx
+from jaxtyping import Array, PyTree
+
+from ..parts import AbstractFriction, AbstractVaneForce, Body, Contact, Diaphragm, Scalar, Vanes
+from ..traces import Start
+
+
+class RodState(eqx.Module):
+    """State of the rod, its friction and the vanes, one scalar a leaf (SI units)."""
+
+    body: Body
+    friction: PyTree[Array]
+    vanes: PyTree[Array]
+
+
+class Rod(eqx.Module):
+    """Diaphragm, friction and vane force, put together."""
+
+    diaphragm: Diaphragm
+    friction: AbstractFriction
+    vane_force: AbstractVaneForce
+
+    def start(self, start: Start, drive_force: Scalar) -> RodState:
+        """At rest where the trace says, or else in static balance with the drive in N along +x."""
+        body = self.diaphragm.start(start, drive_force)
+        return RodState(body, self.friction.initial_state(), self.vane_force.initial_state())
+
+    def rates(self, state: RodState, drive_force: Scalar, turbine_pressure: Scalar) -> RodState:
+        """Time derivative of the state [2.34].
+
+        **Arguments:** `drive_force` in N along +x; `turbine_pressure` in Pa gauge.
+        """
+        body = state.body
+        vanes = self._vanes(body, turbine_pressure)
+        vane_force, vane_rate = self.vane_force(vanes, body.velocity, state.vanes)
+        applied = self.diaphragm.applied_force(body, drive_force - vane_force)
+        friction_force, friction_rate = self.friction(self._contact(body, vanes), state.friction, applied)
+        return RodState(Body(body.velocity, (applied - friction_force) / self.diaphragm.mass), friction_rate, vane_rate)
+
+    def relaxation(self, state: RodState, turbine_pressure: Scalar) -> RodState:
+        """Rates in 1/s at which damping stops the rod, and friction and vanes forget themselves."""
+        body = state.body
+        vanes = self._vanes(body, turbine_pressure)
+        contact = self._contact(body, vanes)
+        return RodState(
+            Body(None, self.diaphragm.damping_rate(self.friction.damping(contact))),
+            self.friction.relaxation(contact, state.friction),
+            self.vane_force.relaxation(vanes, body.velocity, state.vanes),
+        )
+
+    def signals(self, state: RodState, turbine_pressure: Scalar) -> dict[str, Array]:
+        """Position, velocity, and what friction and vanes show."""
+        body = state.body
+        vanes = self._vanes(body, turbine_pressure)
+        return {
+            "x_d": body.position,
+            "v_d": body.velocity,
+            **self.friction.signals(state.friction),
+            **self.vane_force.signals(vanes, body.velocity, state.vanes),
+        }
+
+    def typical_state(self) -> RodState:
+        """A centimetre, a tenth of a metre a second."""
+        return RodState(Body(1e-2, 0.1), self.friction.typical_state(), self.vane_force.typical_state())
+
+    def _vanes(self, body: Body, turbine_pressure: Scalar) -> Vanes:
+        return Vanes(self.diaphragm.travel - body.position, turbine_pressure)
+
+    def _contact(self, body: Body, vanes: Vanes) -> Contact:
+        return Contact(body.velocity, self.diaphragm.mass, vanes)

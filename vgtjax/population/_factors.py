@@ -1,0 +1,101 @@
+"""What varies from actuator to actuator: single values, and the level of a whole curve."""
+
+import difflib
+from collections.abc import Sequence
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._errors import InputError
+from ..parameters import (
+    Selection,
+    entry_names,
+    get_parameter,
+    match_entries,
+    parameter_table,
+    replace_parameters,
+    table_row,
+)
+from ..plants import AbstractModel
+
+
+class Factors(eqx.Module):
+    """The quantities of a population, in the order of the parameter table.
+
+    A scalar parameter, or one entry `name[2]` of a vector, is varied by its value. A vector's bare name stands for a
+    factor, one for the nominal actuator, that multiplies all of its entries: the coefficients of one curve do not
+    vary one without the other (the magnetic force is a difference of large terms), and variance-based indices need
+    quantities that do.
+    """
+
+    entries: tuple[str, ...] = eqx.field(static=True)
+
+    def pack(self, model: AbstractModel) -> Float[Array, " factors"]:
+        """The nominal actuator's values."""
+        table = parameter_table(model)
+        one = jnp.ones(())
+        values = [one if is_curve(table, entry) else Selection((entry,)).pack(model)[0] for entry in self.entries]
+        return jnp.stack(values) if values else jnp.zeros(0)
+
+    def unpack(self, model: AbstractModel, vector: Float[Array, " factors"]) -> Any:
+        """`model` with these values."""
+        table = parameter_table(model)
+        for position, entry in enumerate(self.entries):
+            if is_curve(table, entry):
+                model = replace_parameters(model, {entry: vector[position] * get_parameter(model, entry)})
+        single = [position for position, entry in enumerate(self.entries) if not is_curve(table, entry)]
+        values = [vector[position] for position in single]
+        return Selection(tuple(self.entries[position] for position in single)).unpack(model, values)
+
+    def units(self, model: AbstractModel) -> list[str]:
+        """Unit of each quantity."""
+        table = parameter_table(model)
+        return ["1" if is_curve(table, e) else str(table_row(table, e).unit) for e in self.entries]
+
+
+def is_curve(table: dict, entry: str) -> bool:
+    """Whether a name of a population is that of a whole vector."""
+    return entry in table and table[entry].size is not None
+
+
+def choose_factors(model: AbstractModel, patterns: Sequence[str], fixed: Sequence[str] = ()) -> Factors:
+    """The quantities that names or patterns address: whole vectors, unless `name[2]` picks an entry.
+
+    What `fixed` addresses stays, whole vectors with all of their entries.
+
+    **Raises:** `InputError` for a pattern that matches nothing, or an entry beside its whole vector.
+    """
+    table = parameter_table(model)
+
+    def address(pattern: str) -> list[str]:
+        if pattern.endswith("]"):
+            return [entry for entry in entry_names(table) if entry in match_entries(table, [pattern])]
+        bases = {_base(entry) for entry in match_entries(table, [pattern])}
+        return [name for name in table if name in bases]
+
+    left_out = {entry for pattern in fixed for entry in address(pattern)}
+    chosen = {entry for pattern in patterns for entry in address(pattern)}
+    chosen = {entry for entry in chosen if entry not in left_out and _base(entry) not in left_out}
+    for entry in sorted(chosen | left_out):
+        if _base(entry) != entry and _base(entry) in chosen:
+            what = "both vary" if entry in chosen else "be fixed and vary"
+            raise InputError(f"'{entry}' and the whole '{_base(entry)}' can't {what}; name one of them")
+    order = [name for base in table for name in (base, *entry_names({base: table[base]}))]
+    return Factors(tuple(dict.fromkeys(name for name in order if name in chosen)))
+
+
+def _base(entry: str) -> str:
+    return entry.partition("[")[0]
+
+
+def check_known(model: AbstractModel, names: Sequence[str], factors: Factors, kind: str) -> None:
+    """Whether names are among the quantities that vary.
+
+    **Raises:** `InputError` for the first that is not, with the nearest one.
+    """
+    for name in names:
+        if name not in factors.entries:
+            near = difflib.get_close_matches(name, factors.entries, n=1, cutoff=0.0)
+            raise InputError(f"{kind} names '{name}', which does not vary; vary it too, or did you mean '{near[0]}'?")

@@ -1,0 +1,128 @@
+"""A population of actuators: which parameters vary from one to the next, how, and together with which."""
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+import scipy.special
+import scipy.stats
+from jaxtyping import Float
+
+from .._errors import InputError
+from ..parameters import parameter_table, table_row
+from ..plants import AbstractModel
+from ._factors import Factors, is_curve
+
+Margin = Any
+"""A frozen distribution of `scipy.stats`: has `ppf`, `mean`, `std`."""
+Rows = Float[np.ndarray, "rows factors"]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Population:
+    """Distributions of some quantities around a nominal actuator, coupled by a Gaussian copula.
+
+    `margins` are in the order of `factors.entries` and in the units of the table. `correlation` is that of the
+    normal scores, `(factors, factors)`; it may be singular, as it is where few units were measured.
+
+    **Raises:** `InputError` where sizes differ, or the correlation is none.
+    """
+
+    model: AbstractModel
+    factors: Factors
+    margins: tuple[Margin, ...]
+    correlation: Float[np.ndarray, "factors factors"] | None = None
+
+    def __post_init__(self) -> None:
+        if len(self.margins) != len(self.factors.entries):
+            raise InputError(
+                f"a population needs one distribution a quantity, but it has {len(self.margins)} for "
+                f"{len(self.factors.entries)}; give one each"
+            )
+        if self.correlation is not None:
+            _check_correlation(np.asarray(self.correlation), len(self.margins))
+
+    @property
+    def dimensions(self) -> int:
+        """Quantities that vary."""
+        return len(self.margins)
+
+    @property
+    def deviations(self) -> Float[np.ndarray, " factors"]:
+        """Standard deviation of each quantity."""
+        return np.array([float(margin.std()) for margin in self.margins])
+
+    @property
+    def nominal(self) -> Float[np.ndarray, " factors"]:
+        """The nominal actuator's values."""
+        return np.asarray(self.factors.pack(self.model))
+
+    def values(self, points: Rows) -> Rows:
+        """Parameter values of points of the open unit cube; each row by itself, so that slices give the same."""
+        if self.correlation is not None:
+            scores, factor = scipy.special.ndtri(points), _factor(np.asarray(self.correlation))
+            # Term by term: a matrix product rounds differently with the number of rows.
+            coupled = sum(scores[:, j : j + 1] * factor[:, j] for j in range(self.dimensions))
+            points = np.clip(scipy.special.ndtr(coupled), np.finfo(float).tiny, 1 - np.finfo(float).epsneg)
+        # A truncated normal misses its own end by rounding.
+        return np.column_stack(
+            [np.clip(margin.ppf(points[:, i]), *margin.support()) for i, margin in enumerate(self.margins)]
+        )
+
+    def independent(self) -> "Population":
+        """The same distributions without their correlation, which variance-based indices need."""
+        return dataclasses.replace(self, correlation=None)
+
+
+def _check_correlation(correlation: np.ndarray, size: int) -> None:
+    if correlation.shape != (size, size):
+        raise InputError(f"the correlation must be {size} by {size}, but it is {correlation.shape}; give that")
+    if not np.allclose(correlation, correlation.T) or not np.allclose(np.diag(correlation), 1.0):
+        raise InputError("a correlation must be symmetric with ones on its diagonal, but this is not; correct it")
+    lowest = float(np.linalg.eigvalsh(correlation)[0])
+    if lowest < -1e-9 * size:
+        raise InputError(
+            f"these correlations contradict each other (smallest eigenvalue {lowest:.3g}, which must not be negative); "
+            "weaken them"
+        )
+
+
+def _factor(correlation: np.ndarray) -> np.ndarray:
+    """`L` with `L L^T = correlation`, its strongest direction first, where a low-discrepancy sequence is best."""
+    values, vectors = np.linalg.eigh(correlation)
+    order = np.argsort(values)[::-1]
+    factor = vectors[:, order] * np.sqrt(np.maximum(values[order], 0.0))
+    return factor / np.linalg.norm(factor, axis=1, keepdims=True)
+
+
+def domain(model: AbstractModel, entry: str) -> tuple[float, float]:
+    """Ends of what a quantity may be, in the units of the table."""
+    table = parameter_table(model)
+    if is_curve(table, entry):
+        return 0.0, math.inf
+    row = table_row(table, entry)
+    return (0.0 if row.positive else row.lower), math.inf
+
+
+def normal(mean: float, deviation: float, ends: tuple[float, float] = (-math.inf, math.inf)) -> Margin:
+    """A normal distribution, cut off at the ends of a parameter's domain where it would reach them."""
+    low, high = ((end - mean) / deviation for end in ends)
+    if low < -8 and high > 8:  # beyond any sample
+        return scipy.stats.norm(mean, deviation)
+    return scipy.stats.truncnorm(low, high, loc=mean, scale=deviation)
+
+
+def lognormal(median: float, deviation: float) -> Margin:
+    """A positive parameter whose logarithm is normal, with `deviation` of that logarithm."""
+    return scipy.stats.lognorm(deviation, scale=median)
+
+
+def uniform(lower: float, upper: float) -> Margin:
+    """Every value between two ends alike."""
+    return scipy.stats.uniform(lower, upper - lower)
+
+
+def triangular(lower: float, mode: float, upper: float) -> Margin:
+    """Most likely at `mode`, falling to nothing at the ends."""
+    return scipy.stats.triang((mode - lower) / (upper - lower), loc=lower, scale=upper - lower)

@@ -1,0 +1,38 @@
+"""The thesis's sensitivity index: the squared correlation of an input with an output (section 4.1.2)."""
+
+import numpy as np
+from jaxtyping import Float
+
+from ._moments import Weights, covariance, reciprocal, variance, weights_or_equal, with_members
+
+
+def correlations(
+    x: Float[np.ndarray, "points *members inputs"],
+    y: Float[np.ndarray, "points *members outputs"],
+    weights: Weights | None = None,
+) -> Float[np.ndarray, "*replicates outputs inputs"]:
+    """Correlation coefficients of every input with every output.
+
+    A constant input has the correlation 0, a constant output NaN: there is nothing to explain.
+
+    **Arguments:** `x` and `y` of the same rows, of shape `(points, columns)`, or `(points, members, columns)` for rows
+    that were drawn together, such as those of a base point; `weights` of the points, equal by default.
+    """
+    x, y = with_members(x), with_members(y)
+    weights = weights_or_equal(weights, len(x))
+    of_x = reciprocal(np.sqrt(variance(x, weights)), 0.0)
+    of_y = reciprocal(np.sqrt(variance(y, weights)), np.nan)
+    return covariance(y, x, weights) * of_y[..., :, None] * of_x[..., None, :]
+
+
+def squared_correlation(
+    x: Float[np.ndarray, "points *members inputs"],
+    y: Float[np.ndarray, "points *members outputs"],
+    weights: Weights | None = None,
+) -> Float[np.ndarray, "*replicates outputs inputs"]:
+    """The index of (4.1), between 0 and 1, which the thesis calls SRC; arguments as those of [`correlations`][].
+
+    For independent inputs it is the squared standardised regression coefficient, and no more than the first-order
+    index. The values printed in table 4.2 don't follow from the columns printed there.
+    """
+    return correlations(x, y, weights) ** 2

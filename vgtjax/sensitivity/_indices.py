@@ -1,0 +1,202 @@
+"""All indices of all outputs from one sample, with intervals, whatever rows are missing."""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from .._errors import InputError
+from ._correlation import squared_correlation
+from ._design import RadialDesign
+from ._missing import complete_groups
+from ._morris import elementary_effects
+from ._regression import regress
+from ._resampling import Estimate, Statistics, bootstrap
+from ._sobol import first_order, total_order
+
+FEWEST_POINTS = 16
+"""Complete points; resampling fewer says nothing about the ends of an interval."""
+_BLOCK = 2**22
+"""Numbers that are worked on at a time: 32 MiB, of which there are a few copies."""
+
+Columns = Int[np.ndarray, " columns"]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class LinearIndices:
+    """What a linear model of a sample says.
+
+    `correlation` is the thesis's index (4.1), `regression` the signed standardised coefficient, both `(outputs,
+    inputs)`; `r2` and `adjusted_r2` `(outputs,)`; `used` is the number of complete points behind each output.
+    """
+
+    correlation: Estimate
+    regression: Estimate
+    r2: Estimate
+    adjusted_r2: Estimate
+    used: Int[np.ndarray, " outputs"]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Indices:
+    """All indices of a radial design.
+
+    Those of a linear model as in [`LinearIndices`][]; `first` and `total` are variance-based, `mu`, `mu_star` and
+    `sigma` statistics of elementary effects, all `(outputs, inputs)`; `used` is the number of complete base points
+    behind each output.
+    """
+
+    correlation: Estimate
+    regression: Estimate
+    r2: Estimate
+    adjusted_r2: Estimate
+    first: Estimate
+    total: Estimate
+    mu: Estimate
+    mu_star: Estimate
+    sigma: Estimate
+    used: Int[np.ndarray, " outputs"]
+
+
+def analyse(
+    design: RadialDesign,
+    x: Float[np.ndarray, "rows inputs"],
+    y: Float[np.ndarray, "rows outputs"],
+    *,
+    replicates: int = 200,
+    level: float = 0.95,
+    seed: int = 0,
+) -> Indices:
+    """All indices of a radial design by the same simulations.
+
+    A base point with any row that is not finite in an output is left out of that output, and of no other. An output
+    with fewer than `FEWEST_POINTS` complete base points gets NaN, and so do the shares of one that is constant.
+    Correlation and regression use all rows, whose sampling error is about half of that of A and B alone.
+
+    **Arguments:**
+
+    - `x`: the inputs that were simulated, physical or transformed; a column a dimension of the design.
+    - `y`: the outputs; any number of columns, such as all samples of a trace.
+    - `replicates`, `level`, `seed`: of the [`bootstrap`][vgtjax.sensitivity.bootstrap], by base points.
+
+    **Raises:** `InputError` when the shapes don't fit the design, or an input is not finite.
+    """
+    x, y = _checked(x, y)
+    if x.shape[1] != design.dimensions:
+        raise InputError(
+            f"x must have a column for each of the {design.dimensions} inputs of the design, but it has {x.shape[1]}; "
+            "give the inputs in the order of the design"
+        )
+    grouped_x, grouped_y = design.group(x), design.group(y)
+    u_a, u_b = design.base_points(0, design.base)
+
+    def build(points: np.ndarray, columns: Columns) -> Statistics:
+        return _radial_statistics(
+            (u_a[points], u_b[points]),
+            grouped_x[points],
+            grouped_y[np.ix_(points, range(design.members), columns)],
+        )
+
+    complete = np.isfinite(grouped_y).all(axis=1)
+    return Indices(**_estimate(Indices, build, complete, grouped_x.shape[1:], replicates, level, seed))
+
+
+def analyse_linear(
+    x: Float[np.ndarray, "rows inputs"],
+    y: Float[np.ndarray, "rows outputs"],
+    *,
+    replicates: int = 200,
+    level: float = 0.95,
+    seed: int = 0,
+) -> LinearIndices:
+    """Correlation (4.1) and regression of any sample whose rows were drawn one by one; the rest as in [`analyse`][].
+
+    **Raises:** `InputError` when `x` and `y` don't have the same rows, or an input is not finite.
+    """
+    x, y = _checked(x, y)
+
+    def build(points: np.ndarray, columns: Columns) -> Statistics:
+        chosen_x, chosen_y = x[points], y[np.ix_(points, columns)]
+        return lambda weights: _linear_statistics(chosen_x, chosen_y, weights)
+
+    sizes = (1, x.shape[1])
+    return LinearIndices(**_estimate(LinearIndices, build, np.isfinite(y), sizes, replicates, level, seed))
+
+
+def _checked(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
+    if x.ndim != 2 or y.ndim != 2 or len(x) != len(y):
+        raise InputError(
+            f"x and y must be tables of the same rows, but their shapes are {x.shape} and {y.shape}; give one row a "
+            "simulation and one column an input or an output"
+        )
+    if not np.all(np.isfinite(x)):
+        row, column = np.argwhere(~np.isfinite(x))[0]
+        raise InputError(
+            f"every input must be finite, but row {row}, column {column} of x is {x[row, column]}; mark a failed "
+            "simulation by outputs that are NaN"
+        )
+    return x, y
+
+
+def _linear_statistics(x: np.ndarray, y: np.ndarray, weights: np.ndarray) -> dict[str, np.ndarray]:
+    fit = regress(x, y, weights)
+    return {
+        "correlation": squared_correlation(x, y, weights),
+        "regression": fit.coefficients,
+        "r2": fit.r2,
+        "adjusted_r2": fit.adjusted_r2,
+    }
+
+
+def _radial_statistics(
+    u: tuple[np.ndarray, np.ndarray],
+    x: Float[np.ndarray, "base members inputs"],
+    y: Float[np.ndarray, "base members outputs"],
+) -> Statistics:
+    a, ab, b = y[:, 0], y[:, 1:-1], y[:, -1]
+
+    def statistics(weights: np.ndarray) -> dict[str, np.ndarray]:
+        effects = elementary_effects(*u, a, ab, weights)
+        return {
+            **_linear_statistics(x, y, weights),
+            "first": first_order(a, ab, b, weights),
+            "total": total_order(a, ab, b, weights),
+            "mu": effects.mu,
+            "mu_star": effects.mu_star,
+            "sigma": effects.sigma,
+        }
+
+    return statistics
+
+
+def _estimate(
+    kind: type,
+    build: Callable[[np.ndarray, Columns], Statistics],
+    complete: Bool[np.ndarray, "points outputs"],
+    sizes: tuple[int, int],
+    replicates: int,
+    level: float,
+    seed: int,
+) -> dict[str, Any]:
+    """All fields of `kind`: NaN, filled in for outputs that have enough complete points, some outputs at a time.
+
+    `sizes` are the rows a point and the inputs, by which the memory of an output is told.
+    """
+    members, inputs = sizes
+    outputs = complete.shape[1]
+    names = [field.name for field in dataclasses.fields(kind) if field.name != "used"]
+    shapes = {name: (outputs,) if name.endswith("r2") else (outputs, inputs) for name in names}
+    result: dict[str, Any] = {name: Estimate(*np.full((3, *shapes[name]), np.nan)) for name in names}
+    for points, group in complete_groups(complete):
+        if len(points) < FEWEST_POINTS:
+            continue
+        together = max(1, _BLOCK // max(len(points) * members, len(names) * replicates * inputs))
+        for columns in np.split(group, range(together, len(group), together)):
+            found = bootstrap(build(points, columns), len(points), replicates=replicates, level=level, seed=seed)
+            for name, estimate in found.items():
+                for end in ("value", "low", "high"):
+                    getattr(result[name], end)[columns] = getattr(estimate, end)
+    return {**result, "used": np.sum(complete, axis=0)}

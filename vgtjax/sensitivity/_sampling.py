@@ -1,0 +1,87 @@
+"""Space-filling samples for Monte Carlo: Sobol' points and latin hypercubes, made slice by slice."""
+
+import dataclasses
+
+import numpy as np
+from jaxtyping import Float
+from scipy.stats import qmc
+
+from ._base import MOST_ROWS, Sample, check_size
+from ._permutation import ROUNDS, permute, random_keys, random_words
+
+BITS = 30
+"""Of a Sobol' point."""
+JITTER_BITS = 20
+"""Of the place within a stratum: with 30 bits of strata, sums and quotients still round to the inside."""
+
+
+def sobol_points(dimensions: int, seed: int, begin: int, end: int) -> Float[np.ndarray, "points dimensions"]:
+    """Points `begin` to `end` of a scrambled Sobol' sequence (Joe and Kuo, 2008), centred in their cells.
+
+    The sequence lives on a grid of `2^-30` that includes 0; half a cell is added, so that coordinates lie between
+    `2^-31` and `1 - 2^-31`, which is 6.2 standard deviations of a normal distribution on either side.
+    """
+    engine = qmc.Sobol(dimensions, scramble=True, bits=BITS, rng=np.random.default_rng(seed))
+    parts = []
+    if begin == 0 and end > 0:
+        # SciPy warns when a first draw is no power of two; a slice is no claim about the size of the whole.
+        parts.append(engine.random(1))
+    elif begin > 0:
+        engine.fast_forward(begin)
+    parts.append(engine.random(end - begin - len(parts)) if end > begin else np.empty((0, dimensions)))
+    return np.concatenate(parts) + 2.0 ** -(BITS + 1)
+
+
+@dataclasses.dataclass(frozen=True)
+class SobolSample(Sample):
+    """The first `size` points of a scrambled Sobol' sequence; powers of two fill space best.
+
+    **Raises:** `InputError` for more than 21201 dimensions or `2^30` points.
+    """
+
+    dimensions: int
+    size: int
+    seed: int
+
+    def __post_init__(self) -> None:
+        check_size("the number of dimensions of Sobol' points", self.dimensions, qmc.Sobol.MAXDIM)
+        check_size("the size of a sample", self.size, MOST_ROWS)
+
+    @property
+    def rows(self) -> int:
+        """Number of points."""
+        return self.size
+
+    def _draw(self, begin: int, end: int) -> Float[np.ndarray, "points dimensions"]:
+        return sobol_points(self.dimensions, self.seed, begin, end)
+
+
+@dataclasses.dataclass(frozen=True)
+class LatinHypercubeSample(Sample):
+    """A latin hypercube: each of the `size` equal strata of every coordinate holds one point (McKay et al., 1979).
+
+    Which stratum is a keyed permutation of the row, where within it a hash of the row, so that no table of the whole
+    is ever made. Coordinates are at least `2^-21 / size` away from 0 and 1.
+
+    **Raises:** `InputError` for more than `2^30` points.
+    """
+
+    dimensions: int
+    size: int
+    seed: int
+
+    def __post_init__(self) -> None:
+        check_size("the number of dimensions of a latin hypercube", self.dimensions, MOST_ROWS)
+        check_size("the size of a sample", self.size, MOST_ROWS)
+
+    @property
+    def rows(self) -> int:
+        """Number of points."""
+        return self.size
+
+    def _draw(self, begin: int, end: int) -> Float[np.ndarray, "points dimensions"]:
+        index = np.arange(begin, end, dtype=np.uint64)
+        keys = random_keys(self.seed, ROUNDS + 1, self.dimensions)
+        strata = permute(index, self.size, keys[:ROUNDS])
+        jitter = random_words(index[:, None], keys[ROUNDS]) >> np.uint64(64 - JITTER_BITS)
+        return (strata + (jitter + 0.5) * 2.0**-JITTER_BITS) / self.size

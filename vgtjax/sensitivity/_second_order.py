@@ -1,0 +1,117 @@
+"""Step response of the diaphragm without dry friction in closed form [4.3-4.5], corrected.
+
+Without dry friction, preload and stops, [4.3] under an applied pressure `p = p_atm - p_act` that steps from zero is
+
+    m_d x'' + b x' + k_sm x = A_d p,    x(0) = x'(0) = 0
+
+with `b = b_d + sigma_2` (erratum 11). The print has `+ k_sm x_d` on the right, a spring that pushes away from rest.
+With `omega_n = sqrt(k_sm / m_d)`, `zeta = b / (2 sqrt(m_d k_sm))` and `K = A_d / k_sm` [4.5] the characteristic roots
+are `-a` and `-b`, where `a, b = omega_n (zeta -+ sqrt(zeta^2 - 1))`. The solution is of the form
+`x = K p (1 - c_1 e^(-a t) - c_2 e^(-b t))`; rest at the start asks that `c_1 + c_2 = 1` and `a c_1 + b c_2 = 0`, so
+that
+
+    x = K p (1 - (e^(-a t)/a - e^(-b t)/b) / (1/a - 1/b)).
+
+The print [4.4] adds the slow exponential with the wrong sign: it begins at `K p (1 + zeta / sqrt(zeta^2 - 1))` and
+falls.
+
+The quotient is zero over zero at critical damping and complex below it. With `d = b t / (2 m_d)` and
+`u = d^2 - (omega_n t)^2` it is
+
+    x = K p (1 - e^(-d) (C(u) + d S(u))),    C(u) = cosh(sqrt(u)),    S(u) = sinh(sqrt(u)) / sqrt(u),
+
+where `C` and `S` are power series in `u`: cosines below zero, and no special case at zero.
+"""
+
+import math
+
+import equinox as eqx
+import jax.core
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .._errors import InputError
+from ..parts import Diaphragm, LuGre, Scalar
+
+SERIES_WITHIN = 1.0
+"""Size of `u` up to which the power series is summed: far from the root's infinite slope at zero."""
+TERMS = 10
+"""Of the series; the first left out is below `1 / 20!`, beyond double precision."""
+
+
+def frictionless_diaphragm(diaphragm: Diaphragm, friction: LuGre) -> Diaphragm:
+    """The diaphragm with all viscous damping in its own, `b_d + sigma_2`, which is what [4.5] needs (erratum 11)."""
+    return eqx.tree_at(lambda part: part.damping, diaphragm, diaphragm.damping + friction.viscous_damping)
+
+
+def natural_frequency(diaphragm: Diaphragm) -> Scalar:
+    """`omega_n = sqrt(k_sm / m_d)` in rad/s [4.5]."""
+    return jnp.sqrt(diaphragm.stiffness / diaphragm.mass)
+
+
+def damping_ratio(diaphragm: Diaphragm) -> Scalar:
+    """`zeta = b / (2 sqrt(m_d k_sm))` [4.5] with the diaphragm's own damping; see [`frictionless_diaphragm`][]."""
+    return diaphragm.damping / (2 * jnp.sqrt(diaphragm.mass * diaphragm.stiffness))
+
+
+def step_response(diaphragm: Diaphragm, pressure: Scalar, time: Float[Array, "*time"]) -> Float[Array, "*time"]:
+    """Position in m after a step of the applied pressure [4.4], corrected; its derivation is this module's docstring.
+
+    Area, mass, stiffness and damping act; preload and stops don't. All derivatives exist, at critical damping too.
+
+    **Arguments:** `pressure` applied in Pa, `p_atm - p_act`; `time` since the step in s, zero or more.
+
+    **Raises:** `InputError` when mass or stiffness is not positive or the damping negative; not while they are traced.
+    """
+    for name, lowest in (("mass", "positive"), ("stiffness", "positive"), ("damping", "zero or more")):
+        _check(name, getattr(diaphragm, name), lowest)
+    decay = diaphragm.damping / (2 * diaphragm.mass) * time
+    swing = diaphragm.stiffness / diaphragm.mass * time**2
+    cosine, sine = _decaying_pair(decay, swing)
+    return diaphragm.area / diaphragm.stiffness * pressure * (1 - cosine - decay * sine)
+
+
+def _decaying_pair(d: Array, swing: Array) -> tuple[Array, Array]:
+    """`e^(-d) C(u)` and `e^(-d) S(u)` at `u = d^2 - swing`."""
+    u = d * d - swing
+    over, under = u > SERIES_WITHIN, u < -SERIES_WITHIN
+    # Each branch gets an argument at which it is finite, or its derivative were NaN where it is not chosen.
+    creeping = _overdamped(jnp.where(over, d, 2.0), jnp.where(over, swing, 1.0))
+    swinging = _underdamped(d, jnp.where(under, u, -1.0))
+    near = _series(d, jnp.where(over | under, 0.0, u))
+    cosine, sine = (
+        jnp.where(over, a, jnp.where(under, b, c)) for a, b, c in zip(creeping, swinging, near, strict=True)
+    )
+    return cosine, sine
+
+
+def _overdamped(d: Array, swing: Array) -> tuple[Array, Array]:
+    root = jnp.sqrt(d * d - swing)
+    # d - root without cancellation; the growing part of cosh would overflow before e^(-d) brings it back.
+    slow = jnp.exp(-swing / (d + root))
+    return slow * (1 + jnp.exp(-2 * root)) / 2, slow * -jnp.expm1(-2 * root) / (2 * root)
+
+
+def _underdamped(d: Array, u: Array) -> tuple[Array, Array]:
+    root = jnp.sqrt(-u)
+    return jnp.exp(-d) * jnp.cos(root), jnp.exp(-d) * jnp.sin(root) / root
+
+
+def _series(d: Array, u: Array) -> tuple[Array, Array]:
+    cosine, sine = (
+        jnp.polyval(jnp.asarray([1 / math.factorial(2 * n + odd) for n in reversed(range(TERMS))], dtype=u.dtype), u)
+        for odd in (0, 1)
+    )
+    return jnp.exp(-d) * cosine, jnp.exp(-d) * sine
+
+
+def _check(name: str, value: Array, lowest: str) -> None:
+    if isinstance(value, jax.core.Tracer):
+        return
+    # NumPy, or a constant inside of jit would be traced.
+    least = float(np.min(np.asarray(value)))
+    if not (least > 0 or (least == 0 and lowest != "positive")):
+        raise InputError(
+            f"diaphragm.{name} must be {lowest} for the step response [4.4], but it is {least:g}; give such a value"
+        )

@@ -1,0 +1,83 @@
+"""The integration method: Heun's, kept stable where damping is faster than the step can follow."""
+
+from collections.abc import Callable
+from typing import Any, ClassVar
+
+import diffrax
+import jax
+import jax.numpy as jnp
+
+from ..plants import State
+
+
+class StabilisedHeun(diffrax.AbstractSolver):
+    r"""Heun's method with the excess of fast damping taken implicitly.
+
+    Heun's method is stable for a decaying state while `h * rate < 2`. The printed actuator has `h * rate = 1.1`
+    at half a millisecond, but a fit or a population tries lighter plungers and stiffer bristles. Of each state's
+    relaxation rate, the part beyond `limit / h` is therefore integrated by an exponential Runge-Kutta method of
+    second order (Cox and Matthews, 2002, ETD2RK) with the exponential replaced by `1 / (1 + z + z^2/2)`, which is
+    L-stable and needs neither `exp` nor a special case at zero. Where there is no excess this is exactly Heun's
+    method; the switch is continuous in every parameter.
+
+    Measured against the printed reference traces at 0.5 ms: Heun 0.1 um; ETD2RK of the whole rate 1.3 um; the
+    rational variant of the whole rate 1.0 um. So only the excess is treated that way.
+    """
+
+    relaxation: Callable[[Any, Any, Any], Any]
+    """Rates in 1/s of `(t, y, args)`, shaped like the state, `None` where a state is slow."""
+    limit: float = 1.5
+
+    term_structure: ClassVar = diffrax.AbstractTerm
+    interpolation_cls: ClassVar = diffrax.LocalLinearInterpolation
+
+    def order(self, terms: diffrax.AbstractTerm) -> int:
+        """Two."""
+        return 2
+
+    def init(self, terms: Any, t0: Any, t1: Any, y0: State, args: Any) -> None:
+        """No state."""
+        return
+
+    def func(self, terms: diffrax.AbstractTerm, t0: Any, y0: State, args: Any) -> State:
+        """The vector field."""
+        return terms.vf(t0, y0, args)
+
+    def step(
+        self,
+        terms: diffrax.AbstractTerm,
+        t0: Any,
+        t1: Any,
+        y0: State,
+        args: Any,
+        solver_state: None,
+        made_jump: Any,
+    ) -> tuple[State, State, dict[str, State], None, Any]:
+        """One step from `t0` to `t1`, with the difference to Euler's step as error estimate."""
+        h = terms.contr(t0, t1)
+        # `None` is a leaf of the rates where the state has a number, so the state's structure leads.
+        excess = jax.tree.map(lambda y, rate: _Excess(h, rate, self.limit), y0, self.relaxation(t0, y0, args))
+        slope0 = terms.vf(t0, y0, args)
+        euler = jax.tree.map(lambda y, k, e: e.predict(y, h * k), y0, slope0, excess)
+        slope1 = terms.vf(t1, euler, args)
+        y1 = jax.tree.map(lambda y, a, k0, k1, e: e.correct(y, a, h * (k1 - k0)), y0, euler, slope0, slope1, excess)
+        error = jax.tree.map(jnp.subtract, y1, euler)
+        return y1, error, dict(y0=y0, y1=y1), None, diffrax.RESULTS.successful
+
+
+class _Excess:
+    """The two stages for one state, given how far `h * rate` exceeds the limit."""
+
+    def __init__(self, h: Any, rate: Any, limit: float):
+        self.z = None if rate is None else jnp.maximum(h * rate - limit, 0.0)
+
+    def predict(self, y: Any, increment: Any) -> Any:
+        if self.z is None:
+            return y + increment
+        return y + increment * (1 + 0.5 * self.z) / (1 + self.z * (1 + 0.5 * self.z))
+
+    def correct(self, y: Any, predicted: Any, change: Any) -> Any:
+        if self.z is None:
+            return predicted + 0.5 * change
+        weight = 0.5 * (1 + self.z) / (1 + self.z * (1 + 0.5 * self.z))
+        return predicted + weight * (change + self.z * (predicted - y))

@@ -1,0 +1,118 @@
+"""Simulation of a model along a trace."""
+
+from typing import Any
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..plants import AbstractModel, State
+from ..traces import Drive, Start, Trace, cast, require
+from ._stepping import AbstractStepping, FixedStep
+
+
+class RESULTS(eqx.Enumeration):
+    """How a simulation ended; each member is the advice that goes with it."""
+
+    successful = ""
+    diverged = "The simulation left the finite numbers: check that the parameters are physical, then lower max_step."
+
+
+class Solution(eqx.Module):
+    """What a simulation returns, at the samples of its trace.
+
+    Every entry of `signals` is an attribute too, for instance `solution.x_d`. Of the full actuator these are
+    `x_p, x_d, z` in m, `v_p, v_d` in m/s, `T_act` in K, `p_act` in Pa absolute, and `m_dot_in, m_dot_out` in kg/s,
+    each of shape `(time,)`. `states` is the model's state as a PyTree of such arrays.
+    """
+
+    time: Float[Array, " time"]
+    states: State
+    signals: dict[str, Float[Array, " time"]]
+    result: RESULTS
+
+    def __getattr__(self, name: str) -> Array:
+        if name.startswith("_") or name in ("time", "states", "signals", "result"):
+            raise AttributeError(name)
+        if name not in self.signals:
+            raise AttributeError(f"this model has no signal '{name}', only {', '.join(self.signals)}")
+        return self.signals[name]
+
+
+def model_dtype(model: AbstractModel) -> Any:
+    """Precision in which a model computes: that of its parameters."""
+    return np.result_type(*[leaf.dtype for leaf in jax.tree.leaves(model) if eqx.is_inexact_array(leaf)])
+
+
+def simulate(
+    model: AbstractModel,
+    trace: Trace,
+    *,
+    stepping: AbstractStepping | None = None,
+    adjoint: diffrax.AbstractAdjoint | None = None,
+    throw: bool = True,
+) -> Solution:
+    """Simulates a model along a trace, from the start state that the trace tells.
+
+    Differentiable with respect to every array leaf of `model`, can be jitted, and vmapped over batches of models.
+    The precision is that of the model's parameters.
+
+    **Arguments:**
+
+    - `model`: e.g. an [`Actuator`][].
+    - `trace`: gives inputs and sample times.
+    - `stepping`: [`FixedStep`][] by default; tighten with `FixedStep(max_step=1e-4)`.
+    - `adjoint`: `diffrax.ForwardMode()` by default; `diffrax.RecursiveCheckpointAdjoint()` for reverse mode.
+    - `throw`: whether a simulation that leaves the finite numbers raises; when false, look at `solution.result`.
+      A batch under `jax.vmap` wants `throw=False`, or one bad lane raises for all.
+
+    Under `jax.jit`, close over the trace: `jax.jit(lambda model: simulate(model, trace).x_d)`.
+
+    **Raises:** `InputError` when the trace lacks a column that the model needs; with `throw`, a `RuntimeError` of
+    equinox with the advice of `RESULTS` when the simulation leaves the finite numbers.
+    """
+    require(trace, model.needs)
+    stepping = FixedStep() if stepping is None else stepping
+    adjoint = diffrax.ForwardMode() if adjoint is None else adjoint
+    dtype = model_dtype(model)
+    drive, start = cast(trace.drive(), dtype), cast(trace.start(), dtype)
+    substeps = stepping.substeps(model, trace.longest_interval) if isinstance(stepping, FixedStep) else 1
+    time, jumps = trace.time.astype(dtype), trace.jumps()
+    return _simulate(model, drive, start, time, jumps, stepping, substeps, adjoint, throw)
+
+
+@eqx.filter_jit
+def _simulate(
+    model: AbstractModel,
+    drive: Drive,
+    start: Start,
+    time: Array,
+    jumps: Array,
+    stepping: AbstractStepping,
+    substeps: int,
+    adjoint: diffrax.AbstractAdjoint,
+    throw: bool,
+) -> Solution:
+    states = march(model, drive, start, stepping, substeps, adjoint, jumps)
+    signals = jax.vmap(model.signals)(states, drive)
+    finite = jnp.all(jnp.stack([jnp.all(jnp.isfinite(leaf)) for leaf in jax.tree.leaves(states)]))
+    result = RESULTS.where(finite, RESULTS.successful, RESULTS.diverged)
+    solution = Solution(time, states, signals, result)
+    return result.error_if(solution, result != RESULTS.successful) if throw else solution
+
+
+def march(
+    model: AbstractModel,
+    drive: Drive,
+    start: Start,
+    stepping: AbstractStepping,
+    substeps: int,
+    adjoint: diffrax.AbstractAdjoint,
+    jumps: Array | None = None,
+) -> State:
+    """States at the start of every interval of `drive` (leading axis of each leaf)."""
+    first = jax.tree.map(lambda leaf: leaf[0], drive)
+    return stepping.run(model, model.start(start, first), drive, substeps, adjoint, jumps)

@@ -1,0 +1,15 @@
+"""What the bench recorded: signals over time, and what they are to a model."""
+
+from ._bench_file import TRAVEL as TRAVEL, UNITS as UNITS, load_trace as load_trace
+from ._drive import Drive as Drive, Ramp as Ramp, Start as Start
+from ._noise import noise_level as noise_level
+from ._signals import SIGNAL_UNITS as SIGNAL_UNITS
+from ._trace import (
+    ASSUMED_RESERVOIR as ASSUMED_RESERVOIR,
+    SENSOR_PRESSURE_OFFSET as SENSOR_PRESSURE_OFFSET,
+    STANDARD_ATMOSPHERE as STANDARD_ATMOSPHERE,
+    START_WINDOW as START_WINDOW,
+    Trace as Trace,
+    cast as cast,
+    require as require,
+)

@@ -1,0 +1,139 @@
+"""Many closed loops side by side: plants, references and turbine pressures crossed."""
+
+import itertools
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .._errors import InputError
+from ..control import (
+    AbstractSignal,
+    Constant,
+    Measurement,
+    Reference,
+    Scenario,
+    Sensors,
+    at_rest,
+    balanced_at,
+    holding_duty,
+    reference_at,
+)
+from ..plants import AbstractModel
+from ..traces import ASSUMED_RESERVOIR
+
+
+class Case(eqx.Module):
+    """Names of one closed loop; the turbine pressure in Pa gauge."""
+
+    plant: str = eqx.field(static=True)
+    reference: str = eqx.field(static=True)
+    turbine_pressure: float = eqx.field(static=True)
+
+    def __str__(self) -> str:
+        return f"{self.plant}, {self.reference}, {self.turbine_pressure / 100:g} mbar"
+
+
+class Cases(eqx.Module):
+    """Closed loops that are judged together. Arrays of `plants` and `scenarios` have a leading axis of cases."""
+
+    labels: tuple[Case, ...] = eqx.field(static=True)
+    plants: AbstractModel
+    scenarios: Scenario
+    duration: float = eqx.field(static=True)
+    period: float = eqx.field(static=True)
+
+    def __len__(self) -> int:
+        return len(self.labels)
+
+    def take(self, indices: Sequence[int]) -> "Cases":
+        """Some of the cases."""
+        chosen = np.asarray(indices)
+        plants, scenarios = jax.tree.map(lambda leaf: leaf[chosen], (self.plants, self.scenarios))
+        return Cases(tuple(self.labels[i] for i in indices), plants, scenarios, self.duration, self.period)
+
+
+def cross_cases(
+    plants: Mapping[str, AbstractModel],
+    references: Mapping[str, AbstractSignal],
+    turbine_pressures: Sequence[float] = (0.0,),
+    *,
+    duration: float,
+    period: float = 1e-3,
+    sensors: Sensors | None = None,
+    seed: int = 0,
+) -> Cases:
+    """Every plant with every reference at every turbine pressure.
+
+    A run begins at rest where the reference does: in balance there, or with the chamber at atmosphere where the
+    reference begins at zero. Every case has noise of its own.
+
+    **Arguments:**
+
+    - `plants`: by name; models of one structure that are driven by the duty.
+    - `references`: by name, in m.
+    - `turbine_pressures`: Pa gauge.
+    - `duration`, `period`: of every run and of the controller's samples, s.
+    - `sensors`: [`Sensors.bench`][] by default.
+
+    **Raises:** `InputError` where nothing is to be crossed, or plants differ in structure.
+    """
+    if not plants or not references or not turbine_pressures:
+        raise InputError("cases need at least one plant, one reference and one turbine pressure; give each")
+    time = jnp.arange(round(duration / period) + 1) * period
+    sensors = Sensors.bench() if sensors is None else sensors
+    prepared = {name: _sample(signal, time) for name, signal in references.items()}
+    keys = jax.random.split(jax.random.key(seed), len(plants) * len(references) * len(turbine_pressures))
+    labels, models, scenarios = [], [], []
+    for (plant, reference, pressure), key in zip(
+        itertools.product(plants, references, turbine_pressures), keys, strict=True
+    ):
+        begin = float(prepared[reference].position[0])
+        labels.append(Case(plant, reference, float(pressure)))
+        models.append(plants[plant])
+        scenarios.append(
+            Scenario(
+                prepared[reference],
+                turbine=Constant(pressure),
+                sensors=sensors,
+                start=balanced_at(begin) if begin > 0 else at_rest(),
+                duty_before=_duty_at(plants[plant], begin) if begin > 0 else 0.0,
+                key=key,
+            )
+        )
+    return Cases(tuple(labels), _stack(models), _stack(scenarios), float(duration), float(period))
+
+
+@eqx.filter_jit
+def _sample(signal: AbstractSignal, time: Float[Array, " time"]) -> Reference:
+    return jax.vmap(lambda t: reference_at(signal, t))(time)
+
+
+@eqx.filter_jit
+def _duty_at(plant: Any, position: float) -> Any:
+    """Duty in percent that holds a plant at a position in m, without friction and gas."""
+    ambient = plant.air.pressure
+    pressure = ambient - (plant.diaphragm.preload + plant.diaphragm.stiffness * position) / plant.diaphragm.area
+    measurement = Measurement(jnp.asarray(position), pressure, jnp.asarray(ASSUMED_RESERVOIR), ambient)
+    return holding_duty(plant.converter, measurement, pressure)
+
+
+def _stack(trees: Sequence[Any]) -> Any:
+    """Trees side by side; all that is no array must be equal."""
+    if len({jax.tree.structure(tree) for tree in trees}) > 1:
+        raise InputError("plants must be models of one structure, but their components or settings differ; align them")
+    try:
+        return jax.tree.map(lambda *leaves: _side_by_side(leaves), *trees)
+    except ValueError as error:
+        raise InputError("plants must have tables of one size, but theirs differ; put them on common knots") from error
+
+
+def _side_by_side(leaves: Sequence[Any]) -> Any:
+    """On the host, where nothing is compiled for it; keys of random numbers have no place there."""
+    if jnp.issubdtype(leaves[0].dtype, jax.dtypes.prng_key):
+        return jnp.stack(leaves)
+    return np.stack([np.asarray(leaf) for leaf in leaves])

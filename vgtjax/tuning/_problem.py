@@ -1,0 +1,196 @@
+"""Gains as coordinates, and the cost of all closed loops with its derivatives."""
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from .._devices import bring_home, spread_rows
+from .._errors import InputError
+from ..control import AbstractController, ClosedLoop
+from ..parameters import Selection, Transform, build_transform, parameter_table, select
+from . import _loops as loops
+from ._admissible import MARGIN, conditions, spare, spare_slopes
+from ._cases import Cases
+from ._gains import check, gain_names
+from ._objective import Objective
+
+MEMORIES = (math.inf, 1.0, 0.3, 0.1, 0.03)
+"""s; all that a gain changes, and what it changes within a second and less."""
+LANES = 64
+"""Closed loops that run side by side; memory grows with them, their duration, and the number of gains."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class CaseCosts:
+    """What every closed loop costs.
+
+    `terms` are the summands of its cost `l`; `rms` and `peak` of its true error are in m; `failed` marks runs
+    that left the finite numbers, whose figures are NaN.
+    """
+
+    terms: Float[np.ndarray, "cases terms"]
+    rms: Float[np.ndarray, " cases"]
+    peak: Float[np.ndarray, " cases"]
+    failed: Bool[np.ndarray, " cases"]
+
+    @property
+    def costs(self) -> Float[np.ndarray, " cases"]:
+        """`l` of every closed loop."""
+        return self.terms.sum(1)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Linearisation:
+    """Costs, and their first and Gauss-Newton's second derivatives by the coordinates."""
+
+    cases: CaseCosts
+    slopes: Float[np.ndarray, "cases gains"]
+    curvatures: Float[np.ndarray, "cases gains gains"]
+
+    @property
+    def finite(self) -> Bool[np.ndarray, " cases"]:
+        """Whose derivatives are finite; those of a chaotic run may overflow while it does not."""
+        return np.isfinite(self.slopes).all(1) & np.isfinite(self.curvatures).all((1, 2))
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Problem:
+    """A controller whose gains are to be chosen for many closed loops.
+
+    `selection` says which gains are free, `transform` how they move. Made by [`plan_tuning`][].
+    """
+
+    controller: AbstractController
+    cases: Cases
+    objective: Objective
+    selection: Selection
+    transform: Transform
+    memories: tuple[float, ...] = MEMORIES
+    lanes: int = LANES
+
+    @property
+    def start(self) -> Float[np.ndarray, " gains"]:
+        """Coordinates of the controller as it was given."""
+        return np.asarray(self.transform.to_coordinates(self.selection.pack(self.controller)))
+
+    def controller_at(self, coordinates: Float[np.ndarray, " gains"]) -> AbstractController:
+        """The controller with the gains of some coordinates, and its conditions checked as it is built."""
+        tuned = self.selection.unpack(self.controller, self.transform.to_physical(jnp.asarray(coordinates)))
+        check(tuned)
+        return tuned
+
+    def evaluate(self, coordinates: Float[np.ndarray, " gains"]) -> CaseCosts:
+        """What every closed loop costs."""
+        return self.evaluate_all(coordinates[None])[0]
+
+    def evaluate_all(self, candidates: Float[np.ndarray, "candidates gains"]) -> list[CaseCosts]:
+        """The same of several candidates side by side, which takes less time than one after the other."""
+        count = len(self.cases)
+        places = np.tile(np.arange(count), len(candidates))
+        figures, *_ = self._gather(loops.evaluate, places, np.repeat(candidates, count, 0), math.inf)
+        parts = [slice(begin, begin + count) for begin in range(0, len(places), count)]
+        return [CaseCosts(*(figure[part] for figure in figures)) for part in parts]
+
+    def linearise(
+        self, coordinates: Float[np.ndarray, " gains"], memory: float | Float[np.ndarray, " cases"] = math.inf
+    ) -> Linearisation:
+        """The same with derivatives, forward through every closed loop, that remember `memory` seconds, of each."""
+        places = np.arange(len(self.cases))
+        repeated = np.repeat(coordinates[None], len(places), 0)
+        figures, slopes, curvatures = self._gather(loops.linearise, places, repeated, memory)
+        return Linearisation(CaseCosts(*figures), slopes, curvatures)
+
+    def simulate(self, coordinates: Float[np.ndarray, " gains"], indices: Sequence[int]) -> ClosedLoop:
+        """Runs of some cases; every array has a leading axis of them."""
+        chosen = self.cases.take(indices)
+        timing = loops.Timing(chosen.duration, chosen.period)
+        exact = np.full(len(chosen), math.inf)
+        rows = loops.Row(chosen.plants, chosen.scenarios, np.repeat(coordinates[None], len(chosen), 0), exact)
+        return loops.simulate(self.controller_at(coordinates), timing, rows)
+
+    def combine(self, costs: Float[np.ndarray, " cases"]) -> float:
+        """`J` of the costs of all closed loops; infinite where one of them is not finite."""
+        return float(self.objective.combine(jnp.asarray(costs))) if np.all(np.isfinite(costs)) else np.inf
+
+    def cost(self, coordinates: Float[np.ndarray, " gains"]) -> float:
+        """`J`, as an optimiser without derivatives would ask for it."""
+        return self.combine(self.evaluate(coordinates).costs)
+
+    def conditions(self, coordinates: Float[np.ndarray, " gains"]) -> Float[np.ndarray, " conditions"]:
+        """How far inside each condition of the design, less [`MARGIN`][]; negative is not admissible."""
+        return np.asarray(spare(self.controller, self.selection, self.transform, coordinates))
+
+    def condition_slopes(self, coordinates: Float[np.ndarray, " gains"]) -> Float[np.ndarray, "conditions gains"]:
+        """Derivatives of these."""
+        return np.asarray(spare_slopes(self.controller, self.selection, self.transform, coordinates))
+
+    def _gather(
+        self,
+        function: Any,
+        places: Int[np.ndarray, " rows"],
+        coordinates: Float[np.ndarray, "rows gains"],
+        memory: float | Float[np.ndarray, " rows"],
+    ) -> tuple:
+        """Runs the cases at some places in chunks of `lanes`, the last one filled up by repeating its last row."""
+        count, chunks = len(places), []
+        memories = np.broadcast_to(np.asarray(memory, float), count)
+        timing = loops.Timing(self.cases.duration, self.cases.period)
+        devices = jax.device_count()
+        lanes = devices * min(max(1, self.lanes // devices), -(-count // devices))
+        for begin in range(0, count, lanes):
+            here = np.minimum(np.arange(begin, begin + lanes), count - 1)
+            chunk = self.cases.take(places[here].tolist())
+            rows = spread_rows(loops.Row(chunk.plants, chunk.scenarios, coordinates[here], memories[here]))
+            found = function(self.controller, self.selection, self.transform, self.objective, timing, rows)
+            chunks.append(jax.tree.map(lambda leaf, left=count - begin: leaf[:left], bring_home(found)))
+        (terms, rms, peak, good), *more = jax.tree.map(lambda *leaves: np.concatenate(leaves), *chunks)
+        blank = np.where(good, 1.0, np.nan)
+        return (terms * blank[:, None], rms * blank, peak * blank, ~good), *more
+
+
+def plan_tuning(
+    controller: AbstractController,
+    cases: Cases,
+    objective: Objective,
+    *,
+    free: Sequence[str] | None = None,
+    fixed: Sequence[str] = (),
+    bounds: dict[str, tuple[float | None, float | None]] | None = None,
+    memories: Sequence[float] = MEMORIES,
+    lanes: int = LANES,
+) -> Problem:
+    """Which gains move, and how.
+
+    **Arguments:**
+
+    - `free`, `fixed`: names or fnmatch patterns of the controller's parameters, e.g. `observer.*_rate`; `None` frees
+      all that are not held, but for what the controller believes of the plant.
+    - `bounds`: ends of single gains by name, `None` for none.
+    - `memories`: s, each a `derivative_memory` of [`close_loop`][]; infinite is exact. Each closed loop uses the
+      longest whose derivatives tell something.
+    - `lanes`: closed loops that run side by side; memory grows with it.
+
+    **Raises:** `InputError` for a name that matches nothing, a start outside its bounds, a start that breaks a
+    condition of the design, or when no gain is left to tune.
+    """
+    chosen = gain_names(controller) if free is None else free
+    selection = select(controller, free=chosen, fixed=fixed)
+    if not selection.entries:
+        raise InputError("tuning needs at least one free gain, but free and fixed leave none; free one")
+    table, start = parameter_table(controller), np.asarray(selection.pack(controller))
+    transform = build_transform(table, selection.entries, start, bounds or {})
+    problem = Problem(controller, cases, objective, selection, transform, tuple(sorted(memories, reverse=True)), lanes)
+    spares = problem.conditions(problem.start)
+    for (name, value), left in zip(conditions(controller).items(), spares, strict=True):
+        if left < 0:
+            raise InputError(
+                f"the start must keep every condition of the design with {MARGIN:.1%} to spare, but '{name}' has "
+                f"{float(value):.2%}; change the start values"
+            )
+    return problem
