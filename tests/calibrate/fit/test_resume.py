@@ -90,7 +90,7 @@ def test_a_fit_that_was_ended_goes_on_to_exactly_the_same_end(fitted, small, num
     out, here = small.parent / "out", pathlib.Path(__file__).parent
     ended = subprocess.run(
         [sys.executable, "-c", ENDED, str(int(number)), str(small), "--out", str(out)],
-        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(here.parent), str(here)])},
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(here.parents[1]), str(here)])},
         capture_output=True,
         text=True,
         timeout=300,
