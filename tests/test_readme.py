@@ -10,7 +10,7 @@ from support import EXAMPLE
 import vgtjax
 from calibrate.study.models import CHAMBER, FRICTION, LINE, MAGNETIC_FORCE, VANE_FORCE, build_model, start_values
 from calibrate.study.tables import Study
-from calibrate.tune.designs import DESIGNS, build_controller
+from calibrate.tune.designs import DESIGNS
 from calibrate.tune.references import build_references
 
 ROOT = pathlib.Path(__file__).parents[1]
@@ -41,7 +41,7 @@ def test_study_examples_are_studies(text):
 
 def test_the_controller_of_the_example_can_be_built():
     control = next(found.control for text in blocks("toml") if (found := _study(text)).control.gains)
-    controller = build_controller(control.design, vgtjax.Actuator())
+    controller = DESIGNS[control.design].for_plant(vgtjax.Actuator())
     assert vgtjax.select(controller, free=control.free).entries
     assert set(start_values(controller, Study(parameters=control.gains))[0]) == set(control.gains)
     assert len(build_references(control.reference, ROOT)) == 2

@@ -41,6 +41,8 @@ class Parameter:
     default: float | tuple[float, ...] = 0.0
     name: str = ""
     size: int | None = None
+    tuning_width: float = 0.0
+    """Least width of a law that switches while gains are tuned; zero for what is no width."""
 
 
 def as_float_array(value: Any) -> Any:

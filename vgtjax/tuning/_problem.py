@@ -12,12 +12,12 @@ from jaxtyping import Bool, Float, Int
 
 from .._devices import bring_home, spread_rows
 from .._errors import InputError
-from ..control import AbstractController, ClosedLoop
+from ..control import AbstractController, ClosedLoop, check
 from ..parameters import Selection, Transform, build_transform, parameter_table, select
 from . import _loops as loops
 from ._admissible import MARGIN, conditions, spare, spare_slopes
 from ._cases import Cases
-from ._gains import check, gain_names
+from ._gains import gain_names
 from ._objective import Objective
 
 MEMORIES = (math.inf, 1.0, 0.3, 0.1, 0.03)
@@ -47,7 +47,7 @@ class CaseCosts:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Linearisation:
-    """Costs, and their first and Gauss-Newton's second derivatives by the coordinates."""
+    """Costs, and their first and Gauss-Newton's second derivatives with respect to the coordinates."""
 
     cases: CaseCosts
     slopes: Float[np.ndarray, "cases gains"]
@@ -80,7 +80,10 @@ class Problem:
         return np.asarray(self.transform.to_coordinates(self.selection.pack(self.controller)))
 
     def controller_at(self, coordinates: Float[np.ndarray, " gains"]) -> AbstractController:
-        """The controller with the gains of some coordinates, and its conditions checked as it is built."""
+        """The controller with the gains of some coordinates.
+
+        **Raises:** `InputError` for gains that break a condition of the design.
+        """
         tuned = self.selection.unpack(self.controller, self.transform.to_physical(jnp.asarray(coordinates)))
         check(tuned)
         return tuned

@@ -35,7 +35,7 @@ def test_the_design_model_is_the_reduced_actuator_away_from_its_stops(exponent):
     trace = vgtjax.Trace(np.arange(2) * 1e-3, pwm=np.full(2, 55.0))
     drive = jax.tree.map(lambda leaf: jnp.asarray(leaf)[0], trace.drive())
     start = plant.start(trace.start(), drive)
-    model = DesignModel.of(plant, plant.flow_map)
+    model = DesignModel.for_plant(plant, plant.flow_map)
     for velocity, deflection in ((0.004, 3e-5), (-0.02, 5e-5), (0.0, -2e-5)):
         body = dataclasses.replace(start.rod.body, position=number(0.003), velocity=number(velocity))
         bristle = dataclasses.replace(start.rod.friction, deflection=number(deflection))
@@ -133,26 +133,29 @@ VANES = vgtjax.HysteresisMap(closing=np.linspace(2.5, 1.2, 12), opening=np.linsp
 
 @pytest.mark.parametrize("vane_force", [VANES, vgtjax.ForcePolynomial()], ids=["map", "polynomial"])
 def test_the_rate_of_the_load_is_that_of_the_load_along_the_motion(vane_force):
-    load, velocity, step = DesignModel(vane_force=vane_force).vane_load, 0.004, 1e-4
+    model, velocity, step = DesignModel(vane_force=vane_force), 0.004, 1e-4
     state = jax.tree.map(lambda _: number(0.4), vane_force.initial_state())
 
     def at(time):
         return Motion(number(MIDDLE + velocity * time), number(velocity), AMBIENT, number(2e5))
 
-    rate = load.state_rate(at(0.0), state)
-    ahead, behind = (load(at(t), jax.tree.map(lambda s, r, t=t: s + t * r, state, rate)) for t in (step, -step))
+    def load(time):
+        return model.vane_load(at(time), jax.tree.map(lambda s, r: s + time * r, state, rate))[0]
+
+    rate = model.vane_load(at(0.0), state)[1]
+    ahead, behind = load(step), load(-step)
     # Central differences: the load bends by the square of 6 s/s times the step.
-    assert float(load.rate(at(0.0), state)) == pytest.approx(float(ahead - behind) / (2 * step), rel=1e-6)
-    assert abs(float(load.rate(at(0.0), state))) > 0.1
+    assert float(model.vane_load_rate(at(0.0), state)) == pytest.approx(float(ahead - behind) / (2 * step), rel=1e-6)
+    assert abs(float(model.vane_load_rate(at(0.0), state))) > 0.1
 
 
 def test_the_state_of_the_vanes_follows_the_direction_however_fast_the_rod_is():
-    load, state = DesignModel(vane_force=VANES).vane_load, VANES.initial_state()
+    model, state = DesignModel(vane_force=VANES), VANES.initial_state()
     for velocity, way in ((0.01, 1.0), (-0.2, -1.0), (0.0, -1.0)):
         motion = Motion(number(MIDDLE), number(velocity), AMBIENT, number(2e5))
         for _ in range(50):
-            state = load.after(motion, state, 1e-3)
-        # 0.5 mm are eight of the map's reversal distances; where the rod rests, nothing is forgotten.
+            state = model.vane_state_after(motion, state, 1e-3)
+        # 0.5 mm are eight of the map's reversal distances; where the rod rests, nothing relaxes.
         assert float(state.sign) == pytest.approx(way, abs=2e-3)
 
 
@@ -263,7 +266,7 @@ def test_what_the_observer_is_told_may_be_sampled_at_a_kilohertz():
 @pytest.mark.parametrize(
     ("settings", "sentence"),
     [
-        ({"friction_rate": 0.0}, r"friction_rate must be positive, but it is 0\.0; use e\.g\. 5"),
+        ({"friction_rate": 0.0}, r"friction_rate must be positive, but it is 0\.0; raise it"),
         ({"pressure_rate": -20.0}, r"pressure_rate must be positive, but it is -20\.0"),
         ({"switching_gain": -1.0}, "switching_gain must not be negative, but it is -1.0; use zero for none"),
         ({"injection_rate": 0.0}, "injection_rate plus switching_gain must be positive, .* but it is 0.0"),
@@ -299,7 +302,7 @@ def test_the_margin_is_that_of_the_quadratic_form():
     margin, growth = PressureObserver(**RATES).stability_margin()
     model, a, b = DesignModel(), 15.0, 20.0
     for index, speed in enumerate(np.linspace(0.0, 0.1, 101)):
-        y = 429.77 * float(model.forgetting(number(speed))) / 43135.0
+        y = 429.77 * float(model.relaxation_rate(number(speed))) / 43135.0
         form = np.array([[43135.0 / 429.77 * y + a * (1 - y), a], [b * (1 - y), b - float(growth[index])]])
         weighted = np.diag([1.0, a / b]) @ form
         eigenvalues = np.linalg.eigvalsh(weighted + weighted.T)

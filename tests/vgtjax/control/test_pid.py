@@ -132,6 +132,7 @@ def test_gains_are_parameters():
 
 def test_pulses_that_overlap_are_refused():
     with pytest.raises(
-        vgtjax.InputError, match=r"a pulse must end before the next one begins, but its width is 0\.05 s"
+        vgtjax.InputError,
+        match=r"width must be below the interval of 0\.04 s, so that .* is 0\.05; use e\.g\. 0\.02",
     ):
         Knocker(PI(), width=0.05)

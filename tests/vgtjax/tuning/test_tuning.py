@@ -210,13 +210,13 @@ def _dearer(problem, factor):
     return _as(problem, Dearer)
 
 
-def test_tuning_that_stalls_begins_anew_with_other_memories_before_it_ends(problem):
+def test_tuning_that_stalls_is_restarted_with_other_memories_before_it_ends(problem):
     tuner = Tuner(_dearer(problem, 1.0))
     for step in range(1, 1 + STALL):
         stalled = tuner.step()
         assert not stalled.finished
         assert stalled.iteration == step
-    assert stalled.renewals == 1
+    assert stalled.restarts == 1
     assert set(stalled.memories) in ({0}, {len(problem.memories) - 2})
     assert stalled.here == stalled.coordinates == tuple(problem.start)
     while not stalled.finished:
