@@ -15,7 +15,6 @@ from ._design import (
     Condition as Condition,
     check as check,
     designs_in as designs_in,
-    not_negative as not_negative,
     positive as positive,
 )
 from ._design_model import DesignModel as DesignModel, DesignState as DesignState

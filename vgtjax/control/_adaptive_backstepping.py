@@ -11,7 +11,7 @@ from ..parameters import parameter
 from ..parts import Scalar
 from ..plants import Actuator
 from ._base import FULL_DUTY, AbstractController, Log, Measurement, Memory, Reference
-from ._design import Condition, not_negative, positive
+from ._design import Condition, positive
 from ._design_model import DesignModel, lighter
 from ._differentiator import AbstractDifferentiator, LevantDifferentiator
 from ._friction_observer import DualFrictionObserver, FrictionEstimate, nominal_coefficients, regressors, slide_slope
@@ -119,7 +119,7 @@ class AdaptiveBackstepping(AbstractController):
         lost = jnp.square((1 - self.pressure_coupling) * self._a1)
         bound = lost / (4 * self.velocity_gain * self.pressure_gain)
         signs = positive(self, "position_gain", "velocity_gain", "pressure_gain", "pressure_weight")
-        return {**signs, **not_negative(self, "position_weight", "load_gain", "drift_gain")} | {
+        return signs | {
             "pressure_weight above its bound [5.71]": Condition(
                 1 - bound / self.pressure_weight,
                 "pressure_weight must exceed ((1 - c) a1)^2 / (4 kappa k3) = {limit:.4g} m2/(s2 Pa2) for convergence "

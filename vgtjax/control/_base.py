@@ -19,7 +19,7 @@ Log = dict[str, Scalar]
 
 
 class Measurement(eqx.Module):
-    """What sensors tell a controller at one sample, or at all samples of a run (leading axis)."""
+    """What a controller measures at one sample, or at all samples of a run (leading axis)."""
 
     position: Scalar
     """Position of the rod in m."""

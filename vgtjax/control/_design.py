@@ -4,12 +4,12 @@ import dataclasses
 import math
 from collections.abc import Iterator
 
-import equinox as eqx
 import jax
 import numpy as np
 from jaxtyping import Array
 
 from .._errors import InputError, is_traced
+from ..parameters import Part
 from ..parts import Scalar
 
 
@@ -30,7 +30,7 @@ class Condition:
     closed: bool = False
     """Whether a margin of zero will do."""
     bounds_gains: bool = True
-    """Whether a search for gains has to heed it; a sign need not be, as a gain's domain holds it."""
+    """Whether a search for gains has to heed it; a sign need not be, as a search keeps to the domains of gains."""
 
     def require(self) -> None:
         """**Raises:** `InputError` where it is broken, with the worst value."""
@@ -42,7 +42,7 @@ class Condition:
         raise InputError(f"{self.rule.format(limit=limit)}, but it is {value}; {self.remedy}")
 
 
-class AbstractDesign(eqx.Module):
+class AbstractDesign(Part):
     """A controller, or a part that has gains: a differentiator, an observer.
 
     Its own parameters are gains but for those that are held, and those of the designs inside it are as well. Any other
@@ -51,7 +51,10 @@ class AbstractDesign(eqx.Module):
     """
 
     def conditions(self) -> dict[str, Condition]:
-        """What must hold, by name; of this design alone, not of those inside it. None, unless a design has some."""
+        """What must hold beside the domains of parameters, by name; of this design alone, not of those inside it.
+
+        Nothing, unless a design says otherwise.
+        """
         return {}
 
     def __check_init__(self) -> None:
@@ -83,15 +86,9 @@ def check(design: AbstractDesign) -> None:
 
 
 def positive(design: AbstractDesign, *names: str) -> dict[str, Condition]:
-    """Conditions that some parameters are above zero."""
-    return {f"{name} positive": _sign(design, name, "be positive", "raise it") for name in names}
-
-
-def not_negative(design: AbstractDesign, *names: str) -> dict[str, Condition]:
-    """Conditions that some parameters are zero or above."""
-    return {f"{name} not negative": _sign(design, name, "not be negative", "use zero for none") for name in names}
-
-
-def _sign(design: AbstractDesign, name: str, rule: str, remedy: str) -> Condition:
-    value, closed = getattr(design, name), rule.startswith("not")
-    return Condition(value, f"{name} must {rule}", value, remedy, closed=closed, bounds_gains=False)
+    """Conditions that some parameters are not zero either, which their domains admit."""
+    values = {name: getattr(design, name) for name in names}
+    return {
+        f"{name} positive": Condition(value, f"{name} must be positive", value, "raise it", bounds_gains=False)
+        for name, value in values.items()
+    }

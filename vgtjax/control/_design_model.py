@@ -71,9 +71,8 @@ class DesignModel(eqx.Module):
         **Raises:** `InputError` for a plant with another friction.
         """
         friction = lugre_of(plant, cls.__name__)
-        flow_map = cast(
-            AbstractFlowMap, fit_flow_map(plant, "steady-plunger").flow_map if flow_map is None else flow_map
-        )
+        if flow_map is None:
+            flow_map = cast(AbstractFlowMap, fit_flow_map(plant, "steady-plunger").flow_map)
         chamber = IsothermalChamber(volume=plant.chamber.volume)
         return cls(flow_map, chamber, plant.diaphragm, friction, plant.vane_force, plant.air, **settings)
 

@@ -54,13 +54,13 @@ class FrictionCompensation(AbstractController):
     def for_plant(cls, plant: Actuator, **settings: Any) -> Self:
         """With the default damping, or with half as much again as [5.9] asks for; the vane force is left unknown."""
         body, friction = plant.diaphragm, lugre_of(plant, cls.__name__)
-        gain = jnp.maximum(cls.derivative_gain, ABOVE_BOUND * least_damping(body, friction))
+        gain = jnp.maximum(cls.derivative_gain, ABOVE_BOUND * least_derivative_gain(body, friction))
         design = {"derivative_gain": gain, "converter": plant.converter, "diaphragm": body, "friction": friction}
         return cls(**design | settings)
 
     def conditions(self) -> dict[str, Condition]:
         """[5.9] is strictly positive real: `sigma_1 (b_d + k_d) > sigma_0 m` and `k_p + k_sm > 0`."""
-        bound, spring = least_damping(self.diaphragm, self.friction), self.diaphragm.stiffness
+        bound, spring = least_derivative_gain(self.diaphragm, self.friction), self.diaphragm.stiffness
         return {
             "derivative_gain above its bound [5.9]": Condition(
                 (self.derivative_gain - bound) / jnp.maximum(jnp.abs(bound), 1.0),
@@ -121,6 +121,6 @@ class FrictionCompensation(AbstractController):
         return onward, self.load * (elastic + model.viscous_damping * velocity)
 
 
-def least_damping(body: Diaphragm, friction: LuGre) -> Scalar:
+def least_derivative_gain(body: Diaphragm, friction: LuGre) -> Scalar:
     """`sigma_0 m / sigma_1 - b_d` in N s/m, which `k_d` has to exceed [5.9]."""
     return friction.bristle_stiffness * body.mass / friction.bristle_damping - body.damping

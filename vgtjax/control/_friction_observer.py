@@ -6,7 +6,7 @@ from jaxtyping import Array, Float
 
 from ..parameters import parameter
 from ..parts import Scalar
-from ._design import AbstractDesign, Condition, not_negative, positive
+from ._design import AbstractDesign, Condition, positive
 from ._design_model import DesignModel
 
 Bristles = Float[Array, " 2"]
@@ -55,7 +55,7 @@ class DualFrictionObserver(AbstractDesign):
     """Of the coefficients that the design model has, as are `least` and `largest`."""
 
     def conditions(self) -> dict[str, Condition]:
-        """Signs, and a start inside the interval."""
+        """A start inside the interval."""
         least, largest = (jnp.expand_dims(end, -1) for end in (self.least, self.largest))
         inside = Condition(
             jnp.minimum(self.start - least, largest - self.start),
@@ -65,7 +65,7 @@ class DualFrictionObserver(AbstractDesign):
             closed=True,
             bounds_gains=False,
         )
-        return not_negative(self, "injection", "adaptation") | positive(self, "least") | {"start inside": inside}
+        return positive(self, "least") | {"start inside": inside}
 
     def initial_state(self, model: DesignModel) -> FrictionEstimate:
         """Relaxed bristles."""

@@ -30,7 +30,7 @@ class PI(AbstractController):
 
     proportional_gain: Scalar = parameter(6000.0, symbol="k_p", unit="%/m", source="5.3, value assumed", assumed=True)
     integral_gain: Scalar = parameter(20000.0, symbol="k_i", unit="%/(m s)", source="5.3, value assumed", assumed=True)
-    tracking_time: Scalar = parameter(0.1, symbol="T_t", unit="s", source="assumed", assumed=True)
+    tracking_time: Scalar = parameter(0.1, symbol="T_t", unit="s", source="assumed", assumed=True, infinite=True)
     base: AbstractController = eqx.field(default_factory=ConstantDuty)
 
     @classmethod

@@ -12,7 +12,7 @@ from ..parameters import parameter
 from ..parts import AbstractFlowMap, Scalar
 from ..plants import Actuator
 from ._base import FULL_DUTY
-from ._design import AbstractDesign, Condition, not_negative, positive
+from ._design import AbstractDesign, Condition, positive
 from ._design_model import DesignModel
 from ._vane_load import Motion
 
@@ -90,10 +90,7 @@ class PressureObserver(AbstractDesign):
         """[5.20, 5.21] corrected, the determinant as a part of `a sigma_0 / sigma_1`; and signs."""
         friction, correction = self.model.friction, self.injection_rate + self.switching_gain
         bound, (margin, growth) = jnp.min(self.largest_friction_rate()), self.stability_margin()
-        signs = positive(self, "friction_rate", "pressure_rate") | not_negative(
-            self, "injection_rate", "switching_gain"
-        )
-        return signs | {
+        return positive(self, "friction_rate", "pressure_rate") | {
             "corrected at all": Condition(
                 correction,
                 "injection_rate plus switching_gain must be positive, or nothing is corrected",

@@ -101,7 +101,7 @@ def parameter(
 
     - `default`: value in `unit`; tuples of both for a vector.
     - `symbol`, `unit`, `source`: as printed in the thesis.
-    - `row`: `positive`, `lower`, `infinite`, `held`, `assumed`, `anonymous` of [`Parameter`][].
+    - `row`: `positive`, `lower`, `infinite`, `held`, `assumed`, `anonymous`, `tuning_width` of [`Parameter`][].
     """
     return eqx.field(
         default=default,

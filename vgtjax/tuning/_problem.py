@@ -176,7 +176,7 @@ def plan_tuning(
       all that are not held, but for what the controller believes of the plant.
     - `bounds`: ends of single gains by name, `None` for none.
     - `memories`: s, each a `derivative_memory` of [`close_loop`][]; infinite is exact. Each closed loop uses the
-      longest whose derivatives tell something.
+      longest whose derivatives are informative.
     - `lanes`: closed loops that run side by side; memory grows with it.
 
     **Raises:** `InputError` for a name that matches nothing, a start outside its bounds, a start that breaks a

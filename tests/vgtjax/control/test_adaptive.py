@@ -156,8 +156,8 @@ def test_the_printed_bounds_of_unit_weights_follow_from_youngs_inequality():
     ("settings", "sentence"),
     [
         ({"position_gain": 0.0}, r"position_gain must be positive, but it is 0.0; raise it"),
-        ({"pressure_gain": -1.0}, "pressure_gain must be positive, but it is -1.0"),
-        ({"load_gain": -1.0}, "load_gain must not be negative, but it is -1.0; use zero"),
+        ({"pressure_gain": 0.0}, r"pressure_gain must be positive, but it is 0\.0"),
+        ({"load_gain": -1.0}, "load_gain' must be finite and not negative, but it is -1; correct it"),
     ],
 )
 def test_gains_without_convergence_are_refused(settings, sentence):
@@ -168,7 +168,7 @@ def test_gains_without_convergence_are_refused(settings, sentence):
 @pytest.mark.parametrize(
     ("settings", "sentence"),
     [
-        ({"adaptation": -1.0}, "adaptation must not be negative, but it is -1.0; use zero for none"),
+        ({"adaptation": -1.0}, "adaptation' must be finite and not negative, but it is -1; correct it"),
         ({"start": (1.0, 6.0, 1.0)}, "start of the coefficients must lie between least and largest"),
         ({"least": 0.0}, "least must be positive, but it is 0.0"),
     ],

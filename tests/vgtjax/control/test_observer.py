@@ -40,10 +40,10 @@ def test_the_design_model_is_the_reduced_actuator_away_from_its_stops(exponent):
         body = dataclasses.replace(start.rod.body, position=number(0.003), velocity=number(velocity))
         bristle = dataclasses.replace(start.rod.friction, deflection=number(deflection))
         rod = dataclasses.replace(start.rod, body=body, friction=bristle)
-        rates = plant.vector_field(number(0.0), dataclasses.replace(start, rod=rod, pressure=number(6e4)), drive)
+        rates = plant.vector_field(number(0.0), dataclasses.replace(start, rod=rod, air_path=number(6e4)), drive)
         at = DesignState(number(0.003), number(velocity), number(deflection), number(6e4))
         found = model.rates(at, number(55.0), AMBIENT)
-        expected = (rates.rod.body.position, rates.rod.body.velocity, rates.rod.friction.deflection, rates.pressure)
+        expected = (rates.rod.body.position, rates.rod.body.velocity, rates.rod.friction.deflection, rates.air_path)
         # The same equations in another order: rounding alone.
         np.testing.assert_allclose(jax.tree.leaves(found), jax.tree.leaves(expected), rtol=1e-11)
         flow = model.flow_for(found.pressure, at.position, at.velocity, at.pressure)
@@ -267,8 +267,8 @@ def test_what_the_observer_is_told_may_be_sampled_at_a_kilohertz():
     ("settings", "sentence"),
     [
         ({"friction_rate": 0.0}, r"friction_rate must be positive, but it is 0\.0; raise it"),
-        ({"pressure_rate": -20.0}, r"pressure_rate must be positive, but it is -20\.0"),
-        ({"switching_gain": -1.0}, "switching_gain must not be negative, but it is -1.0; use zero for none"),
+        ({"pressure_rate": 0.0}, r"pressure_rate must be positive, but it is 0\.0"),
+        ({"switching_gain": -1.0}, r"switching_gain' must be finite and not negative, but it is -1; correct it"),
         ({"injection_rate": 0.0}, "injection_rate plus switching_gain must be positive, .* but it is 0.0"),
         (
             {"friction_rate": 27.0},
