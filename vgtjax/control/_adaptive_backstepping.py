@@ -1,7 +1,7 @@
 """Adaptive backstepping with a dual friction observer [5.46-5.71]."""
 
 import dataclasses
-from typing import Any, Self
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -105,7 +105,7 @@ class AdaptiveBackstepping(AbstractController):
     differentiator: AbstractDifferentiator = eqx.field(default_factory=lambda: LevantDifferentiator(8.0, width=0.022))
 
     @classmethod
-    def for_plant(cls, plant: Actuator, model: DesignModel | None = None, **settings: Any) -> Self:
+    def for_plant(cls, plant: Actuator, model: DesignModel | None = None, **settings: Any) -> "AdaptiveBackstepping":
         """On the plant's [`DesignModel`][] or another one; `w3` and `gamma_d` in inverse proportion to its mass.
 
         The mass, right or wrong, is a gain of the loop: the default gains are those of the printed one.

@@ -1,6 +1,6 @@
 """Backstepping from the position alone, with observed pressure and friction [5.22-5.43]."""
 
-from typing import Any, Self
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -58,7 +58,7 @@ class Backstepping(AbstractController):
     differentiator: AbstractDifferentiator = eqx.field(default_factory=_differentiator)
 
     @classmethod
-    def for_plant(cls, plant: Actuator, model: DesignModel | None = None, **settings: Any) -> Self:
+    def for_plant(cls, plant: Actuator, model: DesignModel | None = None, **settings: Any) -> "Backstepping":
         """On the plant's [`DesignModel`][] or another one; `K_d` and `w` in inverse proportion to its mass.
 
         The mass is a gain of the loop: the default gains are those of the printed one, and keep their forces like this.

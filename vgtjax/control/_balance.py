@@ -1,6 +1,6 @@
 """Open-loop duties: constant, or what holds the rod at the reference in static balance."""
 
-from typing import Any, Self
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -45,7 +45,7 @@ class StaticBalance(AbstractController):
     diaphragm: Diaphragm = eqx.field(default_factory=Diaphragm)
 
     @classmethod
-    def for_plant(cls, plant: Actuator, **settings: Any) -> Self:
+    def for_plant(cls, plant: Actuator, **settings: Any) -> "StaticBalance":
         """Of the plant's own converter and diaphragm."""
         return cls(**{"converter": plant.converter, "diaphragm": plant.diaphragm} | settings)
 

@@ -1,7 +1,7 @@
 """What every controller of the position has in common: what it is given, and what it answers [chapter 5]."""
 
 import abc
-from typing import Any, Self
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -57,7 +57,7 @@ class AbstractController(AbstractDesign):
     """
 
     @classmethod
-    def for_plant(cls, plant: Actuator, **settings: Any) -> Self:
+    def for_plant(cls, plant: Actuator, **settings: Any) -> "AbstractController":
         """The design for a plant: its beliefs are that plant, its gains scaled to it; `settings` are fields as given.
 
         Here it believes nothing, and has its default gains.

@@ -1,6 +1,6 @@
 """The model that the backstepping controllers are designed on: four states and a flow map [5.4]."""
 
-from typing import Any, Self, cast
+from typing import Any, cast
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -65,7 +65,7 @@ class DesignModel(eqx.Module):
     @classmethod
     def for_plant(
         cls, plant: Actuator | StaticMapActuator, flow_map: AbstractFlowMap | None = None, **settings: Any
-    ) -> Self:
+    ) -> "DesignModel":
         """That of a plant with LuGre friction; without a flow map, with a [`SteadyPlungerFlow`][] fitted to the plant.
 
         **Raises:** `InputError` for a plant with another friction.

@@ -1,6 +1,6 @@
 """Feedback linearisation with a friction observer [5.6-5.9] (Canudas de Wit, Olsson, Astrom and Lischinsky, 1995)."""
 
-from typing import Any, Self
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -51,7 +51,7 @@ class FrictionCompensation(AbstractController):
     differentiator: AbstractDifferentiator = eqx.field(default_factory=lambda: LevantDifferentiator(0.7, width=2e-3))
 
     @classmethod
-    def for_plant(cls, plant: Actuator, **settings: Any) -> Self:
+    def for_plant(cls, plant: Actuator, **settings: Any) -> "FrictionCompensation":
         """With the default damping, or with half as much again as [5.9] asks for; the vane force is left unknown."""
         body, friction = plant.diaphragm, lugre_of(plant, cls.__name__)
         gain = jnp.maximum(cls.derivative_gain, ABOVE_BOUND * least_derivative_gain(body, friction))

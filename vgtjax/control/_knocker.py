@@ -1,6 +1,6 @@
 """The knocker: pulses that keep friction from sticking [5.5] (Hagglund, 2002)."""
 
-from typing import Any, Self
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -45,7 +45,7 @@ class Knocker(AbstractController):
     )
 
     @classmethod
-    def for_plant(cls, plant: Actuator, **settings: Any) -> Self:
+    def for_plant(cls, plant: Actuator, **settings: Any) -> "Knocker":
         """Around the [`PI`][] for the plant."""
         return cls(**{"controller": PI.for_plant(plant)} | settings)
 

@@ -1,6 +1,6 @@
 """Conventional control: PI and PID with anti-windup [section 5.3]."""
 
-from typing import Any, Self
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -34,7 +34,7 @@ class PI(AbstractController):
     base: AbstractController = eqx.field(default_factory=ConstantDuty)
 
     @classmethod
-    def for_plant(cls, plant: Actuator, **settings: Any) -> Self:
+    def for_plant(cls, plant: Actuator, **settings: Any) -> "PI":
         """Around the plant's [`StaticBalance`][]."""
         return cls(**{"base": StaticBalance.for_plant(plant)} | settings)
 
@@ -76,7 +76,7 @@ class PID(AbstractController):
     differentiator: AbstractDifferentiator = eqx.field(default_factory=FilteredDifference)
 
     @classmethod
-    def for_plant(cls, plant: Actuator, **settings: Any) -> Self:
+    def for_plant(cls, plant: Actuator, **settings: Any) -> "PID":
         """With the [`PI`][] for the plant."""
         return cls(**{"pi": PI.for_plant(plant)} | settings)
 

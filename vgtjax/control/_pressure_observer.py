@@ -1,6 +1,6 @@
 """Chamber pressure and friction from the position alone: the sliding mode observer [5.11-5.21]."""
 
-from typing import Any, Self
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -75,7 +75,7 @@ class PressureObserver(AbstractDesign):
     """Of the rod, up to which the conditions are checked; nothing else uses it."""
 
     @classmethod
-    def for_plant(cls, plant: Actuator, model: DesignModel | None = None, **settings: Any) -> Self:
+    def for_plant(cls, plant: Actuator, model: DesignModel | None = None, **settings: Any) -> "PressureObserver":
         """On the plant's [`DesignModel`][] or another one, with the friction rate halved until [5.21] holds for it."""
         model = DesignModel.for_plant(plant) if model is None else model
         rate = cls.friction_rate
