@@ -115,7 +115,7 @@ class AdaptiveBackstepping(AbstractController):
         return cls(**{"model": model} | scaled | settings)
 
     def conditions(self) -> dict[str, Condition]:
-        """[5.71] corrected, as 1 - 1/ratio, which is finite where the bound is zero; and signs."""
+        """[5.71] corrected, as 1 - 1/ratio, which is finite where the bound is zero."""
         lost = jnp.square((1 - self.pressure_coupling) * self._a1)
         bound = lost / (4 * self.velocity_gain * self.pressure_gain)
         signs = positive(self, "position_gain", "velocity_gain", "pressure_gain", "pressure_weight")

@@ -58,7 +58,7 @@ class AbstractDesign(Part):
         return {}
 
     def __check_init__(self) -> None:
-        # Inside jit nothing is known, and `check` says the same of values that were replaced later.
+        # While it is traced nothing is known.
         if is_traced(self):
             return
         with jax.ensure_compile_time_eval():

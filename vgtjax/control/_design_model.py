@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from .._errors import InputError
-from ..parameters import parameter
+from ..parameters import Part, parameter
 from ..parts import (
     AbstractFlowMap,
     AbstractVaneForce,
@@ -33,7 +33,7 @@ class DesignState(eqx.Module):
     vanes: PyTree[Scalar] = None
 
 
-class DesignModel(eqx.Module):
+class DesignModel(Part):
     """What a backstepping controller believes of the plant [5.4].
 
     With `V = V_0 - A_d x`, `alpha = 1/g` (which the print never defines), `S(v) = sigma_0 (1 - sigma_1 alpha |v|)` and

@@ -87,7 +87,7 @@ class PressureObserver(AbstractDesign):
         return cls(**{"model": model, "friction_rate": rate} | settings)
 
     def conditions(self) -> dict[str, Condition]:
-        """[5.20, 5.21] corrected, the determinant as a part of `a sigma_0 / sigma_1`; and signs."""
+        """[5.20, 5.21] corrected, the determinant as a part of `a sigma_0 / sigma_1`."""
         friction, correction = self.model.friction, self.injection_rate + self.switching_gain
         bound, (margin, growth) = jnp.min(self.largest_friction_rate()), self.stability_margin()
         return positive(self, "friction_rate", "pressure_rate") | {

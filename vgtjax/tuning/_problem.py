@@ -185,7 +185,7 @@ def plan_tuning(
     chosen = gain_names(controller) if free is None else free
     selection = select(controller, free=chosen, fixed=fixed)
     if not selection.entries:
-        raise InputError("tuning needs at least one free gain, but free and fixed leave none; free one")
+        raise InputError("tuning needs at least one free gain, but free and fixed leave none; free one", "free")
     table, start = parameter_table(controller), np.asarray(selection.pack(controller))
     transform = build_transform(table, selection.entries, start, bounds or {})
     problem = Problem(controller, cases, objective, selection, transform, tuple(sorted(memories, reverse=True)), lanes)
@@ -194,6 +194,7 @@ def plan_tuning(
         if left < 0:
             raise InputError(
                 f"the start must keep every condition of the design with {MARGIN:.1%} to spare, but '{name}' has "
-                f"{float(value):.2%}; change the start values"
+                f"{float(value):.2%}; change the start values",
+                "controller",
             )
     return problem
