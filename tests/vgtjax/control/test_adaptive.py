@@ -200,7 +200,7 @@ def test_a_step_of_the_observer_becomes_its_rates_as_the_period_falls_and_bears_
     velocity, drive = jnp.asarray(0.01), jnp.asarray(0.002)
     rates = observer.rates(model, before, velocity, drive)
     after = observer.step(model, before, velocity, drive, 1e-7)
-    # The bristles forget at 150 1/s: 1e-7 s of them is 1.5e-5 of the rate.
+    # The bristles relax at 150 1/s: 1e-7 s of them is 1.5e-5 of the rate.
     np.testing.assert_allclose((after.deflections - before.deflections) / 1e-7, rates.deflections, rtol=1e-3)
     np.testing.assert_allclose((after.coefficients - before.coefficients) / 1e-7, rates.coefficients, rtol=1e-6)
     far = before

@@ -72,7 +72,7 @@ def test_the_duty_is_saturated_and_held_between_samples(actuator):
     np.testing.assert_allclose(run.position[:-1], states.rod.body.position[::10], atol=1e-13)
 
 
-def test_what_the_controller_logs_and_is_told_comes_back(actuator):
+def test_what_the_controller_logs_and_measures_comes_back(actuator):
     run = close_loop(actuator, Knocker(PID()), from_the_middle(sensors=Sensors.bench()), SHORT)
     count = round(SHORT / 1e-3) + 1
     assert {name: value.shape for name, value in run.log.items()} == {

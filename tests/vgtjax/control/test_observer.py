@@ -181,7 +181,7 @@ def advance(model, state, duty, step):
 def observe(observer, model, seconds=0.4, step=STEP):
     """Errors at every sample of bristles in m and pressure in Pa, true velocity in m/s, and observed states.
 
-    The design model is driven by an open-loop duty; position and velocity are told without error, the observer starts
+    The design model is driven by an open-loop duty; position and velocity are known without error, the observer starts
     `WRONG`.
     """
 
@@ -256,7 +256,7 @@ def test_a_sliding_observer_holds_its_velocity_whatever_the_period():
     np.testing.assert_allclose(seen.velocity[20:], velocity[20:], atol=1e-12)
 
 
-def test_what_the_observer_is_told_may_be_sampled_at_a_kilohertz():
+def test_what_the_observer_measures_may_be_sampled_at_a_kilohertz():
     deflection, pressure, _, _, _ = observe(SMOOTH, SMOOTH.model, seconds=1.0, step=1e-3)
     # One step of implicit Euler lags by a period: 1 ms of 1e5 Pa/s at most.
     assert np.max(np.abs(pressure[500:])) < 100.0
