@@ -50,7 +50,7 @@ def simulate(
     adjoint: diffrax.AbstractAdjoint | None = None,
     throw: bool = True,
 ) -> Solution:
-    """Simulates a model along a trace, from the start state that the trace tells.
+    """Simulates a model along a trace, from the start state that follows from the trace.
 
     Differentiable with respect to every array leaf of `model`, can be jitted, and vmapped over batches of models.
     The precision is that of the model's parameters.

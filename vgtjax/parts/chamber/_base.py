@@ -44,4 +44,4 @@ class AbstractChamber(Part):
 
     @abc.abstractmethod
     def relaxation(self, air: Air, gas: Gas, displaced: Values) -> Gas:
-        """Rate in 1/s at which pressure and temperature forget themselves, `None` where that is slow."""
+        """Relaxation rates in 1/s of pressure and temperature, `None` where they are slow."""
