@@ -94,9 +94,9 @@ def loop_rates(controller, loop, time, truth=NOTHING, law=corrected):
     flow = controller.flow(where, plant.pressure, reference, loop.estimate, errors, learned)
     # Friction of the plant itself, not of its inverse in the controller.
     body, friction = controller.model.diaphragm, controller.model.friction
-    force, bristle = friction(
-        vgtjax.parts.Contact(plant.velocity, body.mass, None), vgtjax.parts.Bristle(plant.deflection), None
-    )
+    still = jnp.zeros(())
+    contact = vgtjax.parts.Contact(plant.velocity, body.mass, vgtjax.parts.Vanes(still, still))
+    force, bristle = friction(contact, vgtjax.parts.Bristle(plant.deflection), still)
     pull = (AMBIENT - plant.pressure) * body.area - body.preload - body.stiffness * plant.position
     acceleration = (pull - force - truth.load) / body.mass
     pressure = controller.model.pressure_rate(flow, plant.position, plant.velocity, plant.pressure) + truth.drift
