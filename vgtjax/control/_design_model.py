@@ -70,7 +70,7 @@ class DesignModel(Part):
 
         **Raises:** `InputError` for a plant with another friction.
         """
-        friction = lugre_of(plant, cls.__name__)
+        friction = lugre_of(plant)
         if flow_map is None:
             flow_map = cast(AbstractFlowMap, fit_flow_map(plant, "steady-plunger").flow_map)
         chamber = IsothermalChamber(volume=plant.chamber.volume)
@@ -190,15 +190,15 @@ class DesignModel(Part):
         )
 
 
-def lugre_of(plant: Any, design: str) -> LuGre:
+def lugre_of(plant: Actuator | StaticMapActuator) -> LuGre:
     """The friction of a plant.
 
-    **Raises:** `InputError` where a design can't observe it.
+    **Raises:** `InputError` where its bristles can't be observed.
     """
     if not isinstance(plant.friction, LuGre):
         raise InputError(
-            f"{design} observes the bristles of LuGre friction, but the plant's friction is "
-            f"{type(plant.friction).__name__}; use a plant with LuGre friction, or a PI",
+            f"a plant must have LuGre friction, whose bristles the design observes, but it has "
+            f"{type(plant.friction).__name__}; use LuGre, or a PI",
             "plant",
         )
     return plant.friction

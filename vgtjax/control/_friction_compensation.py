@@ -53,7 +53,7 @@ class FrictionCompensation(AbstractController):
     @classmethod
     def for_plant(cls, plant: Actuator, **settings: Any) -> "FrictionCompensation":
         """With the default damping, or with half as much again as [5.9] asks for; the vane force is left unknown."""
-        body, friction = plant.diaphragm, lugre_of(plant, cls.__name__)
+        body, friction = plant.diaphragm, lugre_of(plant)
         gain = jnp.maximum(cls.derivative_gain, ABOVE_BOUND * least_derivative_gain(body, friction))
         design = {"derivative_gain": gain, "converter": plant.converter, "diaphragm": body, "friction": friction}
         return cls(**design | settings)

@@ -41,7 +41,7 @@ def test_designs_for_a_plant_believe_in_it(heavy, model):
     assert eqx.tree_equal(Knocker.for_plant(heavy, amplitude=3.0), Knocker(PI(base=balance), amplitude=3.0))
     assert eqx.tree_equal(model.flow_map, vgtjax.fit_flow_map(heavy, "steady-plunger").flow_map)
     assert float(model.diaphragm.mass) == float(heavy.diaphragm.mass)
-    with pytest.raises(vgtjax.InputError, match=r"observes the bristles of .* Coulomb; use a plant with") as info:
+    with pytest.raises(vgtjax.InputError, match=r"must have LuGre friction, .* has Coulomb; use LuGre") as info:
         FrictionCompensation.for_plant(vgtjax.Actuator(friction=vgtjax.Coulomb()))
     assert info.value.argument == "plant"
 
