@@ -1,6 +1,5 @@
 """What varies from actuator to actuator: single values, and the level of a whole curve."""
 
-import difflib
 from collections.abc import Sequence
 from typing import Any
 
@@ -88,14 +87,3 @@ def choose_factors(model: AbstractModel, patterns: Sequence[str], fixed: Sequenc
 
 def _base(entry: str) -> str:
     return entry.partition("[")[0]
-
-
-def check_known(model: AbstractModel, names: Sequence[str], factors: Factors, kind: str) -> None:
-    """Whether names are among the quantities that vary.
-
-    **Raises:** `InputError` for the first that is not, with the nearest one.
-    """
-    for name in names:
-        if name not in factors.entries:
-            near = difflib.get_close_matches(name, factors.entries, n=1, cutoff=0.0)
-            raise InputError(f"{kind} names '{name}', which does not vary; vary it too, or did you mean '{near[0]}'?")

@@ -1,6 +1,7 @@
 """LuGre friction that grows with the exhaust gas on the vanes [3.18-3.20]."""
 
 import dataclasses
+from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -31,6 +32,8 @@ class AdaptiveLuGre(AbstractFriction):
     `load` is linear between knots, held beyond them, zero at zero gauge pressure and linear from there to the first
     knot. While it does not change, friction is passive where that of [`LuGre`][] is.
     """
+
+    feels_gas: ClassVar[bool] = True
 
     static_force: Scalar = parameter(3.2, symbol="F_s", unit="N", source="B.2")
     coulomb_force: Scalar = parameter(2.8, symbol="F_c", unit="N", source="B.2")

@@ -1,7 +1,7 @@
 """What every friction model answers."""
 
 import abc
-from typing import Any
+from typing import Any, ClassVar
 
 import equinox as eqx
 from jaxtyping import Array, PyTree
@@ -26,6 +26,9 @@ class AbstractFriction(eqx.Module):
 
     The state is a PyTree of scalars, `None` where a model has none.
     """
+
+    feels_gas: ClassVar[bool] = False
+    """Whether turbine pressure changes it."""
 
     @abc.abstractmethod
     def initial_state(self) -> PyTree[Scalar]:

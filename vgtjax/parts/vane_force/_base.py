@@ -1,7 +1,7 @@
 """What every model of the exhaust gas force on the vanes answers."""
 
 import abc
-from typing import Any
+from typing import Any, ClassVar
 
 import equinox as eqx
 from jaxtyping import Array, PyTree
@@ -12,6 +12,9 @@ from .._vanes import Vanes
 
 class AbstractVaneForce(eqx.Module):
     """Force of the exhaust gas on the rod, positive against +x; its state is a PyTree of scalars, `None` for none."""
+
+    feels_gas: ClassVar[bool] = True
+    """Whether turbine pressure changes it."""
 
     @abc.abstractmethod
     def initial_state(self) -> PyTree[Scalar]:

@@ -1,0 +1,193 @@
+"""Tolerances around a nominal actuator: what varies from one to the next, and by which distribution."""
+
+import dataclasses
+import difflib
+import fnmatch
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from .._errors import InputError
+from ..parameters import parameter_table, select
+from ..plants import AbstractModel
+from ._factors import Factors, choose_factors
+from ._population import Margin, Population, domain, lognormal, normal, triangular, uniform
+
+NOT_VARIED = ("air.*", "*.turbine_pressure", "*.crank_angle", "*.crank.*", "diaphragm.stop_*")
+"""What no tolerance is on: the weather, the knots and the geometry behind tables, and the give of rigid stops."""
+DISTRIBUTIONS = ("normal", "lognormal", "uniform", "triangular")
+
+
+@dataclasses.dataclass(frozen=True)
+class Spread:
+    """How one quantity varies from actuator to actuator, in the units of the table (a factor for a whole vector).
+
+    `relative` is a part of the nominal value, `deviation` the same in its unit: the standard deviation of `normal` and
+    `lognormal` (whose median is the nominal value), half the width of `uniform` and `triangular`. `lower` and `upper`
+    are ends instead, or where a normal distribution is cut off. What is not given is that of the population.
+    """
+
+    distribution: str = "normal"
+    relative: float | None = None
+    deviation: float | None = None
+    lower: float | None = None
+    upper: float | None = None
+
+    @property
+    def ends(self) -> tuple[float | None, float | None]:
+        """Both ends, `None` where it has none of its own."""
+        return self.lower, self.upper
+
+
+def spread_population(
+    model: AbstractModel,
+    relative: float = 0.02,
+    *,
+    spreads: Mapping[str, Spread] | None = None,
+    vary: Sequence[str] | None = None,
+    fixed: Sequence[str] = (),
+    correlations: Sequence[tuple[Sequence[str], float]] = (),
+) -> Population:
+    """The population that tolerances describe around a nominal actuator.
+
+    **Arguments:**
+
+    - `model`: the nominal actuator.
+    - `relative`: standard deviation of all that has no spread of its own, as a part of the nominal value.
+    - `spreads`: of single quantities, by name; these vary beside what `vary` names.
+    - `vary`, `fixed`: names or patterns; by default all varies but for `NOT_VARIED`, and what is zero or infinite.
+    - `correlations`: names of two quantities or more, and the correlation of the normal scores of each pair of them.
+
+    **Raises:** `InputError` for an unknown name, a distribution that is incomplete or leaves the domain, or
+    correlations that contradict each other.
+    """
+    spreads = {} if spreads is None else spreads
+    factors = _chosen(model, spreads, vary, fixed)
+    nominal = np.asarray(factors.pack(model)).tolist()
+    margins = tuple(
+        _margin(entry, spreads.get(entry, Spread()), value, relative, domain(model, entry)[0])
+        for entry, value in zip(factors.entries, nominal, strict=True)
+    )
+    return Population(model, factors, margins, _correlation(factors, correlations))
+
+
+def _chosen(
+    model: AbstractModel, spreads: Mapping[str, Spread], vary: Sequence[str] | None, fixed: Sequence[str]
+) -> Factors:
+    """What varies: what is asked for, but nothing whose value is zero and whose spread is a part of it."""
+    if vary is None:
+        known = parameter_table(model)
+        vary, held = ["*"], [pattern for pattern in NOT_VARIED if fnmatch.filter(known, pattern)]
+    else:
+        held = []
+    wanted = choose_factors(model, vary, [*held, *fixed]).entries
+    stated = choose_factors(model, list(spreads)).entries
+    both = set(stated) & set(choose_factors(model, fixed).entries)
+    if both:
+        raise InputError(f"'{min(both)}' can't be fixed and have a spread; drop one of the two", "fixed")
+    _check_names(list(spreads), Factors(stated), "spread", "spreads")
+    alive = [entry for entry in wanted if entry not in stated and _has_size(model, entry)]
+    if not alive and not stated:
+        raise InputError("a population needs a quantity that varies, but vary and fixed leave none; vary one", "vary")
+    return choose_factors(model, [*alive, *stated])
+
+
+def _has_size(model: AbstractModel, entry: str) -> bool:
+    value = np.asarray(select(model, free=[entry]).pack(model))
+    return bool(np.any(value != 0) and np.all(np.isfinite(value)))
+
+
+def _check_names(names: Sequence[str], factors: Factors, what: str, argument: str) -> None:
+    for name in names:
+        if name not in factors.entries:
+            near = difflib.get_close_matches(name, factors.entries, n=1, cutoff=0.0)
+            raise InputError(
+                f"'{name}' has a {what} but does not vary; vary it too, or did you mean '{near[0]}'?", argument
+            )
+
+
+def _check_spread(entry: str, spread: Spread) -> None:
+    if spread.distribution not in DISTRIBUTIONS:
+        raise InputError(
+            f"the distribution of '{entry}' must be one of {', '.join(DISTRIBUTIONS)}, but it is "
+            f"'{spread.distribution}'; choose one",
+            "spreads",
+        )
+    if spread.relative is not None and spread.deviation is not None:
+        raise InputError(
+            f"the spread of '{entry}' must be either relative or a deviation, but it is both; drop one", "spreads"
+        )
+    for size in (spread.relative, spread.deviation):
+        if size is not None and not 0 < size < math.inf:
+            raise InputError(f"the spread of '{entry}' must be positive, but it is {size:g}; correct it", "spreads")
+    if spread.distribution == "lognormal" and (spread.lower is not None or spread.upper is not None):
+        raise InputError(
+            f"a lognormal '{entry}' has no ends, but lower or upper is given; use normal, or drop them", "spreads"
+        )
+
+
+def _margin(entry: str, spread: Spread, nominal: float, relative: float, low: float) -> Margin:
+    """The distribution of one quantity, whose domain begins at `low`."""
+    _check_spread(entry, spread)
+    size = spread.deviation
+    if size is None:
+        size = (relative if spread.relative is None else spread.relative) * abs(nominal)
+    if spread.distribution == "lognormal":
+        if nominal <= 0:
+            raise InputError(
+                f"a lognormal '{entry}' must be positive, but it is {nominal:g}; choose another", "spreads"
+            )
+        return lognormal(nominal, math.sqrt(math.log1p((size / nominal) ** 2)))
+    if spread.distribution == "normal":
+        if size == 0:
+            raise InputError(f"'{entry}' is 0, so its spread can't be a part of it; state its deviation", "spreads")
+        ends = (low, math.inf)
+    else:
+        ends = (nominal - size, nominal + size)
+    begin, end = (default if given is None else given for given, default in zip(spread.ends, ends, strict=True))
+    if spread.distribution == "normal":
+        begin = max(begin, low)
+    _check_ends(entry, nominal, begin, end, low)
+    match spread.distribution:
+        case "normal":
+            return normal(nominal, size, (begin, end))
+        case "uniform":
+            return uniform(begin, end)
+    return triangular(begin, nominal, end)
+
+
+def _check_ends(entry: str, nominal: float, begin: float, end: float, low: float) -> None:
+    if not begin < end or begin < low:
+        raise InputError(
+            f"the ends of '{entry}' must rise and not lie below {low:g}, but they are {begin:g} and {end:g}; "
+            "correct them or the spread",
+            "spreads",
+        )
+    if not begin <= nominal <= end:
+        raise InputError(
+            f"the nominal '{entry}' must lie between the ends of its distribution, but {nominal:g} is outside "
+            f"{begin:g} to {end:g}; correct them, or the value",
+            "spreads",
+        )
+
+
+def _correlation(
+    factors: Factors, correlations: Sequence[tuple[Sequence[str], float]]
+) -> Float[np.ndarray, "factors factors"] | None:
+    """The correlation of all quantities, `None` where none is stated."""
+    if not correlations:
+        return None
+    matrix = np.eye(len(factors.entries))
+    for names, value in correlations:
+        _check_names(names, factors, "correlation", "correlations")
+        for i, j in itertools.permutations([factors.entries.index(name) for name in names], 2):
+            if matrix[i, j] not in (0.0, value):
+                both = f"'{factors.entries[min(i, j)]}' and '{factors.entries[max(i, j)]}'"
+                raise InputError(
+                    f"the correlation of {both} is stated twice, and differently; drop one", "correlations"
+                )
+            matrix[i, j] = value
+    return matrix
