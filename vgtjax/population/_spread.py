@@ -65,6 +65,7 @@ def spread_population(
     correlations that contradict each other.
     """
     spreads = {} if spreads is None else spreads
+    _check_size("a relative spread", relative, "relative")
     factors = _chosen(model, spreads, vary, fixed)
     nominal = np.asarray(factors.pack(model)).tolist()
     margins = tuple(
@@ -121,12 +122,17 @@ def _check_spread(entry: str, spread: Spread) -> None:
             f"the spread of '{entry}' must be either relative or a deviation, but it is both; drop one", "spreads"
         )
     for size in (spread.relative, spread.deviation):
-        if size is not None and not 0 < size < math.inf:
-            raise InputError(f"the spread of '{entry}' must be positive, but it is {size:g}; correct it", "spreads")
+        if size is not None:
+            _check_size(f"the spread of '{entry}'", size, "spreads")
     if spread.distribution == "lognormal" and (spread.lower is not None or spread.upper is not None):
         raise InputError(
             f"a lognormal '{entry}' has no ends, but lower or upper is given; use normal, or drop them", "spreads"
         )
+
+
+def _check_size(what: str, size: float, argument: str) -> None:
+    if not 0 < size < math.inf:
+        raise InputError(f"{what} must be positive, but it is {size:g}; correct it", argument)
 
 
 def _margin(entry: str, spread: Spread, nominal: float, relative: float, low: float) -> Margin:
