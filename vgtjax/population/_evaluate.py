@@ -3,7 +3,6 @@
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -14,7 +13,7 @@ from .._errors import InputError
 from .._lanes import fill_devices, map_rows
 from ..experiments import AbstractExperiment, Output, stack_runs
 from ..plants import AbstractModel
-from ..simulation import RESULTS, FixedStep, march
+from ..simulation import RESULTS, FixedMarch, FixedStep, march
 from ..traces import Drive, Start, cast, require
 from ._factors import Factors
 from ._results import OutputTable, Results
@@ -29,7 +28,7 @@ class _Prepared(eqx.Module):
     experiment: AbstractExperiment
     drive: Drive
     start: Start
-    substeps: int = eqx.field(static=True)
+    plan: FixedMarch
 
 
 class Evaluator:
@@ -72,14 +71,13 @@ class Evaluator:
         self._model = jax.tree.map(lambda leaf: np.asarray(leaf, self._dtype), model)
         self._factors = factors
         self._prepared = tuple(self._prepare(model, experiment, stepping) for experiment in experiments)
-        self._stepping = stepping
 
     def _prepare(self, model: AbstractModel, experiment: AbstractExperiment, stepping: FixedStep) -> _Prepared:
         for trace in experiment.traces:
             require(trace, model.needs)
         drive, start = cast(stack_runs(experiment.traces), self._dtype)
         fixed = jax.tree.map(lambda leaf: np.asarray(leaf, self._dtype), experiment)
-        return _Prepared(fixed, drive, start, stepping.substeps(model, experiment.traces[0].longest_interval))
+        return _Prepared(fixed, drive, start, stepping.plan_intervals(model, experiment.traces[0].longest_interval))
 
     def __call__(self, values: Float[np.ndarray, "rows factors"]) -> Results:
         """Results of every row of values, in the units of the table."""
@@ -101,16 +99,16 @@ class Evaluator:
             return tuple(np.ascontiguousarray(each[places], self._dtype) for each in rows)
 
         def run(shared: tuple[Array, ...]) -> Any:
-            return function(self._model, self._factors, self._prepared, self._stepping, *shared)
+            return function(self._model, self._factors, self._prepared, *shared)
 
         return map_rows(run, at, len(rows[0]), lanes)
 
 
 @eqx.filter_jit
 def _evaluate(
-    model: AbstractModel, factors: Factors, prepared: tuple[_Prepared, ...], stepping: FixedStep, values: Array
+    model: AbstractModel, factors: Factors, prepared: tuple[_Prepared, ...], values: Array
 ) -> tuple[Float[Array, "lanes columns"], RESULTS]:
-    return jax.vmap(lambda row: _run(factors.unpack(model, row), prepared, stepping))(values)
+    return jax.vmap(lambda row: _run(factors.unpack(model, row), prepared))(values)
 
 
 @eqx.filter_jit
@@ -118,28 +116,23 @@ def _slopes(
     model: AbstractModel,
     factors: Factors,
     prepared: tuple[_Prepared, ...],
-    stepping: FixedStep,
     values: Array,
     directions: Array,
 ) -> Float[Array, "lanes columns"]:
     def slope(row: Array, direction: Array) -> Array:
-        found, along = jax.jvp(
-            lambda row: _run(factors.unpack(model, row), prepared, stepping)[0], (row,), (direction,)
-        )
+        found, along = jax.jvp(lambda row: _run(factors.unpack(model, row), prepared)[0], (row,), (direction,))
         # A NaN that is put in is a constant to the derivative, which would be zero.
         return jnp.where(jnp.isnan(found), jnp.nan, along)
 
     return jax.vmap(slope)(values, directions)
 
 
-def _run(model: AbstractModel, prepared: tuple[_Prepared, ...], stepping: FixedStep) -> tuple[Array, RESULTS]:
+def _run(model: AbstractModel, prepared: tuple[_Prepared, ...]) -> tuple[Array, RESULTS]:
     """All readings of one actuator as one vector, NaN if a simulation failed, and how the first that failed ended."""
     columns: list[Array] = []
     status: Any = RESULTS.successful
     for each in prepared:
-        x_d, p_act, ends = jax.lax.map(
-            lambda run, each=each: _observe(model, run, each, stepping), (each.drive, each.start)
-        )
+        x_d, p_act, ends = jax.lax.map(lambda run, each=each: _observe(model, run, each), (each.drive, each.start))
         readings = each.experiment.read(x_d, p_act, model.air.pressure)
         columns += [jnp.reshape(readings[output.name], (-1,)) for output in each.experiment.outputs]
         for number in range(len(x_d)):
@@ -148,11 +141,7 @@ def _run(model: AbstractModel, prepared: tuple[_Prepared, ...], stepping: FixedS
     return jnp.where(status == RESULTS.successful, jnp.concatenate(columns), jnp.nan), status
 
 
-def _observe(
-    model: AbstractModel, run: tuple[Drive, Start], each: _Prepared, stepping: FixedStep
-) -> tuple[Array, Array, RESULTS]:
+def _observe(model: AbstractModel, run: tuple[Drive, Start], each: _Prepared) -> tuple[Array, Array, RESULTS]:
     drive, start = run
-    states = march(model, drive, start, stepping, each.substeps, diffrax.ForwardMode())
-    x_d, p_act = jax.vmap(model.observe)(states, drive)
-    finite = jnp.all(jnp.isfinite(x_d)) & jnp.all(jnp.isfinite(p_act))
-    return x_d, p_act, RESULTS.where(finite, RESULTS.successful, RESULTS.diverged)
+    states, result = march(model, drive, start, each.plan)
+    return *jax.vmap(model.observe)(states, drive), result
