@@ -24,7 +24,8 @@ def render(job: PopulationJob, store: ChunkStore, known: Results, summary: dict[
         fingerprint=job.fingerprint,
         summary=summary,
         failed=[
-            (each["sample"], _unusual(job, each["values"])) for each in summary["failed"]["samples"][:SHOWN_FAILURES]
+            (each["sample"], each["cause"].replace("_", " "), _unusual(job, each["values"]))
+            for each in summary["failed"]["samples"][:SHOWN_FAILURES]
         ],
         loops=_loops(job, store),
         effects=_effects(job, store),

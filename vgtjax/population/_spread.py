@@ -3,6 +3,7 @@
 import dataclasses
 import difflib
 import fnmatch
+import functools
 import itertools
 import math
 from collections.abc import Mapping, Sequence
@@ -35,11 +36,6 @@ class Spread:
     deviation: float | None = None
     lower: float | None = None
     upper: float | None = None
-
-    @property
-    def ends(self) -> tuple[float | None, float | None]:
-        """Both ends, `None` where it has none of its own."""
-        return self.lower, self.upper
 
 
 def spread_population(
@@ -105,79 +101,57 @@ def _check_names(names: Sequence[str], factors: Factors, what: str, argument: st
     for name in names:
         if name not in factors.entries:
             near = difflib.get_close_matches(name, factors.entries, n=1, cutoff=0.0)
-            raise InputError(
-                f"'{name}' has a {what} but does not vary; vary it too, or did you mean '{near[0]}'?", argument
-            )
+            hint = f"vary it too, or did you mean '{near[0]}'?"
+            raise InputError(f"'{name}' has a {what} but does not vary; {hint}", argument)
 
 
-def _check_spread(entry: str, spread: Spread) -> None:
-    if spread.distribution not in DISTRIBUTIONS:
-        raise InputError(
-            f"the distribution of '{entry}' must be one of {', '.join(DISTRIBUTIONS)}, but it is "
-            f"'{spread.distribution}'; choose one",
-            "spreads",
-        )
-    if spread.relative is not None and spread.deviation is not None:
-        raise InputError(
-            f"the spread of '{entry}' must be either relative or a deviation, but it is both; drop one", "spreads"
-        )
-    for size in (spread.relative, spread.deviation):
-        if size is not None:
-            _check_size(f"the spread of '{entry}'", size, "spreads")
-    if spread.distribution == "lognormal" and (spread.lower is not None or spread.upper is not None):
-        raise InputError(
-            f"a lognormal '{entry}' has no ends, but lower or upper is given; use normal, or drop them", "spreads"
-        )
-
-
-def _check_size(what: str, size: float, argument: str) -> None:
-    if not 0 < size < math.inf:
+def _check_size(what: str, size: float | None, argument: str) -> None:
+    if size is not None and not 0 < size < math.inf:
         raise InputError(f"{what} must be positive, but it is {size:g}; correct it", argument)
 
 
 def _margin(entry: str, spread: Spread, nominal: float, relative: float, low: float) -> Margin:
     """The distribution of one quantity, whose domain begins at `low`."""
-    _check_spread(entry, spread)
+    wrong, shape = functools.partial(InputError, argument="spreads"), spread.distribution
+    if spread.relative is not None and spread.deviation is not None:
+        raise wrong(f"the spread of '{entry}' must be either relative or a deviation, but it is both; drop one")
+    for given in (spread.relative, spread.deviation):
+        _check_size(f"the spread of '{entry}'", given, "spreads")
     size = spread.deviation
     if size is None:
         size = (relative if spread.relative is None else spread.relative) * abs(nominal)
-    if spread.distribution == "lognormal":
-        if nominal <= 0:
-            raise InputError(
-                f"a lognormal '{entry}' must be positive, but it is {nominal:g}; choose another", "spreads"
-            )
-        return lognormal(nominal, math.sqrt(math.log1p((size / nominal) ** 2)))
-    if spread.distribution == "normal":
-        if size == 0:
-            raise InputError(f"'{entry}' is 0, so its spread can't be a part of it; state its deviation", "spreads")
-        ends = (low, math.inf)
-    else:
-        ends = (nominal - size, nominal + size)
-    begin, end = (default if given is None else given for given, default in zip(spread.ends, ends, strict=True))
-    if spread.distribution == "normal":
-        begin = max(begin, low)
-    _check_ends(entry, nominal, begin, end, low)
-    match spread.distribution:
+    match shape:
         case "normal":
-            return normal(nominal, size, (begin, end))
-        case "uniform":
-            return uniform(begin, end)
-    return triangular(begin, nominal, end)
-
-
-def _check_ends(entry: str, nominal: float, begin: float, end: float, low: float) -> None:
-    if not begin < end or begin < low:
-        raise InputError(
+            if size == 0:
+                raise wrong(f"'{entry}' is 0, so its spread can't be a part of it; state its deviation")
+            begin, end = low, math.inf
+        case "lognormal":
+            if spread.lower is not None or spread.upper is not None:
+                raise wrong(f"a lognormal '{entry}' has no ends, but lower or upper is given; use normal, or drop them")
+            if nominal <= 0:
+                raise wrong(f"a lognormal '{entry}' must be positive, but it is {nominal:g}; choose another")
+            return lognormal(nominal, math.sqrt(math.log1p((size / nominal) ** 2)))
+        case "uniform" | "triangular":
+            begin, end = nominal - size, nominal + size
+        case _:
+            known = ", ".join(DISTRIBUTIONS)
+            raise wrong(f"the distribution of '{entry}' must be one of {known}, but it is '{shape}'; choose one")
+    begin, end = begin if spread.lower is None else spread.lower, end if spread.upper is None else spread.upper
+    if shape == "normal":
+        begin = max(begin, low)
+    if not low <= begin < end:
+        raise wrong(
             f"the ends of '{entry}' must rise and not lie below {low:g}, but they are {begin:g} and {end:g}; "
-            "correct them or the spread",
-            "spreads",
+            "correct them or the spread"
         )
     if not begin <= nominal <= end:
-        raise InputError(
+        raise wrong(
             f"the nominal '{entry}' must lie between the ends of its distribution, but {nominal:g} is outside "
-            f"{begin:g} to {end:g}; correct them, or the value",
-            "spreads",
+            f"{begin:g} to {end:g}; correct them, or the value"
         )
+    if shape == "normal":
+        return normal(nominal, size, (begin, end))
+    return uniform(begin, end) if shape == "uniform" else triangular(begin, nominal, end)
 
 
 def _correlation(
@@ -192,8 +166,7 @@ def _correlation(
         for i, j in itertools.permutations([factors.entries.index(name) for name in names], 2):
             if matrix[i, j] not in (0.0, value):
                 both = f"'{factors.entries[min(i, j)]}' and '{factors.entries[max(i, j)]}'"
-                raise InputError(
-                    f"the correlation of {both} is stated twice, and differently; drop one", "correlations"
-                )
+                sentence = f"the correlation of {both} is stated twice, and differently; drop one"
+                raise InputError(sentence, "correlations")
             matrix[i, j] = value
     return matrix

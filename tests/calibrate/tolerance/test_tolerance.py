@@ -197,7 +197,9 @@ def test_bad_samples_are_counted_and_named_and_touch_no_other(done, tmp_path):
     assert np.isnan(samples["outputs"][failed]).all()
     assert np.isfinite(samples["outputs"][good]).all()
     assert found["outputs"]["hysteresis_0mbar"]["defined"] == len(good)
-    assert f'failed simulations<b class="bad">{len(failed)}' in (tmp_path / "out" / "report.html").read_text()
+    report = (tmp_path / "out" / "report.html").read_text()
+    assert f'failed simulations<b class="bad">{len(failed)}' in report
+    assert f'<td>{failed[0]}</td><td class="text">diverged</td>' in report
 
 
 SMALL_CHAMBER = STUDY.replace("lower = 4e-5, upper = 8e-5", "lower = 1e-5, upper = 1.01e-5") + (
