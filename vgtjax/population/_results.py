@@ -32,7 +32,7 @@ class OutputTable:
     outputs: tuple[Output, ...]
     matrix: Float[np.ndarray, "rows columns *more"]
 
-    def __getitem__(self, name: str) -> Float[np.ndarray, "rows *point_more"]:
+    def __getitem__(self, name: str) -> Float[np.ndarray, "rows ..."]:
         """One output of all rows: `(rows,)` of a number, `(rows, points)` of a curve.
 
         **Raises:** `InputError` for a name that is none of the outputs.
