@@ -44,9 +44,8 @@ class Factors(eqx.Module):
         for position, entry in enumerate(self.entries):
             if is_curve(table, entry):
                 model = replace_parameters(model, {entry: vector[position] * get_parameter(model, entry)})
-        single = [position for position, entry in enumerate(self.entries) if not is_curve(table, entry)]
-        values = [vector[position] for position in single]
-        return Selection(tuple(self.entries[position] for position in single)).unpack(model, values)
+        single = {entry: vector[i] for i, entry in enumerate(self.entries) if not is_curve(table, entry)}
+        return Selection(tuple(single)).unpack(model, jnp.stack(list(single.values()))) if single else model
 
     def units(self, model: AbstractModel) -> list[str]:
         """Unit of each quantity."""

@@ -3,6 +3,7 @@
 import math
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy.stats
@@ -300,7 +301,7 @@ PAIRED = np.array([[1.0, -0.7, 0.0], [-0.7, 1.0, 0.4], [0.0, 0.4, 1.0]])
 
 
 def unit(entries, values):
-    return Selection(tuple(entries)).unpack(ACTUATOR, np.asarray(values))
+    return Selection(tuple(entries)).unpack(ACTUATOR, jnp.asarray(values))
 
 
 @pytest.fixture(scope="module")
