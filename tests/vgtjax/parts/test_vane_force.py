@@ -225,6 +225,19 @@ def test_polynomial_is_the_printed_one():
         assert ForcePolynomial().force(jnp.asarray(angle), jnp.asarray(2.0)) == pytest.approx(force, abs=0.05)
 
 
+@pytest.mark.parametrize("turbine", [0.0, 0.4e5, 1.2e5])
+def test_polynomial_acts_at_the_ratio_of_inlet_to_ambient(turbine):
+    """(3.15) written once more, at the pressures (absolute) before and after the turbine: 101013 Pa (Table B.2)."""
+    c, r = 4.0 + 3.12 * 6.0, (101_013.0 + turbine) / 101_013.0  # 6 mm open
+    printed = 191 + 2.065 * c - 408.3 * r - 1.192 * c**2 + 14.65 * c * r + 261.5 * r**2 + 0.0385 * c**3
+    printed += 0.7 * c**2 * r - 16.06 * c * r**2 - 47.88 * r**3 - 0.00029 * c**4 - 0.029 * c**3 * r
+    printed += 0.162 * c**2 * r**2 + 3.38 * c * r**3 - 7.78e-7 * c**5 + 2.25e-4 * c**4 * r
+    printed += 2.29e-3 * c**3 * r**2 - 0.057 * c**2 * r**3
+    force, _ = ForcePolynomial()(vanes(6e-3, turbine), jnp.asarray(0.0), None)
+    # Terms of hundreds of newtons cancel.
+    assert float(force) == pytest.approx(printed, rel=1e-10)
+
+
 def test_polynomial_is_held_beyond_its_range():
     force = ForcePolynomial()
     assert force.force(2.0, 2.0) == force.force(4.0, 2.0)
