@@ -129,9 +129,9 @@ def integrate_by_scipy(flow, trace):
 )
 def test_four_states_are_the_equations_of_the_thesis(model, flow, trace):
     run, (position, pressure) = simulate(model, trace), integrate_by_scipy(flow, trace)
-    # As for the full model, whose half millisecond steps leave a micrometre.
-    assert rms(run.x_d - position) < 1e-6
-    assert rms(run.p_act - pressure) < 5
+    # What steps of half a millisecond leave; measured: 0.14 um and 0.9 Pa at most.
+    assert rms(run.x_d - position) < 3e-7
+    assert rms(run.p_act - pressure) < 1.2
     assert np.ptp(position) > 2 * MM
 
 
