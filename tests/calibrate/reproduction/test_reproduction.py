@@ -204,17 +204,21 @@ def test_a_second_run_does_nothing(reproduced):
     assert contents(reproduced.out) == before
 
 
-def test_a_folder_of_something_else_is_refused(reproduced, fitted, tmp_path):
+def test_a_folder_of_something_else_is_refused(tmp_path):
     (tmp_path / "notes.txt").write_text("mine")
     outcome = run_command("reproduce", "--out", tmp_path)
     assert (outcome.status, outcome.out) == (2, "")
     assert outcome.err == f"error: {tmp_path} is not empty and no study wrote it; choose another --out\n"
 
-    before = contents(fitted.out)
-    outcome = run_command("reproduce", "--out", fitted.out)
+    fitted = tmp_path / "fitted"
+    fitted.mkdir()
+    (fitted / MARKER).write_text('{"command": "fit", "fingerprint": "0123"}')
+    (fitted / "parameters.json").write_text("{}")
+    before = contents(fitted)
+    outcome = run_command("reproduce", "--out", fitted)
     assert outcome.status == 2
     assert "holds the results of another study ('fit', other inputs)" in outcome.err
-    assert contents(fitted.out) == before
+    assert contents(fitted) == before
 
 
 def test_a_study_is_not_taken(tmp_path):
