@@ -23,7 +23,7 @@ MODELS = {
     "short delay": (Actuator(line=vgtjax.DelayLine(length=0.1, cells=2)), ["line.*"]),
     "short wave": (Actuator(line=vgtjax.WaveLine(length=0.1, cells=3)), ["line.*"]),
 }
-"""Lines with chambers, as it is slow to compile a model; the coil alone: behind a line, kinks move past more samples."""
+"""Lines with chambers, as a model is slow to compile; the coil alone, whose kinks would pass more samples of a line."""
 CASES = [(name, entry) for name, case in MODELS.items() for entry in select(*case).entries]
 TRACE = duty_trace((0, 0.03), (100, 0.22), (40, 0.15), (0, 0.15), interval=2e-3, p_res=2.1e4)
 """Both orifices, saturation and a stop."""
