@@ -1,12 +1,15 @@
-"""One JAX for all tests: double precision, two CPU devices, strict shapes, and a compilation cache between runs."""
+"""One JAX for all tests: double precision, two devices, strict shapes, checked annotations, one compilation cache."""
 
 import os
 
 import jax
 import platformdirs
 import pytest
+from jaxtyping import install_import_hook
 
-import vgtjax
+ROOMS = ("parameters", "parts", "plants", "simulation")
+with install_import_hook([f"vgtjax.{room}" for room in ROOMS], "typechecker.checked"):
+    import vgtjax
 
 CACHE = platformdirs.user_cache_path("vgtjax") / "tests"
 vgtjax.configure(cpu_devices=2, cache=CACHE)

@@ -1,27 +1,31 @@
 """Diaphragm, rod and end stops [2.34]."""
 
+from typing import ClassVar
+
 import equinox as eqx
 import jax.numpy as jnp
 
-from ..parameters import parameter
+from .._types import Scalar, StateLeaf, Values
+from ..parameters import Part, parameter
 from ..traces import Start
-from ._air import Scalar
 
 
 class Body(eqx.Module):
     """State of the diaphragm and its rod: position in m (pulled in, vanes closing, is positive), velocity in m/s."""
 
-    position: Scalar
-    velocity: Scalar
+    position: StateLeaf
+    velocity: StateLeaf
 
 
-class Diaphragm(eqx.Module):
+class Diaphragm(Part):
     """Spring-loaded diaphragm between two end stops at 0 and `travel`.
 
     The stops are not in the thesis but on the bench; their contact law is Hunt and Crossley's (1975), whose
     force is continuous at contact. With an infinite `travel` there are none at all, at zero neither: an axis that moves
     freely both ways.
     """
+
+    place: ClassVar[str] = "diaphragm"
 
     mass: Scalar = parameter(0.63, symbol="m_d", unit="kg", source="B.2")
     area: Scalar = parameter(2.9224e-3, symbol="A_d", unit="m2", source="B.2", held=True)
@@ -30,18 +34,18 @@ class Diaphragm(eqx.Module):
     damping: Scalar = parameter(
         0.0, symbol="b_d", unit="N s/m", source="erratum 11", positive=False, lower=0.0, held=True
     )
-    travel: Scalar = parameter(10.13e-3, symbol="x_max", unit="m", source="3.6")
+    travel: Scalar = parameter(10.13e-3, symbol="x_max", unit="m", source="3.6", infinite=True)
     stop_stiffness: Scalar = parameter(1e6, symbol="k_stop", unit="N/m", source="assumed", assumed=True)
     stop_damping: Scalar = parameter(20.0, symbol="d", unit="s/m", source="assumed", assumed=True)
 
-    def stop_force(self, body: Body) -> Scalar:
+    def stop_force(self, body: Body) -> Values:
         """Force of the end stops in N, positive against the open one."""
         into_open = jnp.maximum(-body.position, 0.0) * jnp.maximum(1 - self.stop_damping * body.velocity, 0.0)
         past_travel = jnp.maximum(body.position - self.travel, 0.0)
         into_closed = past_travel * jnp.maximum(1 + self.stop_damping * body.velocity, 0.0)
         return self._contact_stiffness() * (into_open - into_closed)
 
-    def applied_force(self, body: Body, drive_force: Scalar) -> Scalar:
+    def applied_force(self, body: Body, drive_force: Values) -> Values:
         """All forces on the rod but friction in N along +x [2.34], under a drive in N along +x."""
         return (
             drive_force
@@ -51,22 +55,26 @@ class Diaphragm(eqx.Module):
             + self.stop_force(body)
         )
 
-    def damping_rate(self, friction_damping: Scalar) -> Scalar:
+    def damping_rate(self, friction_damping: Values) -> Values:
         """Rate in 1/s at which damping and friction stop the rod."""
         return (self.damping + friction_damping) / self.mass
 
-    def balance_force(self, position: Scalar) -> Scalar:
+    def drive_force(self, ambient: Values, pressure: Values) -> Values:
+        """Force in N along +x of pressures in Pa absolute, `(p_atm - p_act) A_d` [2.34]."""
+        return (ambient - pressure) * self.area
+
+    def balance_force(self, position: Values) -> Values:
         """Drive in N that holds the rod at a position in m between the stops."""
         return self.preload + self.stiffness * position
 
-    def start(self, start: Start, drive_force: Scalar) -> Body:
+    def start(self, start: Start, drive_force: Values) -> Body:
         """At rest where the trace says, or else in static balance with the drive (N along +x)."""
         balanced = self.rest_position(drive_force)
         measured = start.position_known & ~start.at_rest
         position = jnp.where(measured, start.position, balanced)
         return Body(position, jnp.zeros_like(position))
 
-    def rest_position(self, drive_force: Scalar) -> Scalar:
+    def rest_position(self, drive_force: Values) -> Values:
         """Position in m at which the spring and the stops balance a drive along +x in N, without friction."""
         force = drive_force - self.preload
         closed = jnp.where(jnp.isfinite(self.travel), self.travel, 0.0)
@@ -76,15 +84,15 @@ class Diaphragm(eqx.Module):
         free = force * _reciprocal(self.stiffness)
         return jnp.where(force < 0, force * stopped, jnp.where(reaches, past, free))
 
-    def _contact_stiffness(self) -> Scalar:
+    def _contact_stiffness(self) -> Values:
         return jnp.where(jnp.isfinite(self.travel), self.stop_stiffness, 0.0)
 
-    def displaced_volume(self, position: Scalar) -> Scalar:
+    def displaced_volume(self, position: Values) -> Values:
         """Volume in m3 that the diaphragm takes from the chamber, `A_d x_d` [2.39]."""
         return self.area * position
 
 
-def _reciprocal(stiffness: Scalar) -> Scalar:
+def _reciprocal(stiffness: Values) -> Values:
     """Compliance in m/N, zero for an axis without a spring, whose rest position is then taken as zero."""
     present = stiffness > 0
     return jnp.where(present, 1 / jnp.where(present, stiffness, 1.0), 0.0)

@@ -4,18 +4,17 @@ import abc
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool
 
-from .._air import Scalar
+from ..._types import Scalar, Values
+from ...parameters import Part
 from ._roots import falling_root
-
-Values = Float[Array, "..."]
 
 FULL_DUTY = 100.0
 """Percent."""
 
 
-class AbstractLiftMap(eqx.Module):
+class AbstractLiftMap(Part):
     """Mass flow into the chamber over plunger position and chamber pressure [5.1]."""
 
     ambient: eqx.AbstractVar[Scalar]
@@ -29,7 +28,7 @@ class AbstractLiftMap(eqx.Module):
         """
 
 
-class AbstractFlowMap(eqx.Module):
+class AbstractFlowMap(Part):
     """Mass flow into the chamber over duty and chamber pressure [5.3], falling with both where it is valid.
 
     Arguments may be scalars or arrays of one shape: `duty` in percent, `pressure` in Pa absolute, `ambient` in Pa,
@@ -68,7 +67,7 @@ class AbstractFlowMap(eqx.Module):
         return jnp.zeros_like(self.ambient) if ambient is None else ambient - self.ambient
 
 
-# Compiled here once for each kind of map: bisection in plain operations would compile anew at every call.
+# Compiled here once for each kind of map: bisection in plain operations would be compiled at every call.
 @eqx.filter_jit
 def _working_pressure(flow_map: AbstractFlowMap, duty: Values, ambient: Values | None) -> Values:
     around = flow_map.ambient if ambient is None else ambient

@@ -2,21 +2,24 @@
 
 import abc
 from collections.abc import Callable
-from typing import Any
+from typing import Any, ClassVar
 
-import equinox as eqx
 from jaxtyping import Array, PyTree
 
-from .._air import Air, Scalar
+from ..._types import StateLeaf
+from ...parameters import Part
+from .._air import Air
 from .._converter import Flow
 from ..chamber._base import Gas
 
 
-class AbstractLine(eqx.Module):
+class AbstractLine(Part):
     """A line that carries flow from the converter to the chamber; its state is a PyTree, `None` for no line."""
 
+    place: ClassVar[str] = "line"
+
     @abc.abstractmethod
-    def initial_state(self, air: Air, gas: Gas) -> PyTree[Scalar]:
+    def initial_state(self, air: Air, gas: Gas) -> PyTree[StateLeaf]:
         """State at rest, filled with the gas of the chamber."""
 
     @abc.abstractmethod
@@ -27,7 +30,7 @@ class AbstractLine(eqx.Module):
         """
 
     @abc.abstractmethod
-    def __call__(self, air: Air, state: Any, entering: Flow, gas: Gas) -> tuple[Flow, PyTree[Scalar]]:
+    def __call__(self, air: Air, state: Any, entering: Flow, gas: Gas) -> tuple[Flow, PyTree[StateLeaf]]:
         """Flow into the chamber, and the time derivative of the state.
 
         **Arguments:** `entering` is the flow that `port` says; `gas` is the state of the chamber; `air` gives speed of
@@ -35,8 +38,8 @@ class AbstractLine(eqx.Module):
         """
 
     @abc.abstractmethod
-    def relaxation(self, air: Air, state: Any, gas: Gas) -> PyTree[Scalar]:
-        """Rate in 1/s, one for each state, at which it forgets itself, `None` where it is slow or oscillates."""
+    def relaxation(self, air: Air, state: Any, gas: Gas) -> PyTree[StateLeaf]:
+        """Relaxation rate in 1/s of each state, `None` where it is slow or oscillates."""
 
     @property
     @abc.abstractmethod
@@ -48,5 +51,5 @@ class AbstractLine(eqx.Module):
         """The state and the flow into the chamber, by the names of the trace columns."""
 
     @abc.abstractmethod
-    def typical_state(self, gas: Gas) -> PyTree[Scalar]:
+    def typical_state(self, gas: Gas) -> PyTree[StateLeaf]:
         """The usual size of each state with `gas` in the line, by which an absolute tolerance is scaled."""

@@ -1,14 +1,12 @@
 """The hysteresis map: force from what loops at several turbine pressures differ by [3.16-3.17]."""
 
-import dataclasses
-
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..._types import Scalar, StateLeaf, Values
 from ...parameters import parameter
-from .._air import Scalar
-from .._gas_table import Knots, Table
+from .._gas_table import AbstractGasTables, Table
 from .._vanes import Crank, Vanes
 from ._base import AbstractVaneForce
 
@@ -21,10 +19,10 @@ ANGLES = (4.0, 10.0, 16.0, 22.0, 28.0, 34.0)
 class Direction(eqx.Module):
     """Which way the vanes last moved: 1 closing, -1 opening, between the two during a reversal."""
 
-    sign: Scalar
+    sign: StateLeaf
 
 
-class HysteresisMap(AbstractVaneForce):
+class HysteresisMap(AbstractVaneForce, AbstractGasTables):
     """Two tables over turbine pressure and crank angle, one for closing vanes and one for opening ones.
 
     The tables hold the whole force with its sign, positive against closing [3.16]; they are not multiplied by
@@ -54,48 +52,33 @@ class HysteresisMap(AbstractVaneForce):
     reversal_distance: Scalar = parameter(65e-6, symbol="x_rev", unit="m", source="assumed", assumed=True)
     crank: Crank = eqx.field(default_factory=Crank)
 
-    def __check_init__(self) -> None:
-        self._knots.check("vane_force", {"closing": self.closing, "opening": self.opening})
-
-    def on_knots(
-        self, turbine_pressure: Float[Array, " pressures"], crank_angle: Float[Array, " angles"]
-    ) -> "HysteresisMap":
-        """The same force read at other knots (Pa gauge, deg)."""
-        other = Knots(jnp.asarray(turbine_pressure), jnp.asarray(crank_angle), self.crank)
-        return dataclasses.replace(
-            self,
-            closing=self._knots.reread(self.closing, other),
-            opening=self._knots.reread(self.opening, other),
-            turbine_pressure=other.turbine_pressure,
-            crank_angle=other.crank_angle,
-        )
+    @property
+    def tables(self) -> dict[str, Table]:
+        """`closing` and `opening`."""
+        return {"closing": self.closing, "opening": self.opening}
 
     def initial_state(self) -> Direction:
         """Between the directions."""
         return Direction(jnp.zeros_like(self.reversal_distance))
 
-    def force(self, vanes: Vanes, direction: Scalar) -> Scalar:
+    def force(self, vanes: Vanes, direction: Values) -> Values:
         """Force in N while the vanes close (direction 1), open (-1), or reverse (between)."""
-        closing, opening = self._knots.read(self.closing, vanes), self._knots.read(self.opening, vanes)
+        closing, opening = self.read(self.closing, vanes), self.read(self.opening, vanes)
         return 0.5 * (closing + opening) + 0.5 * direction * (closing - opening)
 
-    def __call__(self, vanes: Vanes, velocity: Scalar, state: Direction) -> tuple[Scalar, Direction]:
+    def __call__(self, vanes: Vanes, velocity: Values, state: Direction) -> tuple[Values, Direction]:
         """Force in N, and the rate of the direction in 1/s."""
         turning = (velocity - jnp.abs(velocity) * state.sign) / self.reversal_distance
         return self.force(vanes, state.sign), Direction(turning)
 
-    def relaxation(self, vanes: Vanes, velocity: Scalar, state: Direction) -> Direction:
+    def relaxation(self, vanes: Vanes, velocity: Values, state: Direction) -> Direction:
         """`|v| / reversal_distance`."""
         return Direction(jnp.abs(velocity) / self.reversal_distance)
 
-    def signals(self, vanes: Vanes, velocity: Scalar, state: Direction) -> dict[str, Array]:
+    def signals(self, vanes: Vanes, velocity: Values, state: Direction) -> dict[str, Array]:
         """`f_vane` in N."""
         return {"f_vane": self.force(vanes, state.sign)}
 
     def typical_state(self) -> Direction:
         """One."""
         return Direction(jnp.ones_like(self.reversal_distance))
-
-    @property
-    def _knots(self) -> Knots:
-        return Knots(self.turbine_pressure, self.crank_angle, self.crank)
