@@ -1,6 +1,7 @@
 """Statements on the models for control: flow maps, and their validation [5.1-5.4, B.4, section 5.2.3]."""
 
 import functools
+from typing import Any
 
 import numpy as np
 
@@ -29,8 +30,8 @@ STROKE = 0.95
 
 def reductions(full: vgtjax.Actuator, reservoir: float) -> dict[str, vgtjax.AbstractModel]:
     """An actuator and both models made of it, with maps of its own at a reservoir pressure in Pa absolute."""
-    table = fit_flow_map(full, "lift-table", reservoir=reservoir).flow_map
-    steady = fit_flow_map(full, reservoir=reservoir).flow_map
+    table: Any = fit_flow_map(full, "lift-table", reservoir=reservoir).flow_map
+    steady: Any = fit_flow_map(full, reservoir=reservoir).flow_map
     models = (full, reduce_to_plunger_map(full, table), reduce_to_static_map(full, steady))
     return dict(zip(MODELS, models, strict=True))
 
@@ -44,7 +45,7 @@ def printed() -> dict[str, vgtjax.AbstractModel]:
 @functools.cache
 def fitted() -> dict[str, vgtjax.AbstractModel]:
     """The three models of the bench unit, at the mean reservoir pressure of its traces."""
-    reservoir = float(np.mean([np.mean(bench_unit.trace(name).p_res) for name in MEASURED]))
+    reservoir = float(np.mean([np.mean(np.asarray(bench_unit.trace(name).p_res)) for name in MEASURED]))
     return reductions(bench_unit.fitted_actuator(), reservoir)
 
 

@@ -1,7 +1,7 @@
 """A row of the reproduction table: what is printed, what we get, and the rule that turns both into a verdict."""
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Literal
 
 import numpy as np
@@ -65,7 +65,7 @@ class Found:
     """What we get, in the unit of the print, and further numbers that the reason names."""
 
     value: Value
-    facts: dict[str, float | str] = dataclasses.field(default_factory=dict)
+    facts: Mapping[str, float | str] = dataclasses.field(default_factory=dict)
 
 
 @dataclasses.dataclass(frozen=True)

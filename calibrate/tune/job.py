@@ -6,6 +6,7 @@ import itertools
 import math
 import pathlib
 from collections.abc import Mapping
+from typing import Any
 
 import jax
 import numpy as np
@@ -60,7 +61,7 @@ def prepare_tuning(path: pathlib.Path | None, parameters: pathlib.Path | None) -
         raise InputError(f"controllers are tuned on model = 'full', but it is '{study.model}'; change it")
     table, folder = study.control, path.parent
     actuators = read_actuators(path, study, parameters)
-    nominal = actuators.population.model
+    nominal: Any = actuators.population.model
     controller, bounds = _controller(table, nominal)
     tuned_on, tried_on, notes = choose_plants(study, actuators)
     cases = _cases(table, tuned_on, DEFAULT if table.reference is None else table.reference, folder, table.seed)

@@ -72,7 +72,7 @@ class DesignModel(Part):
         """
         friction = lugre_of(plant)
         if flow_map is None:
-            flow_map = cast(AbstractFlowMap, fit_flow_map(plant, "steady-plunger").flow_map)
+            flow_map = cast(AbstractFlowMap, fit_flow_map(cast(Actuator, plant), "steady-plunger").flow_map)
         chamber = IsothermalChamber(volume=plant.chamber.volume)
         return cls(flow_map, chamber, plant.diaphragm, friction, plant.vane_force, plant.air, **settings)
 

@@ -55,7 +55,12 @@ class FrictionCompensation(AbstractController):
         """With the default damping, or with half as much again as [5.9] asks for; the vane force is left unknown."""
         body, friction = plant.diaphragm, lugre_of(plant)
         gain = jnp.maximum(cls.derivative_gain, ABOVE_BOUND * least_derivative_gain(body, friction))
-        design = {"derivative_gain": gain, "converter": plant.converter, "diaphragm": body, "friction": friction}
+        design: dict[str, Any] = {
+            "derivative_gain": gain,
+            "converter": plant.converter,
+            "diaphragm": body,
+            "friction": friction,
+        }
         return cls(**design | settings)
 
     def conditions(self) -> dict[str, Condition]:

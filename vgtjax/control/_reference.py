@@ -1,6 +1,7 @@
 """Signals over time: references with three derivatives, and pressures around the actuator."""
 
 import abc
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -18,7 +19,7 @@ ORDER = 5
 """Degree of the spline through samples: its third derivative is smooth."""
 
 
-def number(**settings: float) -> Scalar:
+def number(**settings: Any) -> Any:
     """A field that holds floating numbers, an array leaf that is no parameter of a table."""
     return eqx.field(converter=as_float_array, **settings)
 
@@ -199,7 +200,7 @@ def signal_2(rise: float = 0.5) -> AbstractSignal:
     The print does not say what stands for the derivatives of its jump: here the step takes `rise` seconds, by default
     the response time that the thesis reports; with `rise` below the sampling time it is as printed.
     """
-    return Steps(times=[3.0], levels=[0.008], rise=rise)
+    return Steps(times=jnp.asarray([3.0]), levels=jnp.asarray([0.008]), rise=rise)
 
 
 def _smooth_step(share: Array) -> Array:

@@ -45,9 +45,10 @@ class Scenario(eqx.Module):
 
     def references(self, time: Float[Array, " time"]) -> Reference:
         """The reference at every sample."""
-        if isinstance(self.reference, Reference):
-            return self.reference
-        return jax.vmap(lambda t: reference_at(self.reference, t))(time)
+        signal = self.reference
+        if isinstance(signal, Reference):
+            return signal
+        return jax.vmap(lambda t: reference_at(signal, t))(time)
 
     def drive(self, time: Float[Array, " time"], period: float) -> Drive:
         """Inputs over the interval that each sample begins but for the duty; the last interval has no length."""

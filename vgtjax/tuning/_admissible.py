@@ -5,6 +5,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .._types import Vector
 from ..control import AbstractController, designs_in
 from ..parameters import Selection, Transform
 
@@ -25,7 +26,7 @@ def conditions(controller: AbstractController) -> dict[str, Float[Array, ""]]:
     }
 
 
-def _spare(controller: AbstractController, selection: Selection, transform: Transform, coordinates: Array) -> Array:
+def _spare(controller: AbstractController, selection: Selection, transform: Transform, coordinates: Vector) -> Array:
     """How far coordinates are inside every condition, less [`MARGIN`][], of shape `(conditions,)`."""
     values = conditions(selection.unpack(controller, transform.to_physical(coordinates))).values()
     return jnp.stack(list(values)) - MARGIN if values else jnp.zeros(0)
@@ -36,7 +37,7 @@ spare = eqx.filter_jit(_spare)
 
 @eqx.filter_jit
 def spare_slopes(
-    controller: AbstractController, selection: Selection, transform: Transform, coordinates: Array
+    controller: AbstractController, selection: Selection, transform: Transform, coordinates: Vector
 ) -> Float[Array, "conditions gains"]:
     """Derivatives of `spare` with respect to the coordinates."""
     return jax.jacfwd(lambda at: _spare(controller, selection, transform, at))(coordinates)

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ..control import AbstractController, ClosedLoop, Scenario, close_loop, tracking_peak, tracking_rms
@@ -29,8 +30,8 @@ class Row(NamedTuple):
 
     plant: AbstractModel
     scenario: Scenario
-    coordinates: Float[Array, " gains"]
-    memory: Float[Array, ""]
+    coordinates: Float[Array | np.ndarray, " gains"]
+    memory: Float[Array | np.ndarray, ""]
 
 
 @eqx.filter_jit

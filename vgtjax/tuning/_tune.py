@@ -86,7 +86,7 @@ def tune(controller: AbstractController, cases: Cases, objective: Objective, **o
     tuned = problem.controller_at(np.asarray(tuner.progress.coordinates))
     table, (before, after) = parameter_table(controller), (problem.selection.pack(c) for c in (controller, tuned))
     gains = tuple(
-        TunedGain(name, table_row(table, name).unit, float(start), float(end))
+        TunedGain(name, str(table_row(table, name).unit), float(start), float(end))
         for name, start, end in zip(problem.selection.entries, before, after, strict=True)
     )
     return Tuning(tuned, tuner.progress, gains, start_costs, tuner.cases, problem)
