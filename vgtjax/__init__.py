@@ -63,4 +63,4 @@ from .simulation import (
     StabilisedHeun as StabilisedHeun,
     simulate as simulate,
 )
-from .traces import Trace as Trace, load_trace as load_trace
+from .traces import Channel as Channel, Trace as Trace, load_trace as load_trace

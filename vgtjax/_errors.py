@@ -2,7 +2,14 @@
 
 
 class InputError(ValueError):
-    """What the user gave breaks a rule; the message is one sentence: rule, value, remedy."""
+    """What the user gave breaks a rule; the message is one sentence: rule, value, remedy.
+
+    `argument` is the name of the library's argument at fault, where there is one.
+    """
+
+    def __init__(self, message: str, argument: str | None = None):
+        super().__init__(message)
+        self.argument = argument
 
 
 class SimulationError(RuntimeError):

@@ -247,7 +247,7 @@ def test_a_rod_at_rest_tells_nothing(real):
         assert result.unseen[0].startswith("the rod never ")
     for test in (identify_mass_and_damping, identify_lugre, mechanical_fit):
         assert test(model, [still]).values == {}
-        assert test(model, [dataclasses.replace(still, x_d=None)]).unseen == (
+        assert test(model, [still.replace(x_d=None)]).unseen == (
             "no trace shows the rod move under a measured drive; record x_d together with p_act or f_drive",
         )
 
