@@ -1,10 +1,16 @@
 """The two ways in which things go wrong: bad input, and a computation that failed."""
 
+from typing import Any
+
+import jax
+import jax.core
+
 
 class InputError(ValueError):
     """What the user gave breaks a rule; the message is one sentence: rule, value, remedy.
 
-    `argument` is the name of the library's argument at fault, where there is one.
+    `argument` is the name of the argument that is at fault, as the function that was called knows it; an application
+    that has other names for its input can translate it.
     """
 
     def __init__(self, message: str, argument: str | None = None):
@@ -13,4 +19,9 @@ class InputError(ValueError):
 
 
 class SimulationError(RuntimeError):
-    """A simulation left the finite numbers, so nothing that follows from it may be used."""
+    """A simulation failed, so nothing that follows from it may be used; the message says how, and what helps."""
+
+
+def is_traced(*trees: Any) -> bool:
+    """Whether any leaf is being traced by JAX, so that its value is not there to be checked."""
+    return any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(trees))
