@@ -1,6 +1,5 @@
 """A bench trace: signals over time, in SI units with absolute pressures."""
 
-import types
 from collections.abc import Mapping
 from typing import Any
 
@@ -95,7 +94,7 @@ class Trace:
         vars(self).update(
             {signal: channels[signal].value if signal in channels else None for signal in given},
             time=times,
-            channels=types.MappingProxyType(channels),
+            channels=channels,
             has_common_clock=common,
             atmosphere=atmosphere,
             name=name,
