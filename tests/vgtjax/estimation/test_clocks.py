@@ -24,9 +24,8 @@ def recorded(trace, seed=0):
     signals = {}
     for name, noise in NOISE.items():
         clean = np.asarray(getattr(run, name))[trace.rows(name)]
-        signals[name] = vgtjax.Channel(
-            trace.sampled(name).time, clean + OFFSET[name] + rng.normal(0, noise, clean.size)
-        )
+        measured = clean + OFFSET[name] + rng.normal(0, noise, len(clean))
+        signals[name] = vgtjax.Channel(trace.sampled(name).time, measured)
     return trace.replace(**signals)
 
 
@@ -95,8 +94,8 @@ def test_the_jacobian_of_each_channel_is_that_of_forward_mode_at_its_samples(own
     assert found.keys() == expected.keys()
     for name, columns in expected.items():
         assert found[name].shape == (len(own.sampled(name).time), len(FREE))
-        scale = np.abs(columns).max(axis=0)
-        np.testing.assert_allclose(found[name] / scale, columns / scale, atol=1e-9)
+        scale = np.abs(np.asarray(columns)).max(axis=0)
+        np.testing.assert_allclose(found[name] / scale, np.asarray(columns) / scale, atol=1e-9)
 
 
 def test_clocks_that_coincide_give_the_numbers_of_one_common_clock(common):
