@@ -10,6 +10,7 @@ a module with one `anonymous` parameter gives it its own name.
 
 import dataclasses
 import difflib
+import inspect
 import math
 from collections.abc import Iterable, Iterator
 from typing import Any, ClassVar
@@ -70,12 +71,30 @@ class Part(eqx.Module):
     place: ClassVar[str] = ""
     """What its parameters' names begin with in a usual model, for messages."""
 
+    def __init_subclass__(cls, **settings: Any) -> None:
+        super().__init_subclass__(**settings)
+        rows = [_describe(name, field) for name, field in vars(cls).items() if _is_parameter(field)]
+        if rows:
+            cls.__doc__ = "\n\n".join([inspect.cleandoc(cls.__doc__ or ""), "**Parameters:**", "\n".join(rows)])
+
     def __check_init__(self) -> None:
         owner = self.place or type(self).__name__
         for field in dataclasses.fields(self):
             if "parameter" in field.metadata:
                 row = field.metadata["parameter"]
                 row.check(getattr(self, field.name), owner if row.anonymous else f"{owner}.{field.name}")
+
+
+def _is_parameter(field: Any) -> bool:
+    return isinstance(field, dataclasses.Field) and "parameter" in field.metadata
+
+
+def _describe(name: str, field: dataclasses.Field) -> str:
+    """A parameter in one line of its class's documentation."""
+    row: Parameter = field.metadata["parameter"]
+    unit = row.unit if isinstance(row.unit, str) else ", ".join(row.unit)
+    marks = [row.source, *(["assumed"] if row.assumed and row.source != "assumed" else []), *(["held"] * row.held)]
+    return f"- `{name}`: {row.symbol} in {unit}, {row.default} [{', '.join(marks)}]"
 
 
 def as_float_array(value: Any) -> Array:

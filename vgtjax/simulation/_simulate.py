@@ -6,6 +6,7 @@ import diffrax
 import equinox as eqx
 import jax
 import numpy as np
+from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 from ..plants import AbstractModel, State
@@ -81,12 +82,12 @@ def _simulate(
     model: AbstractModel,
     drive: Drive,
     start: Start,
-    time: Array,
+    time: Float[ArrayLike, " time"],
     plan: AbstractMarch,
     adjoint: diffrax.AbstractAdjoint,
 ) -> Solution:
     states, result = march(model, drive, start, plan, adjoint)
-    return Solution(time, states, jax.vmap(model.signals)(states, drive), result)
+    return Solution(jnp.asarray(time), states, jax.vmap(model.signals)(states, drive), result)
 
 
 def march(

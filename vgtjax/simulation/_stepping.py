@@ -17,7 +17,7 @@ from .._errors import InputError
 from ..plants import AbstractModel, State
 from ..traces import Drive, Trace
 from ._heun import StabilisedHeun
-from ._results import RESULTS, from_diffrax, judge
+from ._results import RESULTS, choose, from_diffrax, judge
 
 
 class AbstractMarch(eqx.Module):
@@ -89,7 +89,7 @@ class FixedMarch(AbstractMarch):
             return (onward, solved & found), y
 
         (_, solved), states = scan_in_blocks(interval, (state, jnp.asarray(True)), drive, adjoint)
-        return states, judge(states, RESULTS.where(solved, RESULTS.successful, RESULTS.root_not_found))
+        return states, judge(states, choose(solved, RESULTS.successful, RESULTS.root_not_found))
 
 
 class FixedStep(AbstractStepping):

@@ -7,16 +7,17 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..._types import Scalar, StateLeaf, Values
 from ...parameters import Part
-from .._air import Air, Scalar
+from .._air import Air
 from .._converter import Flow
 
 
 class Gas(eqx.Module):
     """State of the gas in the chamber: pressure in Pa absolute and temperature in K."""
 
-    pressure: Scalar
-    temperature: Scalar
+    pressure: StateLeaf
+    temperature: StateLeaf
 
 
 class AbstractChamber(Part):
@@ -36,12 +37,12 @@ class AbstractChamber(Part):
         return jnp.where(volume > 0, volume, jnp.nan)
 
     @abc.abstractmethod
-    def rates(self, air: Air, gas: Gas, inflow: Flow, displaced: Scalar, displacement_rate: Scalar) -> Gas:
+    def rates(self, air: Air, gas: Gas, inflow: Flow, displaced: Values, displacement_rate: Values) -> Gas:
         """Time derivatives of pressure (Pa/s) and temperature (K/s).
 
         **Arguments:** `displaced` in m3 and `displacement_rate` in m3/s, the volume swept by the diaphragm.
         """
 
     @abc.abstractmethod
-    def relaxation(self, air: Air, gas: Gas, displaced: Scalar) -> Gas:
+    def relaxation(self, air: Air, gas: Gas, displaced: Values) -> Gas:
         """Rate in 1/s at which pressure and temperature forget themselves, `None` where that is slow."""

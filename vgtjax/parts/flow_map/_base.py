@@ -4,13 +4,11 @@ import abc
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool
 
+from ..._types import Scalar, Values
 from ...parameters import Part
-from .._air import Scalar
 from ._roots import falling_root
-
-Values = Float[Array, "..."]
 
 FULL_DUTY = 100.0
 """Percent."""

@@ -5,9 +5,9 @@ from collections.abc import Callable
 import jax
 import jax.numpy as jnp
 from jax import lax
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
-Values = Float[Array, "..."]
+from ..._types import Values
 
 HALVINGS = 52
 """Leaves 2e-14 of the interval, near the resolution of double precision."""
@@ -24,7 +24,7 @@ def falling_root(function: Callable[[Values], Values], low: Values, high: Values
     is zero, or so small that rounding alone would lead away from the root, there is no such step.
     """
 
-    def halve(_: int, ends: tuple[Values, Values]) -> tuple[Values, Values]:
+    def halve(_: Int[Array, ""], ends: tuple[Values, Values]) -> tuple[Values, Values]:
         below, above = ends
         middle = 0.5 * (below + above)
         higher = function(middle) > 0
