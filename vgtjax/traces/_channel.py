@@ -3,7 +3,7 @@
 import dataclasses
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from numpy.typing import ArrayLike
 
 from .._errors import InputError
@@ -12,7 +12,7 @@ from ._signals import SIGNALS
 Samples = Float[np.ndarray, " samples"]
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(frozen=True, eq=False, init=False)
 class Channel:
     """A signal at times of its own: `time` in s and `value` in `unit`, both `(samples,)`.
 
@@ -30,43 +30,50 @@ class Channel:
 
     time: Samples
     value: Samples
-    valid: dataclasses.InitVar[Bool[np.ndarray, " samples"] | None] = None
-    unit: str | None = None
-    span: tuple[float, float] | None = None
+    unit: str | None
+    span: tuple[float, float]
 
-    def __post_init__(self, valid: Bool[np.ndarray, " samples"] | None) -> None:
-        time, value = (np.asarray(given, dtype=np.float64) for given in (self.time, self.value))
-        counts = np.ones(time.shape, dtype=bool) if valid is None else np.asarray(valid, dtype=bool)
-        if time.ndim != 1 or not time.shape == value.shape == counts.shape:
+    def __init__(
+        self,
+        time: ArrayLike,
+        value: ArrayLike,
+        valid: ArrayLike | None = None,
+        *,
+        unit: str | None = None,
+        span: tuple[float, float] | None = None,
+    ):
+        times, values = (np.asarray(given, dtype=np.float64) for given in (time, value))
+        counts = np.ones(times.shape, dtype=bool) if valid is None else np.asarray(valid, dtype=bool)
+        if times.ndim != 1 or not times.shape == values.shape == counts.shape:
             flags = "" if valid is None else f" and {counts.shape} of valid"
             raise InputError(
-                f"a signal must have one value per time, but value has shape {value.shape} against {time.shape} of "
+                f"a signal must have one value per time, but value has shape {values.shape} against {times.shape} of "
                 f"time{flags}; give arrays of equal length"
             )
-        _require_increasing(time)
+        _require_increasing(times)
         if not np.any(counts):
             raise InputError(
-                f"a signal must have at least one valid sample, but none of its {len(time)} is; leave it out"
+                f"a signal must have at least one valid sample, but none of its {len(times)} is; leave it out"
             )
-        wrong = counts & ~np.isfinite(value)
+        wrong = counts & ~np.isfinite(values)
         if np.any(wrong):
             at = int(np.argmax(wrong))
             raise InputError(
-                f"every valid sample must be a finite number, but the one at {time[at]:g} s is {value[at]}; mark it "
+                f"every valid sample must be a finite number, but the one at {times[at]:g} s is {values[at]}; mark it "
                 "invalid or remove it"
             )
-        if self.span is None:
-            object.__setattr__(self, "span", (float(time[0]), float(time[-1])))
-        if not np.all(counts):
-            time, value = time[counts], value[counts]
-        object.__setattr__(self, "time", time)
-        object.__setattr__(self, "value", value)
+        kept = slice(None) if np.all(counts) else counts
+        vars(self).update(
+            time=times[kept],
+            value=values[kept],
+            unit=unit,
+            span=(float(times[0]), float(times[-1])) if span is None else span,
+        )
 
     def cut(self, begin: float, end: float) -> "Channel":
         """The part between two times in s, with one sample beyond where a side falls between two, to interpolate to."""
         low = max(int(np.searchsorted(self.time, begin, side="right")) - 1, 0)
         high = int(np.searchsorted(self.time, end)) + 1
-        assert self.span is not None
         span = max(self.span[0], begin), min(self.span[1], end)
         return dataclasses.replace(self, time=self.time[low:high], value=self.value[low:high], span=span)
 

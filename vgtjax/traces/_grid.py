@@ -11,7 +11,7 @@ from .._errors import InputError
 from ._channel import Channel
 from ._signals import SIGNALS
 
-Times = Float[np.ndarray, " times"]
+Times = Float[np.ndarray, " _"]  # each clock has its own length
 
 SAME = 1e-9
 """Part of a trace's length by which times may differ and be the same: far above the rounding of a time stamp, 1e-16 of
