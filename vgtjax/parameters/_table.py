@@ -30,8 +30,8 @@ class Parameter:
     `positive` says that the domain is `(0, inf)`, so that a fit moves the logarithm; a value that is held may also be
     zero, which switches off what it multiplies. `lower` is the end of the domain of one that is not positive, and may
     be reached. `infinite` says that infinity is a value too. `default` is the printed value. `held` parameters are
-    measured, or can't be told apart from others; a fit leaves them alone unless they are freed by name. `assumed` marks
-    values that no source states. `anonymous` parameters have the name of the module that they belong to.
+    measured, or can't be distinguished from others; a fit leaves them alone unless they are freed by name. `assumed`
+    marks values that no source states. `anonymous` parameters have the name of the module that they belong to.
     """
 
     symbol: str

@@ -84,7 +84,7 @@ class Converter(Part):
         return ConverterState(Plunger(plunger.velocity, acceleration), magnet_rate)
 
     def relaxation(self, state: ConverterState) -> ConverterState:
-        """Rates in 1/s at which damping stops the plunger, the fastest of the model, and the magnet forgets."""
+        """Relaxation rates in 1/s of the plunger's velocity, the fastest of the model, and of the magnet."""
         damping = self.plunger_damping / self.plunger_mass
         return ConverterState(
             Plunger(None, damping), self.magnetic_force.relaxation(state.plunger.position, state.magnet)

@@ -56,7 +56,7 @@ class AbstractPlant(AbstractModel):
     def start(self, start: Start, drive: Drive) -> PlantState:
         """State at rest: ambient pressure and static balance, or the means of the first 50 ms.
 
-        Pressures and positions that a trace does not tell are those of static balance.
+        Pressures and positions that a trace has no channel for are those of static balance.
         """
         ambient, diaphragm = ambient_pressure(self.air, drive), self.rod.diaphragm
         balanced = ambient - diaphragm.balance_force(start.position) / diaphragm.area

@@ -18,8 +18,8 @@ from ._plant import assemble
 class PneumaticActuator(AbstractModel):
     """Converter, line and chamber, whose volume follows a given position of the diaphragm.
 
-    The counterpart of the mechanical half: friction, springs and vanes have no say, so that what the measured
-    pressure tells is about the pneumatics only. Of the diaphragm only the area counts.
+    The counterpart of the mechanical half: friction, springs and vanes have no say, so that the measured
+    pressure is information about the pneumatics only. Of the diaphragm only the area counts.
     """
 
     air_path: AirPath = nested()

@@ -41,7 +41,7 @@ class Rod(eqx.Module):
         return RodState(Body(body.velocity, (applied - friction_force) / self.diaphragm.mass), friction_rate, vane_rate)
 
     def relaxation(self, state: RodState, turbine_pressure: Values) -> RodState:
-        """Rates in 1/s at which damping stops the rod, and friction and vanes forget themselves."""
+        """Relaxation rates in 1/s of the rod's velocity, of friction and of the vanes."""
         body = state.body
         vanes = self._vanes(body, turbine_pressure)
         contact = self._contact(body, vanes)

@@ -5,7 +5,6 @@ from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
 from ..._types import Scalar, StateLeaf, Values
 from ...parameters import Part
@@ -28,7 +27,7 @@ class AbstractChamber(Part):
     volume: eqx.AbstractVar[Scalar]
     """Volume in m3 with the diaphragm at its open stop."""
 
-    def gas_volume(self, displaced: Float[Array, "..."]) -> Float[Array, "..."]:
+    def gas_volume(self, displaced: Values) -> Values:
         """Volume of the gas in m3 when the diaphragm has displaced `displaced` m3 [2.41].
 
         A diaphragm that has swallowed its chamber is a failed simulation, not a negative volume: then it is NaN.
@@ -45,4 +44,4 @@ class AbstractChamber(Part):
 
     @abc.abstractmethod
     def relaxation(self, air: Air, gas: Gas, displaced: Values) -> Gas:
-        """Rate in 1/s at which pressure and temperature forget themselves, `None` where that is slow."""
+        """Relaxation rates in 1/s of pressure and temperature, `None` where they are slow."""

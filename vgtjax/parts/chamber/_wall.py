@@ -50,7 +50,7 @@ class WallChamber(AbstractChamber):
         return Gas(isolated.pressure + heating, warming)
 
     def relaxation(self, air: Air, gas: Gas, displaced: Values) -> Gas:
-        """Pressure is slow; temperature forgets itself to the wall."""
+        """Pressure is slow; temperature relaxes to that of the wall."""
         return Gas(None, jnp.minimum(self._exchange_rate(air, gas, displaced), self.fastest_exchange))
 
     def _exchange_rate(self, air: Air, gas: Gas, displaced: Values) -> Values:

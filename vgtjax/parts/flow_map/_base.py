@@ -67,7 +67,7 @@ class AbstractFlowMap(Part):
         return jnp.zeros_like(self.ambient) if ambient is None else ambient - self.ambient
 
 
-# Compiled here once for each kind of map: bisection in plain operations would compile anew at every call.
+# Compiled here once for each kind of map: bisection in plain operations would be compiled at every call.
 @eqx.filter_jit
 def _working_pressure(flow_map: AbstractFlowMap, duty: Values, ambient: Values | None) -> Values:
     around = flow_map.ambient if ambient is None else ambient

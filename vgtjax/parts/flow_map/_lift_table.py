@@ -1,11 +1,10 @@
 """Flow over plunger position and pressure as a table [5.1]."""
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..._errors import InputError
+from ..._errors import InputError, is_traced
 from ..._types import Scalar, Values
 from ...parameters import parameter
 from ._base import AbstractLiftMap
@@ -34,7 +33,7 @@ class LiftTable(AbstractLiftMap):
     ambient: Scalar = parameter(101013.0, symbol="p_map", unit="Pa", source="B.2", held=True)
 
     def __check_init__(self) -> None:
-        if any(isinstance(values, jax.core.Tracer) for values in (self.position, self.pressure, self.flow)):
+        if is_traced(self.position, self.pressure, self.flow):
             return
         for name, knots, unit in (("position", self.position, "m"), ("pressure", self.pressure, "Pa")):
             if len(knots) < 2 or not np.all(np.diff(knots) > 0):

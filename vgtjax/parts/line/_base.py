@@ -39,7 +39,7 @@ class AbstractLine(Part):
 
     @abc.abstractmethod
     def relaxation(self, air: Air, state: Any, gas: Gas) -> PyTree[StateLeaf]:
-        """Rate in 1/s, one for each state, at which it forgets itself, `None` where it is slow or oscillates."""
+        """Relaxation rate in 1/s of each state, `None` where it is slow or oscillates."""
 
     @property
     @abc.abstractmethod

@@ -19,7 +19,7 @@ from ._base import AbstractLine
 from ._losses import friction_rate, speed_of_sound
 
 Lags = tuple[Values, ...]
-"""One number a lag."""
+"""One number per lag."""
 
 
 class DelayLine(AbstractLine):

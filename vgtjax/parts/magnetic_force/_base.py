@@ -36,7 +36,7 @@ class AbstractMagneticForce(Part):
 
     @abc.abstractmethod
     def relaxation(self, position: Values, state: Any) -> PyTree[StateLeaf]:
-        """Rate in 1/s, one for each state, at which it forgets itself."""
+        """Relaxation rate in 1/s of each state."""
 
     @abc.abstractmethod
     def signals(self, state: Any) -> dict[str, Array]:

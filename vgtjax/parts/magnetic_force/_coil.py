@@ -70,7 +70,7 @@ class Coil(AbstractMagneticForce):
         return self.supply_voltage * ((c3 * duty + c2) * duty + c1) * duty
 
     def inductance(self, position: Values) -> tuple[Values, Values]:
-        """Inductance in H [2.2], and its derivative by the plunger's position in H/m [2.4, corrected].
+        """Inductance in H [2.2], and its derivative with respect to the plunger's position in H/m [2.4, corrected].
 
         A core that reaches the plunger above `nearest` is a failed simulation: then both are NaN.
         """

@@ -28,7 +28,7 @@ class AbstractVaneForce(Part):
 
     @abc.abstractmethod
     def relaxation(self, vanes: Vanes, velocity: Values, state: Any) -> PyTree[StateLeaf]:
-        """Rate in 1/s, one for each state, at which it forgets itself; `None` where it is slow."""
+        """Relaxation rate in 1/s of each state; `None` where it is slow."""
 
     @abc.abstractmethod
     def signals(self, vanes: Vanes, velocity: Values, state: Any) -> dict[str, Array]:

@@ -112,7 +112,7 @@ def fit_flow_map(
     **Arguments:**
 
     - `kind`: `"steady-plunger"` ([`SteadyPlungerFlow`][]), `"polynomial"` ([`PolynomialFlow`][], least squares whose
-      slopes by duty and pressure may not rise), `"printed"` ([`PrintedFlow`][], of which only `p_eq` is the model's),
+      slopes over duty and pressure may not rise), `"printed"` ([`PrintedFlow`][], of which only `p_eq` is the model's),
       all three over duty; `"lift-table"` ([`LiftTable`][]) over plunger position.
     - `reservoir`: pressure in Pa absolute, which a map holds fixed.
     - `pressure_range`: in Pa absolute, by default from the working pressure at full duty to the atmosphere.
