@@ -13,11 +13,9 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from .._errors import InputError
+from .._types import Vector
 from ._selection import table_row
 from ._table import Parameter
-
-Vector = Float[Array, " parameters"] | Float[np.ndarray, " parameters"]
-Flags = Bool[Array, " parameters"] | Bool[np.ndarray, " parameters"]
 
 
 class Transform(eqx.Module):
@@ -46,11 +44,11 @@ class Transform(eqx.Module):
         """The nearest coordinates inside the bounds."""
         return jnp.clip(coordinates, self.lower, self.upper)
 
-    def pinned(self, coordinates: Vector, gradient: Vector) -> Flags:
+    def pinned(self, coordinates: Vector, gradient: Vector) -> Bool[Array, " parameters"]:
         """Which coordinates lie on a bound that the cost, of this gradient, would push them through."""
         return ((coordinates <= self.lower) & (gradient > 0)) | ((coordinates >= self.upper) & (gradient < 0))
 
-    def at_bound(self, coordinates: Vector) -> Flags:
+    def at_bound(self, coordinates: Vector) -> Bool[Array, " parameters"]:
         """Which coordinates lie on a bound."""
         return (coordinates <= self.lower) | (coordinates >= self.upper)
 
