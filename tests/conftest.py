@@ -7,7 +7,7 @@ import platformdirs
 import pytest
 from jaxtyping import install_import_hook
 
-ROOMS = ("parameters", "parts", "plants", "simulation")
+ROOMS = ("parameters", "traces", "parts", "plants", "simulation")
 with install_import_hook([f"vgtjax.{room}" for room in ROOMS], "typechecker.checked"):
     import vgtjax
 

@@ -85,6 +85,6 @@ from .simulation import (
     StabilisedHeun as StabilisedHeun,
     simulate as simulate,
 )
-from .traces import Trace as Trace, load_trace as load_trace
+from .traces import Channel as Channel, Trace as Trace, load_trace as load_trace
 
 __version__ = importlib.metadata.version("vgtjax")

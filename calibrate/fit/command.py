@@ -220,7 +220,7 @@ def trace_summary(result: TraceResult) -> dict[str, Any]:
         "use": result.use,
         "rmse": finite(result.rmse),
         "offset": finite(result.offset),
-        "noise": result.noise,
+        "noise": {name: channel.noise for name, channel in result.channels.items()},
         **({} if widths is None else {"loop_width": widths}),
         "notes": list(result.trace.notes),
     }

@@ -155,18 +155,17 @@ def loop_section(results: list[TraceResult]) -> dict[str, Any] | None:
 def trace_section(result: TraceResult) -> dict[str, Any]:
     """What a report shows of one trace: numbers of each channel, and pictures."""
     channels = []
-    for channel, rmse in result.rmse.items():
-        residual = getattr(result.trace, channel) - result.simulated[channel]
-        unit, scale = ("um", 1e6) if channel == "x_d" else ("Pa", 1.0)
+    for name, channel in result.channels.items():
+        unit, scale = ("um", 1e6) if name == "x_d" else ("Pa", 1.0)
         channels.append(
             {
-                "name": channel,
+                "name": name,
                 "unit": unit,
-                "rmse": rmse * scale,
-                "noise": result.noise[channel] * scale,
-                "offset": result.offset[channel] * scale,
-                "peak": float(np.max(np.abs(residual - result.offset[channel]))) * scale,
-                "correlation": figures.autocorrelation(residual, 1),
+                "rmse": channel.rmse * scale,
+                "noise": channel.noise * scale,
+                "offset": channel.offset * scale,
+                "peak": float(np.max(np.abs(channel.residual))) * scale,
+                "correlation": figures.autocorrelation(channel.residual, 1),
             }
         )
     return {

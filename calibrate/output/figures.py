@@ -59,35 +59,29 @@ def _shown(channel: str, values: np.ndarray, atmosphere: float) -> np.ndarray:
 
 def trace_figure(result: TraceResult) -> go.Figure:
     """Measured against simulated, residuals below each signal, the duty at the bottom. Sensor offsets removed."""
-    trace, channels = result.trace, list(result.rmse)
+    trace, channels = result.trace, result.channels
     rows = 2 * len(channels) + (trace.pwm is not None)
     heights = [3, 1.2] * len(channels) + [1] * (trace.pwm is not None)
     figure = make_subplots(rows=rows, cols=1, shared_xaxes=True, vertical_spacing=0.035, row_heights=heights)
-    for number, channel in enumerate(channels):
+    for number, (name, channel) in enumerate(channels.items()):
         row = 2 * number + 1
-        measured = getattr(trace, channel) - result.offset[channel]
-        simulated = result.simulated[channel]
-        shown = number == 0
+        for kind, values, color in (
+            ("measured", channel.measured - channel.offset, MEASURED),
+            ("simulated", channel.simulated, SIMULATED),
+        ):
+            line = _line(channel.time, _shown(name, values, trace.atmosphere), color, kind, showlegend=number == 0)
+            figure.add_trace(line, row=row, col=1)
+        label, scale = RESIDUAL[name]
         figure.add_trace(
-            _line(trace.time, _shown(channel, measured, trace.atmosphere), MEASURED, "measured", showlegend=shown),
-            row=row,
-            col=1,
-        )
-        figure.add_trace(
-            _line(trace.time, _shown(channel, simulated, trace.atmosphere), SIMULATED, "simulated", showlegend=shown),
-            row=row,
-            col=1,
-        )
-        label, scale = RESIDUAL[channel]
-        figure.add_trace(
-            _line(trace.time, (measured - simulated) * scale, MEASURED, "residual", showlegend=False, width=0.7),
+            _line(channel.time, channel.residual * scale, MEASURED, "residual", showlegend=False, width=0.7),
             row=row + 1,
             col=1,
         )
-        figure.update_yaxes(title_text=LABEL[channel], row=row, col=1)
+        figure.update_yaxes(title_text=LABEL[name], row=row, col=1)
         figure.update_yaxes(title_text=label, row=row + 1, col=1)
     if trace.pwm is not None:
-        figure.add_trace(_line(trace.time, trace.pwm, DUTY, "duty", line_shape="hv", showlegend=False), row=rows, col=1)
+        duty = _line(trace.channels["pwm"].time, trace.pwm, DUTY, "duty", line_shape="hv", showlegend=False)
+        figure.add_trace(duty, row=rows, col=1)
         figure.update_yaxes(title_text="duty, %", row=rows, col=1)
     figure.update_xaxes(title_text="time, s", row=rows, col=1)
     return styled(figure, round(75 * sum(heights)))
@@ -95,21 +89,13 @@ def trace_figure(result: TraceResult) -> go.Figure:
 
 def loop_figure(result: TraceResult) -> go.Figure:
     """Position over chamber pressure: the hysteresis loop. Sensor offsets removed."""
-    trace = result.trace
-    figure = go.Figure()
-    stride = -(-len(trace.time) // (2 * POINTS))
-    axes = {}
-    for name in ("measured", "simulated"):
-        for channel in ("p_act", "x_d"):
-            values = getattr(trace, channel)
-            if name == "measured" and values is not None:
-                axes[channel] = values - result.offset.get(channel, 0.0)
-            else:
-                axes[channel] = result.simulated[channel]
+    figure, atmosphere = go.Figure(), result.trace.atmosphere
+    for name, axes in (("measured", measured_pair(result)), ("simulated", result.simulated)):
+        stride = -(-len(axes["x_d"]) // (2 * POINTS))
         figure.add_trace(
             go.Scatter(
-                x=_shown("p_act", axes["p_act"], trace.atmosphere)[::stride].astype(np.float32),
-                y=_shown("x_d", axes["x_d"], trace.atmosphere)[::stride].astype(np.float32),
+                x=_shown("p_act", axes["p_act"], atmosphere)[::stride].astype(np.float32),
+                y=_shown("x_d", axes["x_d"], atmosphere)[::stride].astype(np.float32),
                 mode="lines",
                 name=name,
                 line={"color": MEASURED if name == "measured" else SIMULATED, "width": 1.2},
@@ -118,6 +104,17 @@ def loop_figure(result: TraceResult) -> go.Figure:
     figure.update_xaxes(title_text=LABEL["p_act"])
     figure.update_yaxes(title_text=LABEL["x_d"])
     return styled(figure, 420).update_layout(hovermode="closest")
+
+
+def measured_pair(result: TraceResult) -> dict[str, np.ndarray]:
+    """Position and pressure at the same times without their sensors' offsets; simulated where one was not measured."""
+    trace = result.trace.on_one_clock()
+    pair = {}
+    for name, simulated in result.simulated.items():
+        values = trace.at(name)
+        simulated = np.interp(trace.time, result.trace.time, simulated)
+        pair[name] = simulated if values is None else values - result.offset.get(name, 0.0)
+    return pair
 
 
 def convergence_figure(progress: Progress) -> go.Figure:
@@ -134,8 +131,8 @@ def autocorrelation_figure(results: list[TraceResult]) -> go.Figure:
     figure = make_subplots(rows=1, cols=2, subplot_titles=("position", "pressure"))
     for result in results:
         for column, channel in enumerate(("x_d", "p_act"), 1):
-            if channel in result.rmse:
-                residual = getattr(result.trace, channel) - result.offset[channel] - result.simulated[channel]
+            if channel in result.channels:
+                residual = result.channels[channel].residual
                 lags = np.arange(1, min(51, len(residual)))
                 rho = [autocorrelation(residual, int(lag)) for lag in lags]
                 figure.add_trace(
@@ -151,7 +148,7 @@ def autocorrelation_figure(results: list[TraceResult]) -> go.Figure:
                     col=column,
                 )
     for column in (1, 2):
-        bound = 1.96 / np.sqrt(min(len(result.trace.time) for result in results))
+        bound = 1.96 / np.sqrt(min(len(channel.time) for result in results for channel in result.channels.values()))
         figure.add_hrect(-bound, bound, fillcolor="#94a3b8", opacity=0.2, line_width=0, row=1, col=column)
         figure.update_xaxes(title_text="lag, samples", row=1, col=column)
     figure.update_yaxes(title_text="autocorrelation", row=1, col=1)

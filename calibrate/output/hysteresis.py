@@ -6,9 +6,9 @@ import numpy as np
 import plotly.graph_objects as go
 
 from vgtjax.estimation import TraceResult
-from vgtjax.experiments import Loop, find_loop
+from vgtjax.experiments import HysteresisLoop, find_loop
 
-from .figures import LABEL, SCALE, styled
+from .figures import LABEL, SCALE, measured_pair, styled
 
 PRESSURE_COLORS = ("#64748b", "#1d4ed8", "#c2410c", "#15803d", "#7c3aed")
 POINTS = 1200
@@ -20,8 +20,8 @@ class LoopPair:
 
     name: str
     turbine: float
-    measured: Loop
-    simulated: Loop
+    measured: HysteresisLoop
+    simulated: HysteresisLoop
 
 
 def loop_pair(result: TraceResult) -> LoopPair | None:
@@ -29,8 +29,8 @@ def loop_pair(result: TraceResult) -> LoopPair | None:
     trace = result.trace
     if trace.x_d is None or trace.p_act is None:
         return None
-    x_d, p_act = (getattr(trace, channel) - result.offset.get(channel, 0.0) for channel in ("x_d", "p_act"))
-    measured = find_loop(trace.time, x_d, p_act)
+    seen = measured_pair(result)
+    measured = find_loop(trace.on_one_clock().time, seen["x_d"], seen["p_act"])
     simulated = find_loop(trace.time, result.simulated["x_d"], result.simulated["p_act"])
     if measured is None or simulated is None:
         return None
@@ -55,12 +55,12 @@ def loops_figure(results: list[TraceResult]) -> go.Figure | None:
     for number, (result, pair) in enumerate(sorted(shown, key=lambda item: item[1].turbine)):
         trace, color = result.trace, PRESSURE_COLORS[number % len(PRESSURE_COLORS)]
         name = f"{pair.turbine / 100:.0f} mbar"
-        measured = {channel: getattr(trace, channel) - result.offset.get(channel, 0.0) for channel in SCALE}
+        points, line = {"color": color, "size": 3, "opacity": 0.3}, {"color": color, "width": 1.6}
         for kind, values, style in (
-            ("measured", measured, {"mode": "markers", "marker": {"color": color, "size": 3, "opacity": 0.3}}),
-            ("simulated", result.simulated, {"mode": "lines", "line": {"color": color, "width": 1.6}}),
+            ("measured", measured_pair(result), {"mode": "markers", "marker": points}),
+            ("simulated", result.simulated, {"mode": "lines", "line": line}),
         ):
-            stride = -(-len(trace.time) // POINTS)
+            stride = -(-len(values["x_d"]) // POINTS)
             gauge = (values["p_act"] - trace.atmosphere)[::stride] * SCALE["p_act"]
             position = values["x_d"][::stride] * SCALE["x_d"]
             figure.add_trace(

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 import vgtjax
-from vgtjax.experiments import Loop, find_loop
+from vgtjax.experiments import HysteresisLoop, find_loop
 from vgtjax.traces import ASSUMED_RESERVOIR, STANDARD_ATMOSPHERE
 
 MBAR = 100.0
@@ -109,7 +109,7 @@ def pressure_ramp(model: vgtjax.MechanicalActuator, top: float, turbine: float =
     return pressure_path(model, (0.0, top, 0.0), turbine)
 
 
-def loop_of(run: vgtjax.Solution | vgtjax.Trace) -> Loop:
+def loop_of(run: vgtjax.Solution | vgtjax.Trace) -> HysteresisLoop:
     """The hysteresis loop of a pressure ramp, simulated or measured."""
     loop = find_loop(np.asarray(run.time), np.asarray(run.x_d), np.asarray(run.p_act))
     assert loop is not None, "such a ramp crosses the whole travel"

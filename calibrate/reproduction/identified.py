@@ -74,8 +74,7 @@ def _measure(model: vgtjax.Actuator, pwm: np.ndarray, number: int) -> vgtjax.Tra
     trace = vgtjax.Trace(time=time, pwm=pwm, p_res=reservoir, name=f"test {number}")
     solution = vgtjax.simulate(model, trace)
     noise = np.random.default_rng(SEED + number).normal(size=(2, len(time)))
-    return dataclasses.replace(
-        trace,
+    return trace.replace(
         p_act=np.asarray(solution.p_act) + PRESSURE_NOISE * noise[0],
         x_d=np.asarray(solution.x_d) + POSITION_NOISE * noise[1],
     )

@@ -5,7 +5,7 @@ import functools
 import numpy as np
 
 import vgtjax
-from vgtjax.experiments import Loop
+from vgtjax.experiments import HysteresisLoop
 from vgtjax.identification import identify_vane_map
 
 from ..study.read import EXAMPLE
@@ -39,7 +39,7 @@ def runs() -> dict[float, vgtjax.Solution]:
     return {pressure: experiments.pressure_ramp(model, experiments.TOP, pressure) for pressure in PRESSURES}
 
 
-def _loops() -> list[Loop]:
+def _loops() -> list[HysteresisLoop]:
     return [experiments.loop_of(run) for run in runs().values()]
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 import vgtjax
 from vgtjax import SimulationError
-from vgtjax.traces import SIGNAL_UNITS
+from vgtjax.traces import SIGNALS
 
 from ..output.console import console, say_notes
 from ..output.files import claim, write_text
@@ -48,13 +48,13 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
 def to_csv(trace: vgtjax.Trace, solution: vgtjax.Solution) -> str:
     """A simulated trace as text, inputs first, then the signals under the headers of a bench trace."""
     columns = {"time [s]": trace.time}
-    for name, unit in (("pwm", "%"), ("p_res", "Pa absolute"), ("p_trb", "Pa gauge")):
-        values = getattr(trace, name)
+    for name in ("pwm", "p_res", "p_trb"):
+        values = trace.at(name)
         if values is not None:
-            columns[f"{name} [{unit}]"] = values
-    for name, unit in SIGNAL_UNITS.items():
+            columns[f"{name} [{SIGNALS[name].unit}]"] = values
+    for name, signal in SIGNALS.items():
         if name in solution.signals:
-            columns[f"{name} [{unit}]"] = np.asarray(solution.signals[name]) + 0.0  # minus zero is a plain zero
+            columns[f"{name} [{signal.unit}]"] = np.asarray(solution.signals[name]) + 0.0  # minus zero is a plain zero
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)

@@ -61,4 +61,4 @@ def _build(entry: ReferenceEntry, folder: pathlib.Path) -> AbstractSignal:
 
 def _from_trace(file: str, folder: pathlib.Path) -> AbstractSignal:
     trace = vgtjax.load_trace(folder / file, needs=("x_d",))
-    return Sampled.through(trace.time - trace.time[0], trace.x_d)
+    return Sampled.through(trace.channels["x_d"].time - trace.time[0], trace.x_d)

@@ -6,6 +6,7 @@ from ._calibration import (
     Bounds as Bounds,
     Calibration as Calibration,
     Calibrator as Calibrator,
+    Comparison as Comparison,
     Task as Task,
     TraceResult as TraceResult,
     calibrate as calibrate,
@@ -14,7 +15,7 @@ from ._calibration import (
     start_calibration as start_calibration,
 )
 from ._fit import CHI2_TOLERANCE as CHI2_TOLERANCE, LevenbergMarquardt as LevenbergMarquardt, Progress as Progress
-from ._residuals import Problem as Problem, build_problem as build_problem
+from ._residuals import FitProblem as FitProblem, build_fit_problem as build_fit_problem
 from ._seminormal import SeminormalEquations as SeminormalEquations
 from ._sensitivities import jacobian as jacobian, observe as observe, observe_with_jacobian as observe_with_jacobian
 from ._uncertainty import (

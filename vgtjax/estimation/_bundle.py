@@ -22,11 +22,11 @@ CHANNELS = ("x_d", "p_act")
 
 
 class Bundle(eqx.Module):
-    """Traces of one sampling rate, padded to equal length and cut into lanes of `SEGMENT` samples.
+    """Traces that take the same steps, padded to equal length and cut into lanes of `SEGMENT` samples.
 
     `drive` has leaves `(time, traces)`; padded intervals have no duration, so nothing moves there. A lane is one
-    segment of one trace: `lane_trace` and `lane_segment` say which. `samples[i]` is the length of trace `i`, which
-    is trace number `indices[i]` of the list that the bundle was made from.
+    segment of one trace: `lane_trace` and `lane_segment` say which. `samples[i]` is the number of times of trace `i`,
+    which is trace number `indices[i]` of the list that the bundle was made from.
     """
 
     indices: tuple[int, ...] = eqx.field(static=True)

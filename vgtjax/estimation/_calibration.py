@@ -23,7 +23,7 @@ from ..simulation import FixedStep, model_dtype
 from ..traces import Trace, noise_level
 from ._bundle import CHANNELS, bundle_traces
 from ._fit import LevenbergMarquardt, Progress
-from ._residuals import build_problem
+from ._residuals import build_fit_problem
 from ._sensitivities import observe
 from ._uncertainty import Uncertainty, estimate_uncertainty, identifiable
 
@@ -72,7 +72,7 @@ def plan_task(
     **Raises:** `InputError` for unknown names, and when no trace is to be fitted.
     """
     if not fit:
-        raise InputError("a fit needs at least one trace with use = 'fit', but there is none; mark one")
+        raise InputError("a fit needs at least one trace to be fitted, but there is none; give one", "fit")
     model = replace_parameters(model, values or {})
     table = parameter_table(model)
     by_entry = {entry: pair for name, pair in (bounds or {}).items() for entry in sorted(match_entries(table, [name]))}
@@ -80,19 +80,54 @@ def plan_task(
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class TraceResult:
-    """How a fitted model meets one trace: per channel, the constant offset of the sensor and what remains.
+class Comparison:
+    """One channel of a trace against a model, at the channel's own valid samples, each array `(samples,)`.
 
-    `simulated` holds each channel at the trace's samples; `rmse` and `offset` (sensor minus model) are in m and Pa, and
-    `noise` is the sensor's own.
+    `time` in s; `measured`, `simulated` in m or Pa, and `noise`, the standard deviation of the sensor's.
+    """
+
+    time: Float[np.ndarray, " samples"]
+    measured: Float[np.ndarray, " samples"]
+    simulated: Float[np.ndarray, " samples"]
+    noise: float
+
+    @property
+    def offset(self) -> float:
+        """Constant offset of the sensor, sensor minus model."""
+        return float(np.mean(self.measured - self.simulated))
+
+    @property
+    def residual(self) -> Float[np.ndarray, " samples"]:
+        """What remains without the offset."""
+        return self.measured - self.offset - self.simulated
+
+    @property
+    def rmse(self) -> float:
+        """Root mean square of what remains."""
+        return float(np.std(self.measured - self.simulated))
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class TraceResult:
+    """How a fitted model meets one trace.
+
+    `simulated` has each observed signal at the trace's `time`; `channels` compares those that were measured.
     """
 
     trace: Trace
     use: str
     simulated: dict[str, np.ndarray]
-    rmse: dict[str, float]
-    offset: dict[str, float]
-    noise: dict[str, float]
+    channels: dict[str, Comparison]
+
+    @property
+    def rmse(self) -> dict[str, float]:
+        """What remains after the constant offset, by channel, in m and Pa."""
+        return {name: channel.rmse for name, channel in self.channels.items()}
+
+    @property
+    def offset(self) -> dict[str, float]:
+        """Constant offset of each sensor, sensor minus model, in m and Pa."""
+        return {name: channel.offset for name, channel in self.channels.items()}
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -181,7 +216,7 @@ def start_calibration(task: Task, resume: Progress | None = None) -> Calibrator:
         )
     start = np.asarray(task.selection.pack(task.model))
     transform = build_transform(parameter_table(task.model), task.selection.entries, start, task.bounds)
-    problem = build_problem(
+    problem = build_fit_problem(
         task.model, task.selection, transform, task.fit, channels=task.channels, stepping=task.stepping
     )
     if resume is None:
@@ -206,20 +241,18 @@ def compare(task: Task, model: AbstractModel) -> list[TraceResult]:
     """Simulates every trace of a task and compares it with what was measured."""
     uses = [("fit", trace) for trace in task.fit] + [("validate", trace) for trace in task.validate]
     traces = [trace for _, trace in uses]
-    seen: dict[int, np.ndarray] = {}
+    observed: dict[int, np.ndarray] = {}
     for bundle in bundle_traces(model, traces, task.stepping):
-        seen |= dict(zip(bundle.indices, bundle.from_lanes(np.asarray(observe(model, bundle))), strict=True))
-    return [_compare_one(trace, use, seen[i], task.channels) for i, (use, trace) in enumerate(uses)]
+        observed |= dict(zip(bundle.indices, bundle.from_lanes(np.asarray(observe(model, bundle))), strict=True))
+    return [_compare_one(trace, use, observed[i], task.channels) for i, (use, trace) in enumerate(uses)]
 
 
-def _compare_one(trace: Trace, use: str, seen: np.ndarray, channels: Sequence[str]) -> TraceResult:
-    simulated = {channel: seen[:, CHANNELS.index(channel)] for channel in CHANNELS}
-    rmse, offset, noise = {}, {}, {}
-    for channel in channels:
-        measured = getattr(trace, channel)
-        if measured is not None:
-            difference = measured - simulated[channel]
-            offset[channel] = float(np.mean(difference))
-            rmse[channel] = float(np.std(difference))
-            noise[channel] = noise_level(measured, channel)
-    return TraceResult(trace, use, simulated, rmse, offset, noise)
+def _compare_one(trace: Trace, use: str, observed: np.ndarray, channels: Sequence[str]) -> TraceResult:
+    simulated = dict(zip(CHANNELS, observed.T, strict=True))
+    compared = {}
+    for name in channels:
+        sampled = trace.sampled(name)
+        if sampled is not None:
+            rows, noise = trace.rows(name), noise_level(sampled.value, name)
+            compared[name] = Comparison(sampled.time, sampled.value, simulated[name][rows], noise)
+    return TraceResult(trace, use, simulated, compared)

@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 
 from .._errors import SimulationError
 from .._lanes import replicate
-from ._residuals import Problem
+from ._residuals import FitProblem
 from ._seminormal import SeminormalEquations
 from ._uncertainty import estimate_uncertainty
 
@@ -77,7 +77,7 @@ class Progress:
         return "running"
 
 
-def _residuals(coordinates: Float[Array, " parameters"], problem: Problem) -> tuple[Array, None]:
+def _residuals(coordinates: Float[Array, " parameters"], problem: FitProblem) -> tuple[Array, None]:
     return problem.residuals(coordinates), None
 
 
@@ -90,7 +90,7 @@ _SOLVER: optx.LevenbergMarquardt = eqx.tree_at(
 
 
 @eqx.filter_jit
-def _first_state(problem: Problem, coordinates: Array, step_size: Array) -> Any:
+def _first_state(problem: FitProblem, coordinates: Array, step_size: Array) -> Any:
     """State before anything is evaluated.
 
     Compiled for what a second fit gains: optimistix keeps the traced residuals in its state and compares them by
@@ -102,7 +102,7 @@ def _first_state(problem: Problem, coordinates: Array, step_size: Array) -> Any:
 
 
 @eqx.filter_jit
-def _step(problem: Problem, coordinates: Array, state: Any) -> tuple[Array, Any, Array]:
+def _step(problem: FitProblem, coordinates: Array, state: Any) -> tuple[Array, Any, Array]:
     coordinates, state, _ = _SOLVER.step(_residuals, coordinates, problem, {}, state, frozenset())
     # A trial outside the bounds goes to the nearest point inside; what it then gains is judged by that move.
     state = eqx.tree_at(lambda s: s.y_eval, state, problem.transform.clip(state.y_eval))
@@ -110,7 +110,7 @@ def _step(problem: Problem, coordinates: Array, state: Any) -> tuple[Array, Any,
 
 
 @eqx.filter_jit
-def _is_finite(problem: Problem, coordinates: Array) -> Array:
+def _is_finite(problem: FitProblem, coordinates: Array) -> Array:
     return jnp.all(jnp.isfinite(problem.residuals(coordinates)))
 
 
@@ -125,7 +125,7 @@ class LevenbergMarquardt:
     **Raises:** `SimulationError` when the start itself can't be simulated.
     """
 
-    def __init__(self, problem: Problem, start: Float[np.ndarray, " parameters"] | Progress):
+    def __init__(self, problem: FitProblem, start: Float[np.ndarray, " parameters"] | Progress):
         self.problem = problem
         self.progress = start if isinstance(start, Progress) else Progress(tuple(np.asarray(start).tolist()))
         coordinates = jnp.asarray(self.progress.coordinates, dtype=float)
@@ -135,7 +135,7 @@ class LevenbergMarquardt:
         if not np.isfinite(float(cost)):
             raise SimulationError(
                 "the simulation with the start values fails, so there is nothing to fit from; check the start "
-                "values under [parameters] and the inputs of the traces"
+                "values and the inputs of the traces"
             )
         if not self.progress.history:
             self.progress = dataclasses.replace(self.progress, history=(float(cost),))

@@ -23,7 +23,7 @@ Weights = Float[Array, "lanes sample channel"]
 class Measured(eqx.Module):
     """Measurements of one bundle in its layout.
 
-    `values` in m and Pa; `weights` is one over the noise, zero on padding and where nothing was measured;
+    `values` in m and Pa; `weights` is one over the noise, zero on padding and where a channel has no valid sample;
     `owner` is the number of the trace that a lane belongs to.
     """
 
@@ -36,18 +36,23 @@ class Measured(eqx.Module):
 def _measure(bundle: Bundle, traces: Sequence[Trace], channels: Sequence[str]) -> Measured:
     values, weights = [], []
     for channel in CHANNELS:
-        signals = [getattr(traces[i], channel) if channel in channels else None for i in bundle.indices]
-        blank = [np.zeros(count) for count in bundle.samples]
-        values.append(bundle.to_lanes([b if s is None else s for s, b in zip(signals, blank, strict=True)]))
-        weights.append(
-            bundle.to_lanes(
-                [
-                    b if s is None else np.full(len(s), 1 / noise_level(s, channel))
-                    for s, b in zip(signals, blank, strict=True)
-                ]
-            )
-        )
+        filled = [
+            _fill(traces[index], channel if channel in channels else None, count)
+            for index, count in zip(bundle.indices, bundle.samples, strict=True)
+        ]
+        values.append(bundle.to_lanes([value for value, _ in filled]))
+        weights.append(bundle.to_lanes([weight for _, weight in filled]))
     return Measured(np.stack(values, -1), np.stack(weights, -1), bundle.lane_trace, traces=len(bundle.indices))
+
+
+def _fill(trace: Trace, channel: str | None, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """A channel at the times at which its trace is simulated, and its weights: zero where it was not sampled."""
+    values, weights = np.zeros((2, count))
+    sampled = None if channel is None else trace.sampled(channel)
+    if sampled is not None:
+        rows = trace.rows(channel)
+        values[rows], weights[rows] = sampled.value, 1 / noise_level(sampled.value, channel)
+    return values, weights
 
 
 def _offsets(measured: Measured, difference: Array) -> Float[Array, "traces channel"]:
@@ -82,7 +87,7 @@ def _jacobian_block(measured: Measured, columns: Array) -> Float[Array, "residua
     return _whiten(measured, columns).reshape(-1, columns.shape[-1])
 
 
-class Problem(eqx.Module):
+class FitProblem(eqx.Module):
     """A least-squares problem: a model, its free parameters, and measured traces.
 
     Residuals are in units of the sensor noise and divided by the square root of their number, so the cost
@@ -114,7 +119,7 @@ class Problem(eqx.Module):
     def residuals_and_jacobian(
         self, coordinates: Float[Array, " parameters"]
     ) -> tuple[Float[Array, " residuals"], Float[Array, "residuals parameters"]]:
-        """Residuals and their derivatives by the coordinates.
+        """Residuals and their derivatives with respect to the coordinates.
 
         The column of a parameter that lies on a bound, and would be pushed through it, is zero: a step of the
         optimiser then moves the others as if it were held.
@@ -133,7 +138,7 @@ class Problem(eqx.Module):
 
 
 @eqx.filter_custom_jvp
-def _residuals(coordinates: Array, problem: Problem) -> Array:
+def _residuals(coordinates: Array, problem: FitProblem) -> Array:
     model = problem.at(coordinates)
     blocks = [
         _residual_block(measured, observe(model, bundle))
@@ -149,7 +154,7 @@ def _residuals_jvp(primals: Any, tangents: Any) -> tuple[Array, Array]:
     return residuals, columns @ tangents[0]
 
 
-def build_problem(
+def build_fit_problem(
     model: AbstractModel,
     selection: Selection,
     transform: Transform,
@@ -157,13 +162,13 @@ def build_problem(
     *,
     channels: Sequence[str] = CHANNELS,
     stepping: FixedStep | None = None,
-) -> Problem:
+) -> FitProblem:
     """The problem of fitting the selected parameters of `model` to `traces`.
 
     **Arguments:** `channels`: the measured signals to fit; those that a trace lacks are skipped.
     """
     bundles = bundle_traces(model, traces, stepping)
     measured = [_measure(bundle, traces, channels) for bundle in bundles]
-    present = [getattr(trace, channel) is not None for trace in traces for channel in CHANNELS if channel in channels]
+    present = [trace.sampled(channel) is not None for trace in traces for channel in CHANNELS if channel in channels]
     count = sum(int(np.count_nonzero(block.weights)) for block in measured)
-    return Problem(model, selection, transform, bundles, measured, count, sum(present))
+    return FitProblem(model, selection, transform, bundles, measured, count, sum(present))

@@ -1,4 +1,4 @@
-"""Exact derivatives of simulated traces by parameters, computed over segments of time in parallel.
+"""Exact derivatives of simulated traces with respect to parameters, over segments of time in parallel.
 
 Along a known trajectory the sensitivities are linear. So the trajectory is run once, every segment of every trace is
 then a lane that starts from its known state and carries tangents for each of its start states and each parameter,
@@ -20,9 +20,10 @@ from ..parameters import Selection, select
 from ..plants import AbstractModel, State
 from ..simulation import FixedStep, march
 from ..traces import Trace
-from ._bundle import SEGMENT, Bundle, bundle_traces
+from ._bundle import CHANNELS, SEGMENT, Bundle, bundle_traces
 
 Lanes = Float[Array, "lanes sample channel"]
+TraceJacobian = Float[np.ndarray, "time 2 parameters"] | dict[str, Float[np.ndarray, "samples parameters"]]
 LaneJacobian = Float[Array, "lanes sample channel parameters"]
 
 
@@ -33,8 +34,12 @@ def jacobian(
     *,
     fixed: Sequence[str] = (),
     stepping: FixedStep | None = None,
-) -> list[Float[np.ndarray, "time 2 parameters"]]:
-    """Derivatives of `x_d` (m) and `p_act` (Pa) by the free parameters (units of the table), one array a trace.
+) -> list[TraceJacobian]:
+    """Derivatives of `x_d` (m) and `p_act` (Pa) with respect to the free parameters (units of the table), by trace.
+
+    **Returns:** for a trace with one clock an array `(time, 2, parameters)`; for one whose channels have clocks of
+    their own, or invalid samples, one array `(samples, parameters)` for each of `x_d` and `p_act` that was measured,
+    by name, at its valid samples.
 
     **Arguments:**
 
@@ -48,7 +53,7 @@ def jacobian(
     numbers.
     """
     selection = select(model, free, fixed)
-    found: dict[int, np.ndarray] = {}
+    found: dict[int, TraceJacobian] = {}
     for bundle in bundle_traces(model, traces, stepping):
         observed, derivatives = observe_with_jacobian(model, selection, bundle)
         per_trace = zip(
@@ -64,8 +69,17 @@ def jacobian(
                     f"the simulation of trace '{traces[index].name}' left the finite numbers, so it has no "
                     "derivatives; check that the parameters are physical, then lower max_step"
                 )
-            found[index] = columns
+            found[index] = columns if traces[index].has_common_clock else _by_channel(traces[index], columns)
     return [found[index] for index in range(len(traces))]
+
+
+def _by_channel(trace: Trace, columns: Float[np.ndarray, "time channel parameters"]) -> dict[str, np.ndarray]:
+    """Rows of a Jacobian at the samples of each measured channel."""
+    return {
+        name: columns[trace.rows(name), channel]
+        for channel, name in enumerate(CHANNELS)
+        if trace.sampled(name) is not None
+    }
 
 
 @eqx.filter_jit
@@ -76,7 +90,7 @@ def observe(model: AbstractModel, bundle: Bundle) -> Lanes:
 
 @eqx.filter_jit
 def observe_with_jacobian(model: AbstractModel, selection: Selection, bundle: Bundle) -> tuple[Lanes, LaneJacobian]:
-    """`observe`, and its derivatives by the selected parameters in the units of the table."""
+    """`observe`, and its derivatives with respect to the selected parameters in the units of the table."""
     first, observed = _nominal(model, bundle)
     first, lane_drive = spread((first, bundle.lane_drive))
     ends, by_start, by_parameter = _push_lanes(model, selection, first, lane_drive, bundle)
@@ -145,7 +159,7 @@ def _push_lanes(
 def _chain(
     model: AbstractModel, selection: Selection, bundle: Bundle, tangents: Array
 ) -> Float[Array, "lanes states parameters"]:
-    """Derivatives of every lane's start state by the parameters: segments chained along each trace."""
+    """Derivatives of every lane's start state with respect to the parameters: segments chained along each trace."""
     traces = bundle.start.at_rest.shape[0]
     segments = jax.tree.leaves(bundle.drive)[0].shape[0] // SEGMENT
     table = jnp.zeros((segments, traces, *tangents.shape[1:]), tangents.dtype)

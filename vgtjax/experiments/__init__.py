@@ -6,7 +6,13 @@ from ._base import (
     first_reach as first_reach,
     stack_runs as stack_runs,
 )
-from ._loops import LIFT as LIFT, POSITIONS as POSITIONS, Loop as Loop, find_ends as find_ends, find_loop as find_loop
+from ._loops import (
+    LIFT as LIFT,
+    POSITIONS as POSITIONS,
+    HysteresisLoop as HysteresisLoop,
+    find_ends as find_ends,
+    find_loop as find_loop,
+)
 from ._measured import MeasuredLoops as MeasuredLoops, measure_loops as measure_loops
 from ._slow_loop import SHOWN as SHOWN, SlowLoop as SlowLoop, label as label
 from ._step_response import StepResponse as StepResponse, nominal_target as nominal_target

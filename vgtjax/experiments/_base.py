@@ -9,13 +9,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..parts import Scalar
+from .._types import Scalar, Values
 from ..traces import Drive, Start, Trace
 
 LONGEST = 3600.0
 """s; a run that is longer is a mistake, not an experiment."""
 
-Readings = dict[str, Float[Array, "..."]]
+Readings = dict[str, Values]
 
 
 @dataclasses.dataclass(frozen=True)

@@ -25,7 +25,7 @@ SLOWEST = 0.5
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Loop:
+class HysteresisLoop:
     """One excursion of the rod, read at the same positions while the vanes close and while they open.
 
     `position` in m, `closing` and `opening` the chamber pressure in Pa absolute, each of shape `(positions,)`.
@@ -51,7 +51,7 @@ def find_loop(
     x_d: Float[np.ndarray, " time"],
     p_act: Float[np.ndarray, " time"],
     span: tuple[float, float] = SPAN,
-) -> Loop | None:
+) -> HysteresisLoop | None:
     """Reads the loop of a slow run out and back.
 
     **Arguments:** `time` in s, `x_d` in m, `p_act` in Pa, measured or simulated; `span`: the positions in m
@@ -68,7 +68,7 @@ def find_loop(
         if moving is None or np.ptp(time[part][moving]) < SLOWEST:
             return None
         branches.append(_read(x_d[part][moving], p_act[part][moving], position))
-    return Loop(position, *branches)
+    return HysteresisLoop(position, *branches)
 
 
 def _crossing(x_d: Float[np.ndarray, " time"], span: tuple[float, float]) -> np.ndarray | None:

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..traces import Trace
 from ._base import Readings
-from ._loops import POSITIONS, Loop, find_ends, find_loop
+from ._loops import POSITIONS, HysteresisLoop, find_ends, find_loop
 from ._slow_loop import EFFECTS, label, loop_readings
 
 VENTED = 0.01
@@ -22,7 +22,7 @@ class MeasuredLoops:
     [`SlowLoop`][]'s outputs."""
 
     turbine_pressures: tuple[float, ...]
-    loops: tuple[Loop, ...]
+    loops: tuple[HysteresisLoop, ...]
     readings: Readings
 
     @property
@@ -39,10 +39,11 @@ def measure_loops(traces: Sequence[Trace], points: Sequence[float] = (0.0, 1.5e5
 
     **Returns:** `None` where no trace is a loop with position and pressure.
     """
-    runs = [(trace, trace.x_d, trace.p_act) for trace in traces if trace.x_d is not None and trace.p_act is not None]
+    pairs = [trace.on_one_clock() for trace in traces if trace.x_d is not None and trace.p_act is not None]
+    runs = [(trace, np.asarray(trace.x_d), np.asarray(trace.p_act)) for trace in pairs]
     rests = [_at_rest(trace, x_d) for trace, x_d, _ in runs]
     common = float(np.mean([rest for rest in rests if rest is not None] or [0.0]))
-    found: dict[float, tuple[Loop, tuple[float, float]]] = {}
+    found: dict[float, tuple[HysteresisLoop, tuple[float, float]]] = {}
     for (trace, x_d, p_act), rest in zip(runs, rests, strict=True):
         # Effects of the gas are as small as the sensors' offsets. Before it moves, the chamber is vented and the rod at
         # the same stop in every trace.

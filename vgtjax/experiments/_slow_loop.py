@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from ..parts import Scalar
+from .._types import Scalar, Values
 from ..traces import Trace
 from ._base import LONGEST, AbstractExperiment, Output, Readings, first_reach
 from ._loops import LIFT, POSITIONS, PRESSED
@@ -90,7 +90,7 @@ class SlowLoop(AbstractExperiment):
         return loop_readings([label(pressure) for pressure in self.turbine_pressures], closing, opening, start, end)
 
 
-def loop_readings(labels: list[str], closing: Array, opening: Array, start: Array, end: Array) -> Readings:
+def loop_readings(labels: list[str], closing: Values, opening: Values, start: Values, end: Values) -> Readings:
     """Readings of loops at several turbine pressures, the lowest first.
 
     **Arguments:** names of the pressures; gauge pressure in Pa of both branches at `POSITIONS`, `(runs, positions)`,

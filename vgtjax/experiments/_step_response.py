@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError, SimulationError
-from ..parts import Scalar
+from .._types import Scalar
 from ..plants import AbstractModel
 from ..simulation import simulate
 from ..traces import Trace

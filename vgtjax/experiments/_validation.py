@@ -11,6 +11,7 @@ from ..plants import AbstractModel
 from ..simulation import AbstractStepping, Solution, simulate
 from ..traces import ASSUMED_RESERVOIR, Trace
 
+COMPARED = ("x_d", "p_act")
 RAMP_SECONDS = 20.0
 """s; the slow ramp of duty, up and down."""
 
@@ -25,9 +26,9 @@ class Deviation:
     pressure_peak: float
 
     @classmethod
-    def between(cls, ours: Solution | Trace, theirs: Solution | Trace) -> "Deviation":
-        """That of two runs with position and pressure at the same times."""
-        position, pressure = _difference(ours, theirs, "x_d"), _difference(ours, theirs, "p_act")
+    def between(cls, ours: Solution, theirs: Solution | Trace) -> "Deviation":
+        """That of a run from another along the same trace, or from the samples of the trace itself."""
+        position, pressure = (_difference(ours, theirs, name) for name in COMPARED)
         return cls(_rms(position), _peak(position), _rms(pressure), _peak(pressure))
 
 
@@ -63,14 +64,14 @@ def validate(
 
     **Raises:** `InputError` for a trace without position and pressure; as [`simulate`][] does.
     """
-    if trace.x_d is None or trace.p_act is None:
+    if any(trace.sampled(name) is None for name in COMPARED):
         raise InputError(
             f"{trace.name}: a validation needs the columns x_d and p_act, but one of them is missing; record both"
         )
     solutions = {name: simulate(model, trace, stepping=stepping) for name, model in models.items()}
     first = next(iter(solutions.values()))
-    without_offset = {name: getattr(trace, name) - _difference(trace, first, name).mean() for name in ("x_d", "p_act")}
-    measured = dataclasses.replace(trace, **without_offset)
+    without_offset = {name: trace.channels[name].value + _difference(first, trace, name).mean() for name in COMPARED}
+    measured = trace.replace(**without_offset)
     return Validation(measured, solutions, {name: Deviation.between(run, measured) for name, run in solutions.items()})
 
 
@@ -88,8 +89,13 @@ def validation_traces(interval: float = 1e-3, reservoir: float = ASSUMED_RESERVO
     return tuple(Trace(t, pwm=pwm, p_res=np.full_like(t, reservoir), name=name) for name, t, pwm in traces)
 
 
-def _difference(ours: Solution | Trace, theirs: Solution | Trace, name: str) -> Float[np.ndarray, " time"]:
-    return np.asarray(getattr(ours, name)) - np.asarray(getattr(theirs, name))
+def _difference(ours: Solution, theirs: Solution | Trace, name: str) -> Float[np.ndarray, " samples"]:
+    signal = np.asarray(getattr(ours, name))
+    if isinstance(theirs, Trace):
+        sampled = theirs.sampled(name)
+        assert sampled is not None, "both signals are asked for before"
+        return signal[theirs.rows(name)] - sampled.value
+    return signal - np.asarray(getattr(theirs, name))
 
 
 def _rms(values: Float[np.ndarray, " time"]) -> float:

@@ -46,8 +46,8 @@ class ChamberRecord:
 
 
 def usable(traces: Sequence[Trace]) -> list[Trace]:
-    """Traces that have what the pneumatic half needs: a duty and the chamber pressure."""
-    return [trace for trace in traces if trace.pwm is not None and trace.p_act is not None]
+    """Traces that have what the pneumatic half needs, a duty and the chamber pressure, each on one clock."""
+    return [trace.on_one_clock() for trace in traces if trace.pwm is not None and trace.p_act is not None]
 
 
 NEEDS = "traces need the columns pwm and p_act"

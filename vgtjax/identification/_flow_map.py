@@ -20,6 +20,7 @@ def measured_flow(model: Actuator, trace: Trace) -> tuple[Float[np.ndarray, " ti
     `m' = (V p' - p A_d v) / (R T_atm)`, the last line of [5.2] solved for the flow: an isothermal chamber. Of `model`
     only volume, area of the diaphragm and the properties of air count.
     """
+    trace = trace.on_one_clock()
     assert trace.p_act is not None
     assert trace.x_d is not None
     pressure = smooth(trace.time, trace.p_act, noise_level(trace.p_act, "p_act"))
@@ -40,7 +41,7 @@ def fit_measured_flow(model: Actuator, traces: Sequence[Trace]) -> FlowMapFit:
     **Raises:** `InputError` for a trace without duty, pressure or position, or when all of them together have one duty.
     """
     rows = []
-    for trace in traces:
+    for trace in (trace.on_one_clock() for trace in traces):
         for column in ("pwm", "p_act", "x_d"):
             if getattr(trace, column) is None:
                 raise InputError(

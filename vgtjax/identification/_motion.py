@@ -94,7 +94,7 @@ class Motion:
         if pressure is None or self.drive_noise == 0:
             return self
         again = remove_noise(pressure + random.normal(0, self.drive_noise, len(pressure)), self.drive_noise)
-        return dataclasses.replace(self, trace=dataclasses.replace(self.trace, p_act=again))
+        return dataclasses.replace(self, trace=self.trace.replace(p_act=again))
 
     @property
     def interval(self) -> float:
@@ -128,19 +128,12 @@ def _even(trace: Trace) -> Trace:
     step = float(np.median(steps))
     if np.all(np.abs(steps - step) < 0.01 * step):
         return trace
-    time = trace.time[0] + step * np.arange(int((trace.time[-1] - trace.time[0]) / step) + 1)
-    held = np.searchsorted(trace.time, time, side="right") - 1
-    signals: dict[str, Any] = {
-        name: None if getattr(trace, name) is None else np.interp(time, trace.time, getattr(trace, name))
-        for name in ("p_act", "p_res", "p_trb", "x_d", "f_vane", "f_drive")
-    }
-    pwm = None if trace.pwm is None else trace.pwm[held]
-    return dataclasses.replace(trace, time=time, pwm=pwm, **signals)
+    return trace.on_one_clock(trace.time[0] + step * np.arange(int((trace.time[-1] - trace.time[0]) / step) + 1))
 
 
 def read_motion(model: MechanicalActuator, trace: Trace) -> Motion:
     """One trace that has a drive and a position."""
-    trace = _even(trace)
+    trace = _even(trace.on_one_clock())
     assert trace.x_d is not None
     noise = noise_level(trace.x_d, "x_d")
     time = trace.time[0] + (trace.time[-1] - trace.time[0]) / (len(trace.time) - 1) * np.arange(len(trace.time))
@@ -161,7 +154,7 @@ def read_motion(model: MechanicalActuator, trace: Trace) -> Motion:
         place = float(np.mean(trace.x_d[rest])) - pressed
         position_error = noise / np.sqrt(count)
     # The simulation counts pressure from the model's own ambient, as the trace does.
-    clean = dataclasses.replace(trace, p_act=pressure - offset)
+    clean = trace.replace(p_act=pressure - offset)
     ambient = float(model.air.pressure) + float(trace.drive().ambient_shift[0])
     force = (ambient - (trace.p_act - offset)) * area
     return Motion(

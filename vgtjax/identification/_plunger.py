@@ -94,7 +94,7 @@ def drive_by_position(model: Actuator, trace: Trace) -> Trace:
     """
     assert trace.p_act is not None
     pressure = smooth(trace.time, trace.p_act, noise_level(trace.p_act, "p_act"))
-    return dataclasses.replace(trace, x_drive=diaphragm_motion(model, trace, pressure).value, x_d=None)
+    return trace.replace(x_drive=diaphragm_motion(model, trace, pressure).value, x_d=None)
 
 
 def _fit(

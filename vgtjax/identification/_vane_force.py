@@ -81,7 +81,8 @@ def _slow_samples(model: Model, vane_force: HysteresisMap, trace: Trace, sensed:
     """What of a trace can be used: one set of samples, or none."""
     if trace.x_d is None or (trace.f_vane is None if sensed else trace.p_act is None):
         return []
-    diaphragm = model.diaphragm
+    trace, diaphragm = trace.on_one_clock(), model.diaphragm
+    assert trace.x_d is not None
     noise = noise_level(trace.x_d, "x_d")
     seen, offset = smooth(trace.time, trace.x_d, noise), sensor_offset(model, trace, "x_d")
     position = seen.value - offset.value
@@ -227,7 +228,7 @@ def identify_vane_polynomial(model: Model, traces: Sequence[Trace]) -> Identifie
     vane_force = model.vane_force
     if not isinstance(vane_force, ForcePolynomial):
         return dataclasses.replace(result, unseen=("the model has no polynomial; choose vane_force = 'polynomial'",))
-    sensed = [trace for trace in traces if trace.f_vane is not None and trace.x_d is not None]
+    sensed = [trace.on_one_clock() for trace in traces if trace.f_vane is not None and trace.x_d is not None]
     if not sensed:
         return dataclasses.replace(result, unseen=("no trace has a force sensor; record f_vane and x_d",))
     travel = float(model.diaphragm.travel)

@@ -16,8 +16,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from .._errors import InputError
-from ._signals import SIGNAL_UNITS
-from ._trace import ASSUMED_RESERVOIR, SENSOR_PRESSURE_OFFSET, STANDARD_ATMOSPHERE, Samples, Trace
+from ._channel import Samples
+from ._signals import SIGNALS
+from ._trace import ASSUMED_RESERVOIR, SENSOR_PRESSURE_OFFSET, STANDARD_ATMOSPHERE, Trace
 
 PRESSURES = ("p_act", "p_res", "p_trb")
 PRESSURE_UNITS = ("Pa", "kPa", "mbar", "bar")
@@ -32,8 +33,7 @@ UNITS: dict[str, tuple[str, ...]] = {
     "f_drive": ("N",),
 }
 """The units that each column may have; pressures are followed by `gauge` or `absolute`."""
-SI = {"time": "s", "pwm": "percent", "p_act": "Pa", "p_res": "Pa", "p_trb": "Pa", "x_d": "m"}
-SIMULATED_ONLY = set(SIGNAL_UNITS) - set(UNITS)
+SIMULATED_ONLY = {name for name, signal in SIGNALS.items() if signal.role == "state"}
 """Columns that a simulation writes and that are no input: ignored, not misspelt."""
 TRAVEL = 10.13e-3
 """m; the printed `diaphragm.travel`, for a caller who knows no better."""
@@ -217,7 +217,7 @@ class _Columns:
 
     def to_si(self, name: str, values: Samples, atmosphere: float) -> Samples:
         """Values in SI; pressures absolute, but that of the turbine gauge."""
-        factor = 100.0 if (name, self.unit[name]) == ("pwm", "1") else _factor(self.unit[name], SI.get(name))
+        factor = 100.0 if (name, self.unit[name]) == ("pwm", "1") else _factor(self.unit[name], _si(name))
         converted = values * factor
         reference = self.reference[name]
         if name == "p_trb":
@@ -231,10 +231,14 @@ def _example(name: str) -> str:
     return f"{name} [{unit}]"
 
 
+def _si(name: str) -> str:
+    return "s" if name == "time" else SIGNALS[name].unit.split()[0]
+
+
 @functools.cache
-def _factor(unit: str, target: str | None) -> float:
+def _factor(unit: str, target: str) -> float:
     """Factor from a unit to its SI unit; pint knows, and is only loaded when it is asked."""
-    if target is None or unit in (target, "%"):
+    if unit in (target, "%"):
         return 1.0
     import pint
 

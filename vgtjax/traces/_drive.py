@@ -2,8 +2,12 @@
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool
 
 from .._types import Values
+
+Flags = Bool[Array, "..."] | Bool[np.ndarray, "..."]
 
 
 class Ramp(eqx.Module):
@@ -45,14 +49,14 @@ class Drive(eqx.Module):
 class Start(eqx.Module):
     """What a trace says about the state at its first sample; unknown values are zero."""
 
-    at_rest: Values
+    at_rest: Flags
     """Whether the first duty is zero and the chamber at atmosphere."""
     pressure: Values
     """Mean chamber pressure of the first 50 ms in Pa absolute."""
-    pressure_known: Values
+    pressure_known: Flags
     position: Values
     """Mean position of the first 50 ms in m."""
-    position_known: Values
+    position_known: Flags
 
     def chamber_pressure(self, ambient: Values, balanced: Values, working: Values) -> Values:
         """Chamber pressure at the first sample in Pa absolute: ambient at rest, or else the first that is known.

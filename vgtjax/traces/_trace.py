@@ -1,13 +1,18 @@
 """A bench trace: signals over time, in SI units with absolute pressures."""
 
-import dataclasses
+from collections.abc import Mapping
+from typing import Any
 
 import jax
 import numpy as np
 from jaxtyping import Float, Int, PyTree
+from numpy.typing import ArrayLike
 
 from .._errors import InputError
+from ._channel import Channel, Samples, as_channel
 from ._drive import Drive, Ramp, Start
+from ._grid import same_clock, share_time
+from ._signals import SIGNALS
 
 STANDARD_ATMOSPHERE = 101013.0
 """Pa; what turns gauge into absolute pressure unless a trace states its own atmosphere."""
@@ -18,54 +23,104 @@ SENSOR_PRESSURE_OFFSET = 5000.0
 START_WINDOW = 0.05
 """s; the start of a trace that does not begin at rest is the mean of its first 50 ms."""
 
-Samples = Float[np.ndarray, " time"]
+Signal = ArrayLike | Channel | None
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
 class Trace:
-    """Signals of one bench run, each of shape `(time,)` or `None` where the bench did not record it.
+    """Signals of one bench run.
 
-    `time` in s, `pwm` in percent (held from its sample to the next), `p_act` and `p_res` in Pa absolute, `p_trb`
-    in Pa gauge, `x_d` in m, `f_vane` and `f_drive` in N, `x_drive` in m (a position that drives the pneumatic model,
-    free of the sensor's offset and noise; no file has it), `atmosphere` in Pa. `notes` says what loading assumed or
-    ignored.
+    `pwm` in percent (held from its sample to the next), `p_act` and `p_res` in Pa absolute, `p_trb` in Pa gauge, `x_d`
+    in m, `f_vane` and `f_drive` in N, `x_drive` in m (a position that drives the pneumatic model, free of the sensor's
+    offset and noise; no file has it). Each is an array, sampled at `time` in s, or a [`Channel`][] with a clock of its
+    own, or `None` where the bench did not record it. `atmosphere` in Pa; `notes` says what loading assumed or ignored.
 
-    **Raises:** `InputError` when the signals differ in length or are not finite, or time does not increase.
+    As attributes, the signals are the values of their valid samples. `channels` has them with their times, by name.
+    `time` then holds the times at which the trace is simulated: the common clock, or else all samples of all channels
+    in the time that they share. A trace can't be changed, see `replace`.
+
+    **Raises:** `InputError` as [`Channel`][] does, and when the channels have fewer than two samples in common time, or
+    a unit is not that of the signal.
     """
 
-    time: Samples
-    pwm: Samples | None = None
-    p_act: Samples | None = None
-    p_res: Samples | None = None
-    p_trb: Samples | None = None
-    x_d: Samples | None = None
-    f_vane: Samples | None = None
-    f_drive: Samples | None = None
-    x_drive: Samples | None = None
-    atmosphere: float = STANDARD_ATMOSPHERE
-    name: str = "trace"
-    notes: tuple[str, ...] = ()
+    time: Float[np.ndarray, " time"]
+    channels: Mapping[str, Channel]
+    pwm: Samples | None
+    p_act: Samples | None
+    p_res: Samples | None
+    p_trb: Samples | None
+    x_d: Samples | None
+    f_vane: Samples | None
+    f_drive: Samples | None
+    x_drive: Samples | None
+    atmosphere: float
+    name: str
+    notes: tuple[str, ...]
+    has_common_clock: bool
+    """Whether every channel is sampled at `time`."""
 
-    def __post_init__(self) -> None:
-        for field in SIGNALS:
-            value = getattr(self, field)
-            if value is not None:
-                value = np.asarray(value, dtype=np.float64)
-                object.__setattr__(self, field, value)
-                if value.shape != np.shape(self.time) or value.ndim != 1:
-                    raise InputError(
-                        f"{self.name}: every signal must have one value a time stamp, but {field} has shape "
-                        f"{value.shape} against {np.shape(self.time)} of time; give arrays of equal length"
-                    )
-                if not np.all(np.isfinite(value)):
-                    raise InputError(
-                        f"{self.name}: every sample must be a finite number, but {field} has others; remove them"
-                    )
-        if len(self.time) < 2 or not np.all(np.diff(self.time) > 0):
-            raise InputError(
-                f"{self.name}: time must have at least two samples and increase strictly; sort the samples and "
-                "remove repeated ones"
-            )
+    def __init__(
+        self,
+        time: ArrayLike | None = None,
+        *,
+        pwm: Signal = None,
+        p_act: Signal = None,
+        p_res: Signal = None,
+        p_trb: Signal = None,
+        x_d: Signal = None,
+        f_vane: Signal = None,
+        f_drive: Signal = None,
+        x_drive: Signal = None,
+        atmosphere: float = STANDARD_ATMOSPHERE,
+        name: str = "trace",
+        notes: tuple[str, ...] = (),
+    ):
+        given = {
+            "pwm": pwm,
+            "p_act": p_act,
+            "p_res": p_res,
+            "p_trb": p_trb,
+            "x_d": x_d,
+            "f_vane": f_vane,
+            "f_drive": f_drive,
+            "x_drive": x_drive,
+        }
+        channels = {
+            signal: as_channel(name, signal, values, time) for signal, values in given.items() if values is not None
+        }
+        try:
+            times, channels, common = share_time(channels, time)
+        except InputError as error:
+            raise InputError(f"{name}: {error}", "traces") from None
+        vars(self).update(
+            {signal: channels[signal].value if signal in channels else None for signal in given},
+            time=times,
+            channels=channels,
+            has_common_clock=common,
+            atmosphere=atmosphere,
+            name=name,
+            notes=notes,
+        )
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        raise AttributeError(f"a trace can't be changed, so {name} can't be set; use trace.replace({name}=...)")
+
+    def __repr__(self) -> str:
+        channels = ", ".join(f"{name} ({len(channel.time)})" for name, channel in self.channels.items())
+        return f"<Trace {self.name!r} from {self.time[0]:g} s to {self.time[-1]:g} s, samples: {channels}>"
+
+    def replace(self, **changes: Any) -> "Trace":
+        """The same trace with other arguments.
+
+        An array is sampled at the `time` given with it, or else as the channel that it replaces, a new one at the
+        trace's `time`.
+        """
+        clock = changes.pop("time", None)
+        for signal in SIGNALS.keys() & changes.keys():
+            mine = self.channels[signal].time if signal in self.channels else self.time
+            if changes[signal] is not None:
+                changes[signal] = as_channel(self.name, signal, changes[signal], mine if clock is None else clock)
+        kept = {"atmosphere": self.atmosphere, "name": self.name, "notes": self.notes}
+        return Trace(self.time if clock is None else clock, **{**self.channels, **kept, **changes})
 
     @property
     def longest_interval(self) -> float:
@@ -77,79 +132,126 @@ class Trace:
 
         **Raises:** `InputError` when fewer than two samples are left.
         """
-        inside = (self.time >= begin) & (self.time <= end)
-        if np.count_nonzero(inside) < 2:
+        inside = self.time[(self.time >= begin) & (self.time <= end)]
+        if len(inside) < 2:
             raise InputError(
                 f"{self.name}: the window [{begin:g}, {end:g}] s must keep at least two samples of a trace that "
                 f"runs from {self.time[0]:g} to {self.time[-1]:g} s; widen it"
             )
-        signals = {field: None if getattr(self, field) is None else getattr(self, field)[inside] for field in SIGNALS}
-        return dataclasses.replace(self, **signals)
+        cut = {name: channel.cut(inside[0], inside[-1]) for name, channel in self.channels.items()}
+        return self.replace(time=inside, **cut)
+
+    def at(self, name: str, time: Samples | None = None) -> Samples | None:
+        """A signal at any times in s, by default at `time`: held or linear, as `SIGNALS` says; `None` without it."""
+        channel = self.channels.get(name)
+        if channel is None:
+            return None
+        time = self.time if time is None else time
+        if same_clock(channel.time, time):
+            return channel.value
+        return channel.hold(time) if SIGNALS[name].held else channel.interpolate(time)
+
+    def sampled(self, name: str) -> Channel | None:
+        """The valid samples of a channel among `time`, at which a simulation can be compared; `None` without any."""
+        channel = self.channels.get(name)
+        return None if channel is None else channel.within(self.time[0], self.time[-1])
+
+    def rows(self, name: str) -> Int[np.ndarray, " samples"]:
+        """Where those samples are in `time`."""
+        channel = self.sampled(name)
+        return np.zeros(0, int) if channel is None else np.searchsorted(self.time, channel.time)
+
+    def on_one_clock(self, time: Samples | None = None) -> "Trace":
+        """All channels at the same times, for what needs position and pressure in pairs.
+
+        **Arguments:** `time` in s, increasing; by default the samples of that of `x_d` and `p_act` which has fewer, so
+        that no sample is made up from others, as long as every channel has valid ones around. A trace with one clock
+        is returned as it is.
+        """
+        if time is None:
+            if self.has_common_clock:
+                return self
+            measured = [channel for name in ("x_d", "p_act") if (channel := self.sampled(name)) is not None]
+            time = min((channel.time for channel in measured), key=len, default=self.time)
+            linear = [channel.time for name, channel in self.channels.items() if not SIGNALS[name].held]
+            time = time[(time >= max(t[0] for t in linear)) & (time <= min(t[-1] for t in linear))]
+        return self.replace(**{name: Channel(time, self.at(name, time)) for name in self.channels})
 
     def drive(self) -> Drive:
-        """Inputs over the interval that each sample begins; the last one has no length."""
+        """Inputs over the interval that each time begins; the last one has no length."""
         duration = np.append(np.diff(self.time), 0.0)
 
-        def ramp(values: Samples | None) -> Ramp | None:
-            if values is None:
-                return None
-            rate = np.append(np.diff(values) / duration[:-1], 0.0)
-            return Ramp(values, rate)
+        def ramp(name: str) -> Ramp | None:
+            values = self.at(name)
+            return None if values is None else Ramp(values, np.append(np.diff(values) / duration[:-1], 0.0))
 
-        none_known = np.zeros_like(self.time)
-        reservoir = np.full_like(self.time, ASSUMED_RESERVOIR) if self.p_res is None else self.p_res
-        turbine = none_known if self.p_trb is None else self.p_trb
+        def constant(value: float) -> Ramp:
+            return Ramp(np.full_like(self.time, value), np.zeros_like(self.time))
+
         return Drive(
             duration=duration,
             ambient_shift=np.full_like(self.time, self.atmosphere - STANDARD_ATMOSPHERE),
-            turbine=Ramp(turbine, np.zeros_like(self.time)) if self.p_trb is None else ramp(turbine),
-            pwm=self.pwm,
-            reservoir=ramp(reservoir),
-            chamber=ramp(self.p_act),
-            force=ramp(self.f_drive),
-            position=ramp(self.x_drive),
+            turbine=ramp("p_trb") or constant(0.0),
+            pwm=self.at("pwm"),
+            reservoir=ramp("p_res") or constant(ASSUMED_RESERVOIR),
+            chamber=ramp("p_act"),
+            force=ramp("f_drive"),
+            position=ramp("x_drive"),
         )
 
     def jumps(self) -> Int[np.ndarray, " jumps"]:
-        """Samples at which the duty differs from the one before: there the vector field jumps."""
-        return np.zeros(0, int) if self.pwm is None else np.flatnonzero(np.diff(self.pwm)) + 1
+        """Samples of `time` at which the duty differs from the one before: there the vector field jumps."""
+        duty = self.at("pwm")
+        return np.zeros(0, int) if duty is None else np.flatnonzero(np.diff(duty)) + 1
 
     def start(self) -> Start:
         """What the trace says about the state at its first sample."""
-        first = self.time <= self.time[0] + START_WINDOW
+        jumps, duty = self.jumps(), self.at("pwm")
+        pressure, position = self._beginning("p_act"), self._beginning("x_d")
         # What the first duty step has moved already says nothing about the rest before it.
-        still = first if self.pwm is None else first & np.logical_and.accumulate(self.pwm == self.pwm[0])
-        pressure = 0.0 if self.p_act is None else float(np.mean(self.p_act[first]))
-        position = 0.0 if self.x_d is None else float(np.mean(self.x_d[first]))
-        off = self.pwm is None or self.pwm[0] == 0.0
-        before = self.atmosphere if self.p_act is None else float(np.mean(self.p_act[still]))
-        vented = abs(before - self.atmosphere) <= SENSOR_PRESSURE_OFFSET
-        driven = self.f_drive is not None
+        before = self._beginning("p_act", self.time[jumps[0]]) if len(jumps) else pressure
+        vented = before is None or abs(before - self.atmosphere) <= SENSOR_PRESSURE_OFFSET
+        off = duty is None or duty[0] == 0.0
         return Start(
-            at_rest=np.asarray(off and vented and not driven),
-            pressure=np.asarray(pressure),
-            pressure_known=np.asarray(self.p_act is not None),
-            position=np.asarray(position),
-            position_known=np.asarray(self.x_d is not None),
+            at_rest=np.asarray(off and vented and self.f_drive is None),
+            pressure=np.asarray(0.0 if pressure is None else pressure),
+            pressure_known=np.asarray(pressure is not None),
+            position=np.asarray(0.0 if position is None else position),
+            position_known=np.asarray(position is not None),
         )
 
-
-SIGNALS = ("time", "pwm", "p_act", "p_res", "p_trb", "x_d", "f_vane", "f_drive", "x_drive")
-"""Fields of [`Trace`][] that hold one value a sample."""
+    def _beginning(self, name: str, end: float = np.inf) -> float | None:
+        """Mean of a channel's own first `START_WINDOW`, before `end` in s, where it has samples there."""
+        channel = self.sampled(name)
+        if channel is None:
+            return None
+        first = (channel.time <= channel.time[0] + START_WINDOW) & (channel.time < end)
+        return float(np.mean(channel.value[first])) if np.any(first) else None
 
 
 def require(trace: Trace, needs: tuple[str, ...]) -> None:
-    """Checks that a trace has the columns that a model needs.
+    """Checks that a trace has the columns that a model needs, from its first to its last time.
 
-    **Raises:** `InputError` naming the missing column.
+    **Raises:** `InputError` naming the missing column, or where it has no valid samples.
     """
     for need in needs:
         alternatives = need.split("|")
-        if all(getattr(trace, column) is None for column in alternatives):
+        present = [column for column in alternatives if column in trace.channels]
+        if not present:
             raise InputError(
                 f"{trace.name}: this model needs the column {' or '.join(alternatives)}, which is missing; "
-                "record it or choose another model"
+                "record it or choose another model",
+                "traces",
             )
+        for column in present:
+            time = trace.channels[column].time
+            if not SIGNALS[column].held and not (time[0] <= trace.time[0] and trace.time[-1] <= time[-1]):
+                raise InputError(
+                    f"{trace.name}: what drives this model must be valid from {trace.time[0]:g} to "
+                    f"{trace.time[-1]:g} s, but {column} is so from {time[0]:g} to {time[-1]:g} s; cut the trace with "
+                    "a window",
+                    "traces",
+                )
 
 
 def cast(tree: PyTree[np.ndarray], dtype: np.dtype) -> PyTree[np.ndarray]:

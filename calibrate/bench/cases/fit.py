@@ -10,7 +10,7 @@ import numpy as np
 import scipy.optimize
 
 import vgtjax
-from vgtjax.estimation import CHANNELS, CHI2_TOLERANCE, Problem, Task, build_problem, calibrate, plan_task
+from vgtjax.estimation import CHANNELS, CHI2_TOLERANCE, FitProblem, Task, build_fit_problem, calibrate, plan_task
 from vgtjax.parameters import build_transform
 from vgtjax.traces import noise_level
 
@@ -41,7 +41,7 @@ def measure() -> Section:
     values = task.selection.pack(task.model)
     table = vgtjax.parameter_table(task.model)
     transform = build_transform(table, task.selection.entries, np.asarray(values), task.bounds)
-    problem = build_problem(task.model, task.selection, transform, task.fit)
+    problem = build_fit_problem(task.model, task.selection, transform, task.fit)
     start = np.asarray(transform.to_coordinates(values))
     plant = _NumbaProblem(problem, task)
     contestants = {
@@ -73,7 +73,7 @@ _NOTES = [
 ]
 
 
-def _about(task: Task, problem: Problem, begin: float) -> str:
+def _about(task: Task, problem: FitProblem, begin: float) -> str:
     return (
         f"{len(task.selection.entries)} parameters on {len(task.fit)} traces of {seconds_of(list(task.fit)):.1f} s "
         f"together, {problem.count:,} measurements; chi^2/N is {begin:.4g} at the start, the printed parameters. "
@@ -107,7 +107,7 @@ def _minimise(residuals: _Function, jacobian: _Function, start: np.ndarray, coun
     return _Outcome(work, float(found.cost), np.asarray(found.x))
 
 
-def _exact(problem: Problem) -> tuple[_Function, _Function]:
+def _exact(problem: FitProblem) -> tuple[_Function, _Function]:
     """Residuals of this package, and their exact Jacobian."""
     return (
         lambda coordinates: np.asarray(_residuals(problem, coordinates)),
@@ -123,7 +123,7 @@ _residuals_and_jacobian = eqx.filter_jit(lambda problem, coordinates: problem.re
 class _NumbaProblem:
     """The same least-squares problem on the numba plant, with finite differences."""
 
-    def __init__(self, problem: Problem, task: Task):
+    def __init__(self, problem: FitProblem, task: Task):
         self._transform = eqx.filter_jit(problem.transform.to_physical)
         self._traces = task.fit
         self._scale = 1 / np.sqrt(problem.count)

@@ -63,7 +63,8 @@ def _truths(
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Central differences of the plant with hard switching, and exact derivatives of the model, with fine steps."""
     stepping = vgtjax.FixedStep(max_step=FINE)
-    return differences.central(traces), vgtjax.jacobian(model, traces, fixed=HELD, stepping=stepping)
+    exact = vgtjax.jacobian(model, traces, fixed=HELD, stepping=stepping)
+    return differences.central(traces), [np.asarray(columns) for columns in exact]
 
 
 def _about(traces: list[vgtjax.Trace], selection: vgtjax.Selection) -> str:

@@ -31,7 +31,7 @@ def from_the_middle(**settings):
 def test_a_constant_duty_is_an_ordinary_simulation():
     trace = duty_trace((60, 0.501), p_res=2.0e4)
     time, position = trace.time, np.full_like(trace.time, 0.002)
-    trace = dataclasses.replace(trace, p_res=2e4 + 8e3 * time, p_trb=5e4 * time, x_d=position, atmosphere=1e5)
+    trace = trace.replace(p_res=2e4 + 8e3 * time, p_trb=5e4 * time, x_d=position, atmosphere=1e5)
     scenario = Scenario(
         control.Constant(0.0),
         turbine=control.Sampled.through(trace.time, trace.p_trb),
@@ -45,7 +45,7 @@ def test_a_constant_duty_is_an_ordinary_simulation():
     run, solution = close_loop(plant, ConstantDuty(60.0), scenario, 0.5), vgtjax.simulate(plant, trace)
     np.testing.assert_allclose(run.time, solution.time, atol=1e-15)
     assert np.ptp(solution.x_d) > 1e-3
-    without_turbine = vgtjax.simulate(plant, dataclasses.replace(trace, p_trb=None))
+    without_turbine = vgtjax.simulate(plant, trace.replace(p_trb=None))
     assert np.max(np.abs(without_turbine.x_d - solution.x_d)) > 1e-5
     # Rounding alone: the intervals of a trace are differences of its times.
     np.testing.assert_allclose(run.position, solution.x_d, atol=1e-13)
@@ -65,7 +65,7 @@ def test_the_duty_is_saturated_and_held_between_samples(actuator):
     # The same duties, each for ten samples of a millisecond.
     held = np.repeat(np.asarray(run.duty)[:-1], 10)
     trace = duty_trace((51.0, len(held) * 1e-3), p_res=2.0e4)
-    drive = jax.tree.map(jnp.asarray, dataclasses.replace(trace, pwm=held).drive())
+    drive = jax.tree.map(jnp.asarray, trace.replace(pwm=held).drive())
     before = dataclasses.replace(jax.tree.map(lambda leaf: leaf[0], drive), pwm=jnp.asarray(51.0))
     state = actuator.start(scenario.start, before)
     states, _ = vgtjax.FixedStep().plan(actuator, trace)(actuator, state, drive, diffrax.ForwardMode())

@@ -228,7 +228,7 @@ def test_converged_means_that_another_step_gains_nothing(fitted):
 
 def test_a_trace_with_one_channel_is_fitted_on_it():
     both = bench(0)
-    run = calibrate(plan_task(vgtjax.Actuator(), [dataclasses.replace(both, x_d=None)], free=["chamber.volume"]))
+    run = calibrate(plan_task(vgtjax.Actuator(), [both.replace(x_d=None)], free=["chamber.volume"]))
     assert set(run.traces[0].rmse) == {"p_act"}
     assert run.progress.converged
 
@@ -240,7 +240,7 @@ def test_a_fit_in_single_precision_is_refused():
 
 
 def test_a_fit_without_traces_is_refused():
-    with pytest.raises(vgtjax.InputError, match="at least one trace with use = 'fit'"):
+    with pytest.raises(vgtjax.InputError, match="at least one trace to be fitted"):
         plan_task(vgtjax.Actuator(), [])
 
 

@@ -1,7 +1,5 @@
 """What experiments read off responses: from curves with closed forms, and from simulated actuators."""
 
-import dataclasses
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -245,8 +243,7 @@ def test_a_noisy_bench_gives_the_simulated_readings(hot):
     found, x_d, p_act = hot
     rng = np.random.default_rng(5)
     traces = [
-        dataclasses.replace(
-            trace,
+        trace.replace(
             x_d=x_d[row] + (30e-6, 70e-6)[row] + 8e-6 * rng.normal(size=x_d[row].shape),
             p_act=p_act[row] + (300.0, -200.0)[row] + 60.0 * rng.normal(size=x_d[row].shape),
             p_trb=trace.p_trb + 1500.0,

@@ -118,6 +118,20 @@ def test_offsets_of_the_sensors_do_not_count_as_effects_of_the_gas():
     assert found.readings["start_pressure_3000mbar"] == pytest.approx(-1.6e4 - 4e6 * LIFT, rel=1e-9)
 
 
+def test_loops_are_read_from_channels_with_clocks_of_their_own():
+    """Position at 200 Hz with a gap, pressure at 100 Hz and 3 ms late, the turbine once a second."""
+    time, x_d, p_act = rested(samples=6001)
+    seen = (time < 8) | (time > 8.1)
+    late = np.arange(0.003, 29.9, 0.01)
+    trace = vgtjax.Trace(
+        x_d=vgtjax.Channel(time, np.where(seen, x_d, np.nan), seen),
+        p_act=vgtjax.Channel(late, np.interp(late, time, p_act) + 101013.0),
+        p_trb=vgtjax.Channel(np.arange(31.0), np.full(31, 1.5e5)),
+    )
+    # All is straight between samples but the jumps of pressure, where the rod rests.
+    assert measure_loops([trace]).hysteresis == pytest.approx({1.5e5: 2000.0}, rel=1e-9)
+
+
 def test_a_unit_without_loops_has_no_readings():
     time, x_d, p_act = rested()
     step = vgtjax.Trace(time / 60, x_d=x_d, p_act=1e5 + p_act)

@@ -1,7 +1,5 @@
 """Models beside a bench trace whose sensors have offsets."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 from support import duty_trace, rms
@@ -24,7 +22,7 @@ def recorded():
         name: np.asarray(getattr(run, name)) + OFFSETS[name] + NOISE[name] * rng.standard_normal(len(trace.time))
         for name in OFFSETS
     }
-    return run, dataclasses.replace(trace, **seen)
+    return run, trace.replace(**seen)
 
 
 def test_the_first_model_tells_the_offsets_and_leaves_the_noise(recorded):
@@ -56,6 +54,6 @@ def test_a_deviation_is_root_mean_square_and_peak_of_a_difference(recorded):
 
 @pytest.mark.parametrize("column", ["x_d", "p_act"])
 def test_a_trace_without_what_is_compared_is_refused(column, recorded):
-    trace = dataclasses.replace(recorded[1], **{column: None}, name="half")
+    trace = recorded[1].replace(**{column: None}, name="half")
     with pytest.raises(vgtjax.InputError, match="half: a validation needs the columns x_d and p_act, but one of them"):
         validate({"full": FULL}, trace)

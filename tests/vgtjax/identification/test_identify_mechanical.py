@@ -1,6 +1,5 @@
 """Mechanical identifications: known parameters come back within their errors, and what can't be seen is said."""
 
-import dataclasses
 import importlib
 import re
 
@@ -66,8 +65,7 @@ def bench(model, seed, trace, offset=(2e-5, -150.0)):
     """What a bench would record: noise, and an offset of each sensor."""
     run = vgtjax.simulate(model, trace)
     random = np.random.default_rng(seed)
-    return dataclasses.replace(
-        trace,
+    return trace.replace(
         x_d=np.asarray(run.x_d) + offset[0] + random.normal(0, 8e-6, len(trace.time)),
         p_act=np.asarray(run.p_act) + offset[1] + random.normal(0, 60, len(trace.time)),
     )
@@ -247,7 +245,7 @@ def test_a_rod_at_rest_tells_nothing(real):
         assert result.unseen[0].startswith("the rod never ")
     for test in (identify_mass_and_damping, identify_lugre, mechanical_fit):
         assert test(model, [still]).values == {}
-        assert test(model, [dataclasses.replace(still, x_d=None)]).unseen == (
+        assert test(model, [still.replace(x_d=None)]).unseen == (
             "no trace shows the rod move under a measured drive; record x_d together with p_act or f_drive",
         )
 
@@ -306,9 +304,7 @@ def sweep(seed, **values):
     force = -1.2 + sum(a * (np.sin(2 * np.pi * f * time + p) - np.sin(p)) for f, a, p in lines)
     trace = vgtjax.Trace(time=time, f_drive=force, x_d=np.zeros_like(time))
     real = vgtjax.replace_parameters(axis(vgtjax.Coulomb(), **values), AXIS)
-    return dataclasses.replace(
-        trace, x_d=np.asarray(vgtjax.simulate(real, trace).x_d) + random.normal(0, 8e-6, len(time))
-    )
+    return trace.replace(x_d=np.asarray(vgtjax.simulate(real, trace).x_d) + random.normal(0, 8e-6, len(time)))
 
 
 def test_a_driven_axis_is_told_by_force_and_position_alone():

@@ -1,7 +1,5 @@
 """Identification of the pneumatic half: known parameters are found again, with errors that are honest."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 from support import duty_trace, rms
@@ -50,7 +48,7 @@ STEEPEST = 4.0
 def record(trace, name="trace"):
     """What noise-free sensors see of the true actuator."""
     run = simulate(TRUE, trace)
-    return dataclasses.replace(trace, x_d=np.asarray(run.x_d), p_act=np.asarray(run.p_act), name=name)
+    return trace.replace(x_d=np.asarray(run.x_d), p_act=np.asarray(run.p_act), name=name)
 
 
 def disturb(trace, number):
@@ -60,7 +58,7 @@ def disturb(trace, number):
         channel: getattr(trace, channel) + OFFSETS[channel][number % 2] + rng.normal(0, NOISE[channel], len(trace.time))
         for channel in NOISE
     }
-    return dataclasses.replace(trace, **signals)
+    return trace.replace(**signals)
 
 
 def loop(seconds, interval):
@@ -144,7 +142,7 @@ def test_few_duties_only_adjust_the_models_quartic():
 
 
 def test_without_an_equilibrium_there_is_a_sentence(clean):
-    for traces in ([], [clean[0].window(0.0, 0.5)], [dataclasses.replace(clean[0], pwm=None)]):
+    for traces in ([], [clean[0].window(0.0, 0.5)], [clean[0].replace(pwm=None)]):
         found = identify_magnetic_force(PRINTED, traces)
         assert not found.values
         assert "no equilibrium" in found.unseen[0]
@@ -263,13 +261,13 @@ def test_ramps_do_not_tell_the_springs():
 
 
 def test_plunger_needs_duty_and_pressure(clean):
-    found = identify_plunger(PRINTED, [dataclasses.replace(clean[0], p_act=None)])
+    found = identify_plunger(PRINTED, [clean[0].replace(p_act=None)])
     assert not found.values
     assert found.unseen == ("traces need the columns pwm and p_act",)
 
 
 def test_without_a_position_the_diaphragm_is_taken_in_balance(clean):
-    blind = dataclasses.replace(clean[0], x_d=None)
+    blind = clean[0].replace(x_d=None)
     model = known((*SPRINGS, "converter.magnetic_force", "diaphragm.preload", "diaphragm.stiffness"))
     found = identify_flow_areas(model, [blind])
     assert any("one without x_d" in sentence for sentence in found.unseen)
@@ -279,7 +277,7 @@ def test_without_a_position_the_diaphragm_is_taken_in_balance(clean):
 def test_the_pneumatic_half_driven_by_the_full_models_position():
     trace = duty_trace((0, 0.05), (80, 0.5), (30, 0.4), (0, 0.4), interval=2.5e-4, p_res=2.0e4)
     run = simulate(TRUE, trace)
-    driven = dataclasses.replace(trace, x_drive=np.asarray(run.x_d))
+    driven = trace.replace(x_drive=np.asarray(run.x_d))
     half = PneumaticActuator(TRUE.converter, TRUE.line, TRUE.chamber, TRUE.diaphragm, TRUE.air)
     again = simulate(half, driven)
     assert rms(again.p_act - run.p_act) < 5.0  # the position is linear between samples here
@@ -325,7 +323,7 @@ def test_offsets_are_read_at_rest(noisy, ramp):
         assert position.value == pytest.approx(OFFSETS["x_d"][number] - rest, abs=STEEPEST * position.std_error)
         assert pressure.std_error == pytest.approx(60 / np.sqrt(200), rel=0.1)
     assert sensor_offset(PRINTED, ramp, "p_act").value == pytest.approx(OFFSETS["p_act"][0], abs=40)
-    assert not sensor_offset(PRINTED, dataclasses.replace(ramp, x_d=None), "x_d").known
+    assert not sensor_offset(PRINTED, ramp.replace(x_d=None), "x_d").known
 
 
 def test_holds_and_ramps_are_told_apart(clean, ramp):

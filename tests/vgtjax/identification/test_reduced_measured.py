@@ -1,7 +1,5 @@
 """The polynomial flow map from what a bench records."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -21,8 +19,7 @@ def recorded(model, seed):
     """A run with the noise of the bench: 1 mbar and 10 um."""
     trace = vgtjax.Trace(TIME, pwm=PWM, p_res=np.full_like(TIME, 2e4), name="levels")
     run, noise = vgtjax.simulate(model, trace), np.random.default_rng(seed)
-    return run, dataclasses.replace(
-        trace,
+    return run, trace.replace(
         p_act=np.asarray(run.p_act) + noise.normal(0, 100, TIME.shape),
         x_d=np.asarray(run.x_d) + noise.normal(0, 1e-5, TIME.shape),
     )
@@ -72,7 +69,7 @@ def test_fitted_to_a_trace_the_polynomial_follows_the_full_model():
 @pytest.mark.parametrize("column", ["pwm", "p_act", "x_d"])
 def test_a_trace_without_what_it_takes_is_refused(column, bench):
     with pytest.raises(vgtjax.InputError, match=f"levels: a measured flow needs the column {column}, which is missing"):
-        fit_measured_flow(FULL, [dataclasses.replace(bench[1], **{column: None})])
+        fit_measured_flow(FULL, [bench[1].replace(**{column: None})])
 
 
 def test_two_duties_are_not_enough(bench):
