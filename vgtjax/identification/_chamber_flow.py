@@ -106,7 +106,8 @@ def read_chamber(model: Actuator, trace: Trace) -> ChamberRecord:
         reservoir,
         np.full_like(reservoir, trace.atmosphere),
     )
-    error = np.hypot(pressure.rate_error, per_velocity * position.rate_error) / per_area
+    with np.errstate(divide="ignore"):  # where nothing can flow, the error of an area is infinite
+        error = np.hypot(pressure.rate_error, per_velocity * position.rate_error) / per_area
     return ChamberRecord(trace, pressure, position, reservoir, temperature, area, error, per_area, per_velocity, offset)
 
 
