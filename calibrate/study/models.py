@@ -197,17 +197,14 @@ def check_value(model: eqx.Module, name: str, value: Any) -> None:
             raise InputError(f"'{name}' must be {rule}, but it is {number:g}; correct it")
 
 
-def passivity_note(model: vgtjax.AbstractModel) -> str | None:
+def passivity_note(model: Any) -> str | None:
     """A sentence where the friction of a model could give out energy, or `None`."""
-    friction = getattr(model, "friction", None)
-    if not isinstance(friction, vgtjax.LuGre):
-        return None
-    bound, damping = float(friction.passivity_bound()), float(friction.viscous_damping)
-    if damping > bound:
+    margin = model.friction.passivity_margin()
+    if margin is None or margin > 0:
         return None
     return (
-        f"friction is not passive: friction.viscous_damping is {damping:.4g} N s/m, and must exceed {bound:.4g} for "
-        "LuGre never to give out energy; friction = 'lugre-passive' holds a fit to that"
+        f"friction is not passive: friction.viscous_damping must be {-float(margin):.4g} N s/m larger for it never to "
+        "give out energy; friction = 'lugre-passive' holds a fit to that"
     )
 
 

@@ -13,7 +13,7 @@ from scipy import optimize
 
 from ..estimation import clustered_errors, determined_within, error_factor
 from ..parameters import Selection, Transform, build_transform, entry_names, get_parameter, parameter_table, select
-from ..parts import AbstractMagneticForce, Gas, NoLine
+from ..parts import Gas, NoLine
 from ..plants import Actuator
 from ..traces import Trace
 from . import _limits as limits
@@ -100,7 +100,7 @@ def _not_resolved(model: Actuator) -> tuple[str, ...]:
     coil = "the coil's current is taken as settled: what it lags counts as flow"
     return (
         *(() if isinstance(model.line, NoLine) else (line,)),
-        *((coil,) if isinstance(model.converter.magnetic_force, AbstractMagneticForce) else ()),
+        *(() if "converter.magnetic_force" in parameter_table(model) else (coil,)),
     )
 
 
@@ -125,7 +125,7 @@ def _lift(
 
     def one(lift, inputs):
         dt, duty, (p, p_next), (reservoir, reservoir_next), ambient = inputs
-        pull = converter.magnet.steady_pull(duty, lift)
+        pull = converter.magnetic_force.steady_pull(duty, lift)
         begin = converter.static_force(pull, ambient, reservoir, p)
         end = converter.static_force(pull, ambient, reservoir_next, p_next)
         springs = converter.membrane_stiffness + jnp.where(begin + end > 0, converter.return_spring_stiffness, 0.0)

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..estimation import LeastSquares, huber_weights, least_squares, robust_deviation
-from ..parts import AbstractMagneticForce
+from ..parameters import parameter_table
 from ..plants import Actuator
 from ..traces import SENSOR_PRESSURE_OFFSET, Trace, noise_level
 from . import _limits as limits
@@ -65,7 +65,7 @@ def identify_magnetic_force(model: Actuator, traces: Sequence[Trace]) -> Identif
         )
     solution = _solve(model, points, records)
     errors = np.sqrt(np.diag(solution.covariance)) if solution.form == "quartic" else np.full(5, np.nan)
-    coil = isinstance(model.converter.magnetic_force, AbstractMagneticForce)
+    coil = "converter.magnetic_force" not in parameter_table(model)
     duties = np.array([point.duty for point in points])
     return Identified(
         method=f"{len(points)} equilibria of {len(records)} traces; {_FORMS[solution.form]} by weighted least squares",
@@ -231,7 +231,7 @@ def _solve(model: Actuator, points: list[Equilibrium], records: list[ChamberReco
 def _model_quartic(model: Actuator) -> Float[np.ndarray, " 5"]:
     """The model's static force, or the quartic through a coil's."""
     duty = np.linspace(0, 100, 41)
-    pull = np.asarray(model.converter.magnet.steady_pull(duty, np.zeros_like(duty)))
+    pull = np.asarray(model.converter.magnetic_force.steady_pull(duty, np.zeros_like(duty)))
     return least_squares(duty[:, None] ** np.arange(5), pull).values
 
 

@@ -13,7 +13,8 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from .._errors import InputError
-from ._table import Parameter, table_row
+from ._selection import table_row
+from ._table import Parameter
 
 
 class Transform(eqx.Module):
