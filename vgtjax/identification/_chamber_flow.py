@@ -22,8 +22,8 @@ class ChamberRecord:
 
     `pressure` (Pa absolute) and `position` (m) are smoothed, and free of their sensors' offsets where the trace
     determines them. `temperature` in K. `area` is the effective area of the open orifice in m2, positive from the
-    atmosphere and negative to the reservoir, NaN where pressures are too equal; `area_error` its standard deviation.
-    `per_area` (Pa/s/m2) and `per_velocity` (Pa/m) are how the pressure's rate goes with the size of that area and with
+    atmosphere and negative to the reservoir, NaN where pressures are too equal. `rate_error` (Pa/s) is the standard
+    deviation of that part of the pressure's rate which the flow makes. `per_area` (Pa/s/m2) and `per_velocity` (Pa/m) are how the pressure's rate goes with the size of that area and with
     the diaphragm's velocity.
     """
 
@@ -33,7 +33,7 @@ class ChamberRecord:
     reservoir: Samples
     temperature: Samples
     area: Samples
-    area_error: Samples
+    rate_error: Samples
     per_area: Samples
     per_velocity: Samples
     offset: Offset
@@ -43,6 +43,11 @@ class ChamberRecord:
     def ambient(self) -> float:
         """Atmosphere in Pa."""
         return self.trace.atmosphere
+
+    @property
+    def area_error(self) -> Samples:
+        """Standard deviation of the area in m2, infinite where nothing can flow."""
+        return np.divide(self.rate_error, self.per_area, out=np.full_like(self.area, np.inf), where=self.per_area > 0)
 
 
 def usable(traces: Sequence[Trace]) -> list[Trace]:
@@ -106,8 +111,7 @@ def read_chamber(model: Actuator, trace: Trace) -> ChamberRecord:
         reservoir,
         np.full_like(reservoir, trace.atmosphere),
     )
-    with np.errstate(divide="ignore"):  # where nothing can flow, the error of an area is infinite
-        error = np.hypot(pressure.rate_error, per_velocity * position.rate_error) / per_area
+    error = np.hypot(pressure.rate_error, per_velocity * position.rate_error)
     return ChamberRecord(trace, pressure, position, reservoir, temperature, area, error, per_area, per_velocity, offset)
 
 

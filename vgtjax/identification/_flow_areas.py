@@ -159,7 +159,7 @@ def _gather(model: Actuator, traces: list[Trace]) -> _Samples | None:
             "reservoir": record.reservoir,
             "ambient": np.full_like(lift, record.ambient),
             "rate": record.pressure.rate,
-            "rate_error": record.per_area * np.hypot(record.area_error, _area_uncertainty(model, lift)),
+            "rate_error": np.hypot(record.rate_error, record.per_area * _area_uncertainty(model, lift)),
             "area": record.area,
             "group": group,
         }

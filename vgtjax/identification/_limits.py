@@ -36,7 +36,7 @@ METHOD_ERROR = Limit(1e-3, "", "relative error of areas and volume from noise-fr
 
 # -- what is known before a test ---------------------------------------------------------------------------------------
 
-STOP_ERROR = Limit(0.1, "", "by which a stop's assumed stiffness may be wrong; tells how deep preload presses the rod")
+STOP_ERROR = Limit(0.1, "", "by which a stop's assumed stiffness may be wrong; it sets how deep preload presses")
 LIFT_FORCE_ERROR = Limit(0.5, "", "relative error of the model's stiffness over orifice slope before any trace")
 IDLE_PULL_ERROR = Limit(0.05, "N", "error of the model's pull without duty, a remanence, before any trace")
 POSITION_ERROR = Limit(0.25e-3, "m", "offset of a position sensor that was never seen at a known place")
@@ -82,7 +82,7 @@ CLOSED_MARGIN = Limit(1500, "Pa", "from reservoir and atmosphere; nearer, the pl
 
 SLIDING_SAMPLES = Limit(30, "samples", "of one-way sliding that a regression needs")
 TURNING_SAMPLES = Limit(50, "samples", "of motion with turns that a regression needs")
-HELD_SAMPLES = Limit(20, "samples", "at the closed stop that tell where it is")
+HELD_SAMPLES = Limit(20, "samples", "at the closed stop from which its place can be read")
 HELD_FORCE = Limit(2, "", "Coulomb forces of excess drive before a rod at rest counts as held by its stop")
 STICKING = Limit(0.05, "", "part of a kernel over which an axis may stick, when friction has no known value")
 MEMORY = Limit(8, "", "bristle deflections after which a turn is forgotten, to a part in three thousand")

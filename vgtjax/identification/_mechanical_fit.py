@@ -5,20 +5,16 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 
 from .._errors import SimulationError
 from ..estimation import (
-    CHANNELS,
-    SEGMENT,
     Bounds,
     Calibration,
     Calibrator,
     calibrate,
-    clustered_gram,
     determined_within,
     error_factor,
-    least_squares,
     plan_task,
     start_calibration,
 )
@@ -28,6 +24,7 @@ from ..traces import Trace
 from . import _limits as limits
 from ._axis_regression import regress_axis
 from ._motion import MotionRecord, mechanical_half, plain_friction, read_motions
+from ._response_errors import covariance, drive_variances
 from ._result import Curve, Identified, NotPossible, bench_test, thinned
 from ._weak_form import at_closed_stop
 
@@ -35,9 +32,6 @@ ROUNDS = 4
 """Fits, each without the parameters that the one before could not determine."""
 DETAILS = ("static_force", "bristle_stiffness", "bristle_damping", "stribeck_velocity", "stribeck_drop")
 """What friction has besides its steady sliding force."""
-EXPERIMENTS = 5
-"""Of fresh noise on the drive; with five, a standard error from five traces is good to a seventh."""
-
 NEVER = ("diaphragm.stop_damping",)
 """Impacts are over within a sample: what a fit makes of them follows the kink of the contact, not its damping."""
 NO_DERIVATIVES = (
@@ -266,7 +260,7 @@ def _determined(
     size = whole.transform.scale
     relative = np.where(whole.transform.positive, 1.0, np.maximum(size, usual) / size)
     columns = whole.minimiser.linearisation()[1]
-    errors = np.sqrt(np.diag(_covariance(whole, motions, ~free)))
+    errors = np.sqrt(np.diag(covariance(whole, motions, ~free)))
     factor = error_factor(columns[:, free], errors[free])
     return (
         free
@@ -279,7 +273,7 @@ def _response(
     calibration: Calibration, whole: Calibrator, motions: Sequence[MotionRecord], free: np.ndarray
 ) -> ResponseFit:
     entries = calibration.task.selection.entries
-    errors = np.sqrt(np.diag(_covariance(whole, motions, ~free)) + _drive_variances(whole, motions, ~free))
+    errors = np.sqrt(np.diag(covariance(whole, motions, ~free)) + drive_variances(whole, motions, ~free))
     slope = np.where(whole.transform.positive, calibration.values, whole.transform.scale)
     found = np.flatnonzero(free)
     return ResponseFit(
@@ -288,74 +282,3 @@ def _response(
         {entries[i]: np.asarray(errors[i] * slope[i]) for i in found},
         tuple(np.array(entries)[~free]),
     )
-
-
-def _covariance(
-    whole: Calibrator, motions: Sequence[MotionRecord], held: Bool[np.ndarray, " entries"]
-) -> Float[np.ndarray, "entries entries"]:
-    """Covariance of the coordinates, with all that makes fitted values wrong.
-
-    Scores are summed over stretches of `CORRELATION` or `CORRELATION_FREE`, because what is left of the pressure's
-    noise, and what the model lacks, lasts longer than a sample. The unknown offset of a pressure acts like a preload
-    of that trace alone. Held parameters may be wrong by `ERROR_RESPONSE`.
-    """
-    residuals, columns = whole.minimiser.linearisation()
-    sprung = float(mechanical_half(whole.task.model).diaphragm.stiffness) > 0
-    owner, block = _layout(whole, motions, limits.CORRELATION if sprung else limits.CORRELATION_FREE)
-    bread = _bread(columns, held)
-    white = columns.T @ columns * max(residuals @ residuals / whole.minimiser.problem.count, 1.0)
-    clustered = clustered_gram(residuals, columns, block)
-    shifts = np.diag(np.where(held, 1 / limits.ERROR_RESPONSE**2, 0.0))
-    if "diaphragm.preload" in (entries := list(whole.task.selection.entries)):
-        at = entries.index("diaphragm.preload")
-        per_newton = columns[:, at] / whole.transform.scale[at]
-        for number, motion in enumerate(motions):
-            shift = columns.T @ (per_newton * (owner == number)) * motion.force_error
-            shifts = shifts + np.outer(shift, shift)
-    worst = [bread @ (noise + shifts) @ bread for noise in (white, clustered)]
-    larger = np.maximum(np.diag(worst[0]), np.diag(worst[1]))
-    grow = np.sqrt(larger / np.maximum(np.diag(worst[0]), 1e-300))
-    return worst[0] * np.outer(grow, grow)
-
-
-def _drive_variances(
-    whole: Calibrator, motions: Sequence[MotionRecord], held: Bool[np.ndarray, " entries"]
-) -> Float[np.ndarray, " entries"]:
-    """Variances of the coordinates from noise of the drive that its smoothing lets through.
-
-    By experiment: fresh noise on the smoothed drive, smoothed again, moves the simulated position, and that moves the
-    fit by a linear step.
-    """
-    noisy = [number for number, motion in enumerate(motions) if motion.drive_noise > 0]
-    residuals, columns = whole.minimiser.linearisation()
-    bread, owner = _bread(columns, held), _layout(whole, motions, limits.CORRELATION)[0]
-    variances, random = np.zeros(columns.shape[1]), np.random.default_rng(0)
-    for _ in range(EXPERIMENTS if noisy else 0):
-        traces = [motion.with_fresh_noise(random).trace for motion in motions]
-        task = dataclasses.replace(whole.task, fit=traces)
-        change = start_calibration(task).minimiser.linearisation()[0] - residuals
-        moves = [bread @ (columns.T @ (change * (owner == number))) for number in noisy]
-        variances += np.sum(np.square(moves), axis=0) / EXPERIMENTS
-    return variances
-
-
-def _bread(columns: np.ndarray, held: Bool[np.ndarray, " entries"]) -> np.ndarray:
-    """Inverse of the normal equations, in which held entries may be wrong by `ERROR_RESPONSE`."""
-    prior = np.diag(np.where(held, 1 / limits.ERROR_RESPONSE, 0.0))
-    return least_squares(np.vstack([columns, prior]), np.zeros(len(columns) + len(prior))).covariance
-
-
-def _layout(whole: Calibrator, motions: Sequence[MotionRecord], seconds: float) -> tuple[np.ndarray, np.ndarray]:
-    """The trace, and the stretch of so many seconds, of every residual."""
-    owners, blocks, first = [], [], 0
-    problem, channels = whole.minimiser.problem, len(CHANNELS)
-    for bundle in problem.bundles:
-        trace = np.asarray(bundle.indices)[bundle.lane_trace]
-        interval = np.array([motion.interval for motion in motions])[trace]
-        lanes = np.maximum(np.round(seconds / (SEGMENT * interval)), 1.0)
-        key = np.stack([trace, np.floor(bundle.lane_segment / lanes).astype(int)])
-        number = np.unique(key, axis=1, return_inverse=True)[1].reshape(-1)
-        owners.append(np.repeat(trace, SEGMENT * channels))
-        blocks.append(np.repeat(first + number, SEGMENT * channels))
-        first += int(number.max()) + 1
-    return np.concatenate(owners), np.concatenate(blocks)

@@ -66,7 +66,7 @@ def through_kernel(filtered: Filtered, samples: Samples) -> Samples:
 
 
 def _kernels(half: int, interval: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The kernel over `2 half + 1` samples, which sums to one, and its first two derivatives by time.
+    """The kernel over `2 half + 1` samples, which sums to one, and its first two derivatives with respect to time.
 
     Sums over samples are not integrals: left as they are, a position of 0.1 m shows as an acceleration. The derivatives
     are corrected to be exact on parabolas.

@@ -66,7 +66,7 @@ def test_a_force_sensor_needs_no_cold_loop():
         (lambda loops: [], "no trace moves slowly under exhaust gas"),
     ],
 )
-def test_what_the_traces_do_not_tell_is_said(loops, pick, sentence):
+def test_what_is_not_possible_is_said(loops, pick, sentence):
     found = identify_vane_map(EMPTY, pick(loops))
     assert found.values == {}
     assert sentence in found.limitations[0]
@@ -81,12 +81,12 @@ def test_half_a_stroke_leaves_the_rest_of_the_table_alone(loops):
 
 
 def test_a_model_without_the_component_says_so(loops):
-    assert "choose vane_force = 'map'" in identify_vane_map(vgtjax.Actuator(), loops).limitations[0]
-    assert "choose vane_force = 'polynomial'" in identify_vane_polynomial(vgtjax.Actuator(), loops).limitations[0]
+    assert "choose a model with a HysteresisMap" in identify_vane_map(vgtjax.Actuator(), loops).limitations[0]
+    assert "choose a model with a ForcePolynomial" in identify_vane_polynomial(vgtjax.Actuator(), loops).limitations[0]
 
 
 def test_surface_from_a_force_sensor():
-    """Four pressures tell all printed powers; the surface comes back where it was measured."""
+    """Four pressures determine all printed powers; the surface comes back where it was measured."""
     true = vgtjax.Actuator(vane_force=ForcePolynomial())
     traces = [bench(true, turbine, seed, sensor=True) for seed, turbine in enumerate((0.0, 0.4e5, 0.8e5, 1.2e5))]
     found = identify_vane_polynomial(true, traces)
@@ -104,6 +104,6 @@ def test_few_pressures_leave_high_powers_out():
     true = vgtjax.Actuator(vane_force=ForcePolynomial())
     found = identify_vane_polynomial(true, [bench(true, turbine, 3, sensor=True) for turbine in (0.0, 0.8e5)])
     coefficients = found.values["vane_force.coefficients"]
-    assert "2 turbine pressures do not tell powers of the ratio above 1" in found.limitations[0]
+    assert "2 turbine pressures do not determine powers of the ratio above 1" in found.limitations[0]
     assert coefficients[5] == coefficients[9] == 0.0
     assert np.isnan(found.std_errors["vane_force.coefficients"][9])
