@@ -15,9 +15,8 @@ from ..plants import MechanicalActuator
 from . import _limits as limits
 from ._filters import Samples
 from ._motion import MotionRecord, plain_friction, remove_noise
-from ._result import NotPossible
+from ._result import Coefficients, NotPossible
 from ._weak_form import (
-    Coefficients,
     Filtered,
     TraceEquations,
     filter_motion,

@@ -23,8 +23,8 @@ class ChamberRecord:
     `pressure` (Pa absolute) and `position` (m) are smoothed, and free of their sensors' offsets where the trace
     determines them. `temperature` in K. `area` is the effective area of the open orifice in m2, positive from the
     atmosphere and negative to the reservoir, NaN where pressures are too equal. `rate_error` (Pa/s) is the standard
-    deviation of that part of the pressure's rate which the flow makes. `per_area` (Pa/s/m2) and `per_velocity` (Pa/m) are how the pressure's rate goes with the size of that area and with
-    the diaphragm's velocity.
+    deviation of that part of the pressure's rate which the flow makes. `per_area` (Pa/s/m2) and `per_velocity` (Pa/m)
+    are derivatives of the pressure's rate with respect to the size of that area and to the diaphragm's velocity.
     """
 
     trace: Trace

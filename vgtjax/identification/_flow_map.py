@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from .._errors import InputError
-from ..plants import Actuator, FlowMapFit, judge, least_squares
+from ..plants import Actuator, FlowMapFit, fit_polynomial_flow, judge
 from ..traces import ASSUMED_RESERVOIR, Trace, noise_level
 from . import _limits as limits
 from ._filters import smooth
@@ -59,7 +59,7 @@ def fit_measured_flow(model: Actuator, traces: Sequence[Trace]) -> FlowMapFit:
         )
     # A noise-free simulation still has the error of its differences.
     weight = 1 / np.hypot(error, 1e-3 * np.max(np.abs(flow)))
-    flow_map = least_squares(
+    flow_map = fit_polynomial_flow(
         duty,
         pressure,
         flow,

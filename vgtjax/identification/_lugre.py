@@ -16,7 +16,7 @@ from ._mechanical_fit import ResponseFit, fit_response
 from ._motion import MotionRecord, mechanical_half, plain_friction, read_motions
 from ._result import Curve, Identified, NotPossible, bench_test, thinned
 from ._second_order import start_from_motion
-from ._weak_form import fit_sliding
+from ._sliding import fit_sliding
 
 
 @bench_test(

@@ -26,7 +26,7 @@ from ._axis_regression import regress_axis
 from ._motion import MotionRecord, mechanical_half, plain_friction, read_motions
 from ._response_errors import covariance, drive_variances
 from ._result import Curve, Identified, NotPossible, bench_test, thinned
-from ._weak_form import at_closed_stop
+from ._sliding import at_closed_stop
 
 ROUNDS = 4
 """Fits, each without the parameters that the one before could not determine."""

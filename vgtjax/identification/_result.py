@@ -21,6 +21,24 @@ class NotPossible(Exception):
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
+class Coefficients:
+    """Values and standard errors of the terms of a law by name, in SI units; NaN for what is not determined."""
+
+    values: dict[str, float]
+    std_errors: dict[str, float]
+
+    def relative_error(self, name: str) -> float:
+        """Standard error over value, infinite where the value is not determined."""
+        error = self.std_errors.get(name, np.nan) / abs(self.values.get(name, np.nan))
+        return float(error) if np.isfinite(error) else np.inf
+
+    def value(self, name: str) -> float:
+        """A value, or zero where it is not determined."""
+        value = self.values.get(name, 0.0)
+        return 0.0 if np.isnan(value) else value
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
 class Curve:
     """One picture of an identification: what was measured, and the identified law through it.
 

@@ -13,7 +13,7 @@ from ._axis_regression import regress_axis
 from ._mechanical_fit import ResponseFit, candidates, fit_response
 from ._motion import MotionRecord, mechanical_half, plain_friction, read_motions
 from ._result import Identified, NotPossible, bench_test
-from ._weak_form import Sliding, fit_sliding
+from ._sliding import Sliding, fit_sliding
 
 METHOD = (
     "Regression of the drive over acceleration and velocity, then nonlinear least squares of the position that "

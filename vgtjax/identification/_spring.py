@@ -12,7 +12,7 @@ from ..traces import Trace
 from . import _limits as limits
 from ._motion import MotionRecord, mechanical_half, read_motions
 from ._result import Curve, Identified, NotPossible, bench_test, thinned
-from ._weak_form import Sliding, at_closed_stop, fit_sliding
+from ._sliding import Sliding, at_closed_stop, fit_sliding
 
 
 @bench_test(
