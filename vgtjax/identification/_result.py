@@ -59,7 +59,7 @@ def thinned(count: int) -> slice:
     return slice(None, None, max(1, count // POINTS))
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Identified:
     """Parameters that one bench test determines, with standard errors, and what it could not determine.
 
@@ -81,7 +81,7 @@ class Identified:
     table: dict[str, Parameter] = dataclasses.field(default_factory=dict)
 
     def rows(self) -> list[tuple[str, float, float, str]]:
-        """Entry, value, standard error and unit of everything found, as [`str`][] and a notebook show it."""
+        """Entry, value, standard error and unit of everything found, as terminal and notebook show it."""
         found = []
         for name in self.values:
             values = np.ravel(self.values[name])
@@ -91,7 +91,7 @@ class Identified:
             found += list(zip(entries, values.tolist(), errors.tolist(), units, strict=True))
         return found
 
-    def __str__(self) -> str:
+    def __repr__(self) -> str:
         rows = [
             f"  {entry:<42}{value:>12.5g} {f'+- {error:.2g}' if np.isfinite(error) else '':<12}{unit}"
             for entry, value, error, unit in self.rows()
@@ -100,7 +100,7 @@ class Identified:
         return "\n".join([title, *rows, *(f"  {sentence}" for sentence in self.limitations)])
 
     def _repr_html_(self) -> str:
-        return f"<pre>{html.escape(str(self))}</pre>"
+        return f"<pre>{html.escape(repr(self))}</pre>"
 
 
 Test = Callable[[Any, Sequence[Trace]], Identified]
