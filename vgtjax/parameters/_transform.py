@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float
 
 from .._errors import InputError
@@ -34,9 +35,9 @@ class Transform(eqx.Module):
         exponent = jnp.where(self.positive, coordinates, 0.0)
         return jnp.where(self.positive, jnp.exp(exponent), self.scale * coordinates)
 
-    def slope(self, coordinates: Float[Array, " parameters"]) -> Float[Array, " parameters"]:
+    def slope(self, coordinates: Float[ArrayLike, " parameters"]) -> Float[Array, " parameters"]:
         """Derivative of each physical value with respect to its coordinate."""
-        return jnp.where(self.positive, self.to_physical(coordinates), self.scale)
+        return jnp.where(self.positive, self.to_physical(jnp.asarray(coordinates)), self.scale)
 
     def to_coordinates(self, values: Float[Array, " parameters"]) -> Float[Array, " parameters"]:
         """Coordinates of physical values inside the domain."""
