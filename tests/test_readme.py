@@ -10,7 +10,7 @@ from support import EXAMPLE
 import vgtjax
 from calibrate.study.models import CHAMBER, FRICTION, LINE, MAGNETIC_FORCE, VANE_FORCE, build_model, start_values
 from calibrate.study.tables import Study
-from calibrate.tune.designs import DESIGNS, build_controller
+from calibrate.tune.designs import DESIGNS
 from calibrate.tune.references import build_references
 
 ROOT = pathlib.Path(__file__).parents[1]
@@ -30,6 +30,13 @@ def test_python_example_runs(monkeypatch):
     assert scope["slopes"].shape == (len(scope["trace"].time), 2, 8)
 
 
+def test_python_population_runs():
+    scope = {}
+    exec(blocks("python")[1], scope)
+    assert scope["width"].shape == (256,)
+    assert not scope["results"].failed.any()
+
+
 @pytest.mark.parametrize("text", blocks("toml"))
 def test_study_examples_are_studies(text):
     study = Study.model_validate({"trace": [{"file": "any.csv"}]} | tomllib.loads(text))
@@ -41,7 +48,7 @@ def test_study_examples_are_studies(text):
 
 def test_the_controller_of_the_example_can_be_built():
     control = next(found.control for text in blocks("toml") if (found := _study(text)).control.gains)
-    controller = build_controller(control.design, vgtjax.Actuator())
+    controller = DESIGNS[control.design].for_plant(vgtjax.Actuator())
     assert vgtjax.select(controller, free=control.free).entries
     assert set(start_values(controller, Study(parameters=control.gains))[0]) == set(control.gains)
     assert len(build_references(control.reference, ROOT)) == 2

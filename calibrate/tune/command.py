@@ -91,7 +91,7 @@ def _load_progress(saved: pathlib.Path) -> tuple[float, TuningProgress | None]:
         lists = {name: tuple(progress[name]) for name in ("coordinates", "here", "memories", "history")}
         return float(content["seconds"]), TuningProgress(**{**progress, **lists})
     except (InputError, KeyError, TypeError, ValueError):
-        console.print(f"note: {saved} can't be read, so tuning begins anew")
+        console.print(f"note: {saved} can't be read, so tuning starts again")
         return 0.0, None
 
 

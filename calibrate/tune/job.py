@@ -14,14 +14,15 @@ import vgtjax
 from vgtjax import InputError
 from vgtjax.control import AbstractController, Sensors
 from vgtjax.estimation import Bounds
-from vgtjax.sensitivity import SobolSample
+from vgtjax.parts import feels_gas
+from vgtjax.population import SobolSample
 from vgtjax.tuning import MEMORIES, Cases, Objective, Problem, cross_cases, plan_tuning, soften, soften_cases
 
-from ..population import Actuators, feels_gas, read_actuators
+from ..population import Actuators, read_actuators
 from ..study.models import check_bounds, start_values
 from ..study.read import expand_traces, fingerprint, load_study
 from ..study.tables import ControlTable, ReferenceEntry, Study
-from .designs import build_controller
+from .designs import DESIGNS
 from .references import DEFAULT, DEFAULT_UNSEEN, build_references
 
 EXAMPLE = pathlib.Path(__file__).parents[1] / "example" / "control" / "study.toml"
@@ -88,7 +89,7 @@ def _reference_files(table: ControlTable, folder: pathlib.Path) -> dict[str | No
 
 
 def _controller(table: ControlTable, nominal: vgtjax.Actuator) -> tuple[AbstractController, Bounds]:
-    controller = build_controller(table.design, nominal)
+    controller = DESIGNS[table.design].for_plant(nominal)
     stated = Study(parameters=table.gains)
     values, bounds = start_values(controller, stated, GAINS_TABLE)
     controller = vgtjax.replace_parameters(controller, values)

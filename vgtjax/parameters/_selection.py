@@ -10,6 +10,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .._types import Vector
 from ._table import Parameter, get_parameter, parameter_table, replace_parameters, unknown_name
 
 
@@ -66,7 +67,7 @@ class Selection(eqx.Module):
             values.append(value if index is None else value[index])
         return jnp.stack(values) if values else jnp.zeros(0)
 
-    def unpack(self, model: eqx.Module, vector: Float[Array, " parameters"]) -> Any:
+    def unpack(self, model: eqx.Module, vector: Vector) -> Any:
         """`model` with its free values replaced by `vector`."""
         replaced: dict[str, Any] = {}
         for position, entry in enumerate(self.entries):

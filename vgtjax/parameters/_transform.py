@@ -10,10 +10,10 @@ from collections.abc import Sequence
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float
 
 from .._errors import InputError
+from .._types import Vector
 from ._selection import table_row
 from ._table import Parameter
 
@@ -30,31 +30,29 @@ class Transform(eqx.Module):
     lower: Float[np.ndarray, " parameters"] = eqx.field(converter=np.asarray)
     upper: Float[np.ndarray, " parameters"] = eqx.field(converter=np.asarray)
 
-    def to_physical(self, coordinates: Float[Array, " parameters"]) -> Float[Array, " parameters"]:
+    def to_physical(self, coordinates: Vector) -> Float[Array, " parameters"]:
         """Physical values of coordinates."""
         exponent = jnp.where(self.positive, coordinates, 0.0)
         return jnp.where(self.positive, jnp.exp(exponent), self.scale * coordinates)
 
-    def slope(self, coordinates: Float[ArrayLike, " parameters"]) -> Float[Array, " parameters"]:
+    def slope(self, coordinates: Vector) -> Float[Array, " parameters"]:
         """Derivative of each physical value with respect to its coordinate."""
-        return jnp.where(self.positive, self.to_physical(jnp.asarray(coordinates)), self.scale)
+        return jnp.where(self.positive, self.to_physical(coordinates), self.scale)
 
-    def to_coordinates(self, values: Float[Array, " parameters"]) -> Float[Array, " parameters"]:
+    def to_coordinates(self, values: Vector) -> Float[Array, " parameters"]:
         """Coordinates of physical values inside the domain."""
         logarithm = jnp.log(jnp.where(self.positive, values, 1.0))
         return jnp.where(self.positive, logarithm, values / self.scale)
 
-    def clip(self, coordinates: Float[Array, " parameters"]) -> Float[Array, " parameters"]:
+    def clip(self, coordinates: Vector) -> Float[Array, " parameters"]:
         """The nearest coordinates inside the bounds."""
         return jnp.clip(coordinates, self.lower, self.upper)
 
-    def pinned(
-        self, coordinates: Float[Array, " parameters"], gradient: Float[Array, " parameters"]
-    ) -> Bool[Array, " parameters"]:
+    def pinned(self, coordinates: Vector, gradient: Vector) -> Bool[Array, " parameters"]:
         """Which coordinates lie on a bound that the cost, of this gradient, would push them through."""
         return ((coordinates <= self.lower) & (gradient > 0)) | ((coordinates >= self.upper) & (gradient < 0))
 
-    def at_bound(self, coordinates: Float[Array, " parameters"]) -> Bool[Array, " parameters"]:
+    def at_bound(self, coordinates: Vector) -> Bool[Array, " parameters"]:
         """Which coordinates lie on a bound."""
         return (coordinates <= self.lower) | (coordinates >= self.upper)
 

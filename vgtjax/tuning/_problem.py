@@ -5,19 +5,18 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from .._devices import bring_home, spread_rows
 from .._errors import InputError
-from ..control import AbstractController, ClosedLoop
+from .._lanes import map_rows
+from ..control import AbstractController, ClosedLoop, check
 from ..parameters import Selection, Transform, build_transform, parameter_table, select
 from . import _loops as loops
 from ._admissible import MARGIN, conditions, spare, spare_slopes
 from ._cases import Cases
-from ._gains import check, gain_names
+from ._gains import gain_names
 from ._objective import Objective
 
 MEMORIES = (math.inf, 1.0, 0.3, 0.1, 0.03)
@@ -47,7 +46,7 @@ class CaseCosts:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Linearisation:
-    """Costs, and their first and Gauss-Newton's second derivatives by the coordinates."""
+    """Costs, and their first and Gauss-Newton's second derivatives with respect to the coordinates."""
 
     cases: CaseCosts
     slopes: Float[np.ndarray, "cases gains"]
@@ -80,7 +79,10 @@ class Problem:
         return np.asarray(self.transform.to_coordinates(self.selection.pack(self.controller)))
 
     def controller_at(self, coordinates: Float[np.ndarray, " gains"]) -> AbstractController:
-        """The controller with the gains of some coordinates, and its conditions checked as it is built."""
+        """The controller with the gains of some coordinates.
+
+        **Raises:** `InputError` for gains that break a condition of the design.
+        """
         tuned = self.selection.unpack(self.controller, self.transform.to_physical(jnp.asarray(coordinates)))
         check(tuned)
         return tuned
@@ -137,19 +139,19 @@ class Problem:
         coordinates: Float[np.ndarray, "rows gains"],
         memory: float | Float[np.ndarray, " rows"],
     ) -> tuple:
-        """Runs the cases at some places in chunks of `lanes`, the last one filled up by repeating its last row."""
-        count, chunks = len(places), []
+        """Runs the cases at some places, `lanes` of them side by side."""
+        count = len(places)
         memories = np.broadcast_to(np.asarray(memory, float), count)
         timing = loops.Timing(self.cases.duration, self.cases.period)
-        devices = jax.device_count()
-        lanes = devices * min(max(1, self.lanes // devices), -(-count // devices))
-        for begin in range(0, count, lanes):
-            here = np.minimum(np.arange(begin, begin + lanes), count - 1)
-            chunk = self.cases.take(places[here].tolist())
-            rows = spread_rows(loops.Row(chunk.plants, chunk.scenarios, coordinates[here], memories[here]))
-            found = function(self.controller, self.selection, self.transform, self.objective, timing, rows)
-            chunks.append(jax.tree.map(lambda leaf, left=count - begin: leaf[:left], bring_home(found)))
-        (terms, rms, peak, good), *more = jax.tree.map(lambda *leaves: np.concatenate(leaves), *chunks)
+
+        def rows(chosen: np.ndarray) -> loops.Row:
+            chunk = self.cases.take(places[chosen].tolist())
+            return loops.Row(chunk.plants, chunk.scenarios, coordinates[chosen], memories[chosen])
+
+        def run(shared: loops.Row) -> Any:
+            return function(self.controller, self.selection, self.transform, self.objective, timing, shared)
+
+        (terms, rms, peak, good), *more = map_rows(run, rows, count, min(self.lanes, count))
         blank = np.where(good, 1.0, np.nan)
         return (terms * blank[:, None], rms * blank, peak * blank, ~good), *more
 
@@ -173,7 +175,7 @@ def plan_tuning(
       all that are not held, but for what the controller believes of the plant.
     - `bounds`: ends of single gains by name, `None` for none.
     - `memories`: s, each a `derivative_memory` of [`close_loop`][]; infinite is exact. Each closed loop uses the
-      longest whose derivatives tell something.
+      longest whose derivatives are informative.
     - `lanes`: closed loops that run side by side; memory grows with it.
 
     **Raises:** `InputError` for a name that matches nothing, a start outside its bounds, a start that breaks a
@@ -182,7 +184,7 @@ def plan_tuning(
     chosen = gain_names(controller) if free is None else free
     selection = select(controller, free=chosen, fixed=fixed)
     if not selection.entries:
-        raise InputError("tuning needs at least one free gain, but free and fixed leave none; free one")
+        raise InputError("tuning needs at least one free gain, but free and fixed leave none; free one", "free")
     table, start = parameter_table(controller), np.asarray(selection.pack(controller))
     transform = build_transform(table, selection.entries, start, bounds or {})
     problem = Problem(controller, cases, objective, selection, transform, tuple(sorted(memories, reverse=True)), lanes)
@@ -191,6 +193,7 @@ def plan_tuning(
         if left < 0:
             raise InputError(
                 f"the start must keep every condition of the design with {MARGIN:.1%} to spare, but '{name}' has "
-                f"{float(value):.2%}; change the start values"
+                f"{float(value):.2%}; change the start values",
+                "controller",
             )
     return problem
