@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 
 from ..estimation import bundle_traces, observe
@@ -73,7 +74,7 @@ def apply(model: Any, found: Identified) -> Any:
     """`model` with what a test found; tables take the knots that it chose."""
     knots = found.values.get("vane_force.turbine_pressure")
     if knots is not None:
-        moved = model.vane_force.on_knots(knots, model.vane_force.crank_angle)
+        moved = model.vane_force.on_knots(jnp.asarray(knots), model.vane_force.crank_angle)
         model = eqx.tree_at(lambda m: m.vane_force, model, moved)
     known = parameter_table(model)
     return replace_parameters(model, {name: value for name, value in found.values.items() if name in known})

@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Sequence
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
@@ -111,7 +112,7 @@ def _on_visited_knots(vane_force: HysteresisMap, used: list[SlowSamples]) -> Hys
     given = np.asarray(vane_force.turbine_pressure)
     if not steady or (len(given) == len(means) and np.all(np.abs(given - means) < limits.SAME_TURBINE)):
         return vane_force
-    return vane_force.on_knots(means, np.asarray(vane_force.crank_angle))
+    return vane_force.on_knots(jnp.asarray(means), vane_force.crank_angle)
 
 
 def hats(knots: Float[np.ndarray, " knots"], at: Samples) -> Float[np.ndarray, "samples knots"]:
