@@ -185,7 +185,7 @@ def _summary(calibration: Calibration, seconds: float, unseen: list[str], job: J
         "wall_seconds": round(seconds, 3),
         "cost": progress.cost,
         "chi2_per_degree_of_freedom": calibration.uncertainty.scale,
-        "chi2_gain_of_a_further_linear_step": calibration.uncertainty.further_gain,
+        "chi2_gain_of_a_further_linear_step": calibration.uncertainty.gain,
         "unidentifiable_at_start": unseen,
         "friction_is_passive": passivity_note(calibration.model) is None,
         "study_sha256": job.fingerprint,

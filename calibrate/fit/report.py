@@ -108,7 +108,7 @@ def _spread_row(entry: str, found: list[tuple[float, float | None, str]]) -> dic
 
 def _sections(unit: UnitReport) -> dict[str, Any]:
     calibration = unit.calibration
-    known = calibration.uncertainty.identifiable
+    known = calibration.uncertainty.determined
     entries = [e for e, seen in zip(calibration.task.selection.entries, known, strict=True) if seen]
     covariance = calibration.covariance[np.ix_(known, known)]
     return {

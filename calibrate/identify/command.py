@@ -61,8 +61,10 @@ def _identify_unit(job: Job, unit: Unit, folder: pathlib.Path) -> None:
         for updated, result in identify(unit.model, unit.used("fit")):
             model = updated
             found.append(result)
-            told = f"{len(result.values)} parameters" if result.values else f"not possible: {'; '.join(result.unseen)}"
-            console.print(f"{'' if unit.name is None else unit.name + ': '}{result.name} [{result.equations}]: {told}")
+            why = "; ".join(result.limitations)
+            outcome = f"{len(result.values)} parameters" if result.values else f"not possible: {why}"
+            who = "" if unit.name is None else f"{unit.name}: "
+            console.print(f"{who}{result.name} [{result.equations}]: {outcome}")
         status.update("simulating all traces")
         model = _inside_bounds(model, unit)
         traces = _compare(model, unit, job)
@@ -98,7 +100,7 @@ def _compare(model: vgtjax.AbstractModel, unit: Unit, job: Job) -> list[TraceRes
 
 
 def _estimates(model: vgtjax.AbstractModel, found: list[Identified], unit: Unit) -> dict[str, Estimate]:
-    """Standard errors by entry, of the last test that told each."""
+    """Standard errors by entry, of the last test that determined each."""
     estimates: dict[str, Estimate] = {}
     values = dict(zip((every := vgtjax.select(model, free=["*"])).entries, np.asarray(every.pack(model)), strict=True))
     for result in found:
@@ -129,7 +131,7 @@ def _section(result: Identified) -> dict[str, Any]:
         "samples": result.samples,
         "values": {name: np.asarray(value).tolist() for name, value in result.values.items()},
         "std_errors": {name: _without_nan(errors) for name, errors in result.std_errors.items()},
-        "unseen": list(result.unseen),
+        "unseen": list(result.limitations),
     }
 
 
@@ -140,5 +142,5 @@ def _without_nan(errors: Any) -> Any:
 
 
 def rows_of(result: Identified, table: list[Row]) -> list[Row]:
-    """The rows of the parameters that one test told, with what that test found."""
+    """The rows of the parameters that one test determined, with what that test found."""
     return [row for row in table if row.entry.partition("[")[0] in result.values]

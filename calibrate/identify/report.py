@@ -50,7 +50,7 @@ def render(job: Job, unit: UnitIdentification) -> str:
 
 
 def render_overview(job: Job, summaries: dict[str | None, dict[str, Any]]) -> str:
-    """The report of a study with several units: what each one's tests told, with a link to its own report."""
+    """The report of a study with several units: what each one's tests determined, with a link to its own report."""
     names = [section["name"] for section in next(iter(summaries.values()))["sections"]]
     return render_page(
         "identify_overview.html.jinja",

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from vgtjax.experiments import Output
-from vgtjax.sensitivity import Estimate, Interval, RadialDesign, RankedInput, explain
+from vgtjax.sensitivity import BootstrapInterval, Interval, RadialDesign, RankedInput, explain
 
 from ..population import PopulationJob, describe_failed, describe_quantities, finite, scaled
 from .analysis import Analysis
@@ -120,5 +120,5 @@ def _interval(interval: Interval, factor: float = 1.0) -> dict[str, float | None
     return {name: finite(value * factor) for name, value in zip(("value", "low", "high"), interval, strict=True)}
 
 
-def _estimate(estimate: Estimate, place: tuple[int, int], factor: float = 1.0) -> dict[str, float | None]:
+def _estimate(estimate: BootstrapInterval, place: tuple[int, int], factor: float = 1.0) -> dict[str, float | None]:
     return _interval(Interval(*(float(end[place]) for end in (estimate.value, estimate.low, estimate.high))), factor)

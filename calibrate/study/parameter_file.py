@@ -87,7 +87,7 @@ def tabulate(
 def rows(calibration: Calibration) -> list[Row]:
     """Every scalar entry of the fitted model, free and held."""
     entries = calibration.task.selection.entries
-    known = calibration.uncertainty.identifiable.tolist()
+    known = calibration.uncertainty.determined.tolist()
     errors, ends = calibration.std_errors.tolist(), calibration.at_bound.tolist()
     estimates = {entry: Estimate(*found) for entry, *found in zip(entries, errors, ends, known, strict=True)}
     return tabulate(calibration.task.model, calibration.model, estimates, calibration.task.bounds)

@@ -15,11 +15,17 @@ from ._calibration import (
     start_calibration as start_calibration,
 )
 from ._fit import CHI2_TOLERANCE as CHI2_TOLERANCE, LevenbergMarquardt as LevenbergMarquardt, Progress as Progress
+from ._least_squares import (
+    LeastSquares as LeastSquares,
+    clustered_errors as clustered_errors,
+    clustered_gram as clustered_gram,
+    determined_within as determined_within,
+    error_factor as error_factor,
+    estimate_uncertainty as estimate_uncertainty,
+    huber_weights as huber_weights,
+    least_squares as least_squares,
+    robust_deviation as robust_deviation,
+)
 from ._residuals import FitProblem as FitProblem, build_fit_problem as build_fit_problem
 from ._seminormal import SeminormalEquations as SeminormalEquations
 from ._sensitivities import jacobian as jacobian, observe as observe, observe_with_jacobian as observe_with_jacobian
-from ._uncertainty import (
-    Uncertainty as Uncertainty,
-    estimate_uncertainty as estimate_uncertainty,
-    identifiable as identifiable,
-)

@@ -4,7 +4,6 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import jax
 import numpy as np
 from jaxtyping import Bool, Float
 
@@ -23,9 +22,9 @@ from ..simulation import FixedStep, model_dtype
 from ..traces import Trace, noise_level
 from ._bundle import CHANNELS, bundle_traces
 from ._fit import LevenbergMarquardt, Progress
+from ._least_squares import LeastSquares, estimate_uncertainty
 from ._residuals import build_fit_problem
 from ._sensitivities import observe
-from ._uncertainty import Uncertainty, estimate_uncertainty, identifiable
 
 Bounds = dict[str, tuple[float | None, float | None]]
 
@@ -140,7 +139,7 @@ class Calibration:
     progress: Progress
     values: Float[np.ndarray, " parameters"]
     covariance: Float[np.ndarray, "parameters parameters"]
-    uncertainty: Uncertainty
+    uncertainty: LeastSquares
     traces: list[TraceResult]
     count: int
     """Number of measurements fitted."""
@@ -162,7 +161,7 @@ class Calibration:
     @property
     def std_errors(self) -> Float[np.ndarray, " parameters"]:
         """Standard errors; NaN where the data say nothing."""
-        return np.where(self.uncertainty.identifiable, np.sqrt(np.diag(self.covariance)), np.nan)
+        return np.where(self.uncertainty.determined, np.sqrt(np.diag(self.covariance)), np.nan)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -175,8 +174,8 @@ class Calibrator:
 
     def unidentifiable(self) -> list[str]:
         """Free entries that the traces do not determine at the current values."""
-        known = identifiable(self.minimiser.linearisation()[1])
-        return [entry for entry, seen in zip(self.task.selection.entries, known, strict=True) if not seen]
+        found = estimate_uncertainty(*self.minimiser.linearisation(), self.minimiser.problem.count)
+        return [entry for entry, seen in zip(self.task.selection.entries, found.determined, strict=True) if not seen]
 
     def finish(self) -> Calibration:
         """What came of it: values, covariance, and every trace simulated with them."""
@@ -185,7 +184,7 @@ class Calibrator:
         uncertainty = estimate_uncertainty(residuals, columns, problem.count - problem.offsets)
         coordinates = np.asarray(progress.coordinates)
         values = np.asarray(self.transform.to_physical(coordinates))
-        slope = np.asarray(jax.jvp(self.transform.to_physical, (coordinates,), (np.ones_like(coordinates),))[1])
+        slope = np.asarray(self.transform.slope(coordinates))
         model = self.task.selection.unpack(self.task.model, values)
         with np.errstate(over="ignore"):  # the error of a value that ran away may be beyond every number
             covariance = uncertainty.covariance * np.outer(slope, slope)

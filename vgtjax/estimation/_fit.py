@@ -12,9 +12,9 @@ from jaxtyping import Array, Float
 
 from .._errors import SimulationError
 from .._lanes import replicate
+from ._least_squares import estimate_uncertainty
 from ._residuals import FitProblem
 from ._seminormal import SeminormalEquations
-from ._uncertainty import estimate_uncertainty
 
 CHI2_TOLERANCE = 0.01
 """A fit has converged when a step lowers chi^2 by less: a move of a tenth of a standard error in any one direction."""
@@ -155,7 +155,7 @@ class LevenbergMarquardt:
         recent = 2 * self.problem.count * (history[-1 - STALL :][0] - history[-1])
         # Before the first accepted step, rejections say that the start's damping is too small.
         stalled = before.accepted > 0 and before.iteration >= STALL and recent < STALL_TOLERANCE
-        stalled = stalled and self._further_gain() < STALL_SHARE * 2 * self.problem.count * float(cost)
+        stalled = stalled and self._gain_of_a_linear_step() < STALL_SHARE * 2 * self.problem.count * float(cost)
         self.progress = Progress(
             coordinates=tuple(np.asarray(self._coordinates).tolist()),
             step_size=float(self._state.search_state.step_size),
@@ -169,10 +169,10 @@ class LevenbergMarquardt:
         )
         return self.progress
 
-    def _further_gain(self) -> float:
+    def _gain_of_a_linear_step(self) -> float:
         """What a full linear step would still take off chi^2."""
         residuals, columns = self.linearisation()
-        return estimate_uncertainty(residuals, columns, self.problem.count).further_gain
+        return estimate_uncertainty(residuals, columns, self.problem.count).gain
 
     def linearisation(
         self,

@@ -7,24 +7,23 @@ from typing import Any
 import numpy as np
 
 from .._errors import SimulationError
-from ..estimation import Progress, Task, start_calibration
+from ..estimation import Progress, Task, least_squares, start_calibration
 from ..parameters import build_transform, parameter_table, replace_parameters
 from ..plants import AbstractModel, MechanicalActuator
 from ..traces import Trace
+from . import _limits as limits
 from ._axis_regression import filter_clear, moving_rows, regress_axis
-from ._mechanical_fit import candidates, fit_response, response_figures
-from ._motion import Motion, mechanical_half, plain_friction, read_motion, read_motions
-from ._result import Curve, Identified
-from ._weak_form import CERTAIN
-
-PLOTTED = 1500
-"""Points a curve."""
-BEGINNING, FEWEST = 0.02, 8
-"""s and samples that tell the speed at the first sample."""
-SLOW = 0.02
-"""Part of the greatest speed that counts as rest at the first sample."""
+from ._mechanical_fit import candidates, fit_response
+from ._motion import MotionRecord, mechanical_half, plain_friction, read_motion, read_motions
+from ._result import Curve, Identified, NotPossible, bench_test, thinned
 
 
+@bench_test(
+    "axis",
+    "2.34, 2.35",
+    "Regression of the drive over acceleration, velocity, direction and position through a smooth kernel, then "
+    "nonlinear least squares of the position that follows from the drive.",
+)
 def identify_axis(model: AbstractModel, traces: Sequence[Trace]) -> Identified:
     """Mass, friction, spring and constant force of an axis that a force drives, from force and position alone [2.34].
 
@@ -39,27 +38,10 @@ def identify_axis(model: AbstractModel, traces: Sequence[Trace]) -> Identified:
 
     **Returns:** parameters of diaphragm and friction by name, of shape `()`.
     """
-    result = Identified(
-        "axis",
-        "2.34, 2.35",
-        "Regression of the drive over acceleration, velocity, direction and position through a smooth kernel, then "
-        "nonlinear least squares of the position that follows from the drive.",
-    )
     half, motions = mechanical_half(model), read_motions(model, traces)
     start = regress_axis(half, motions, candidates(half))
-    if isinstance(start, str):
-        return dataclasses.replace(result, unseen=(start,))
     response = fit_response(replace_parameters(half, start), motions)
-    if isinstance(response, str):
-        return dataclasses.replace(result, unseen=(response,))
-    return dataclasses.replace(
-        result,
-        values=response.values,
-        std_errors=response.std_errors,
-        unseen=response.unseen,
-        figures=(*_figures(response.model, motions), *response_figures(response)),
-        samples=response.calibration.count,
-    )
+    return response.report(figures=(*_figures(response.model, motions), *response.figures()))
 
 
 def better_start(task: Task) -> Progress | None:
@@ -74,8 +56,11 @@ def better_start(task: Task) -> Progress | None:
     if not isinstance(task.model, MechanicalActuator):
         return None
     motions = read_motions(task.model, [trace for trace in task.fit if trace.f_drive is not None])
-    found = regress_axis(task.model, motions, task.selection.entries) if motions else {}
-    if isinstance(found, str) or not found:
+    try:
+        found = regress_axis(task.model, motions, task.selection.entries) if motions else {}
+    except NotPossible:
+        return None
+    if not found:
         return None
     stated = _progress(task, {})
     better = _progress(task, found)
@@ -107,7 +92,9 @@ def moves_at_start(trace: Trace) -> tuple[float, float] | None:
     motion = read_motion(MechanicalActuator(), trace)
     seen = filter_clear(motion)
     speed, error = _first_speed(motion)
-    if not np.any(seen.valid) or speed < max(CERTAIN * error, SLOW * float(np.max(np.abs(seen.velocity[seen.valid])))):
+    if not np.any(seen.valid) or speed < max(
+        limits.MOVING * error, limits.REST_SPEED * float(np.max(np.abs(seen.velocity[seen.valid])))
+    ):
         return None
     way = seen.direction[seen.valid]
     still = np.flatnonzero(way != way[0])
@@ -115,22 +102,22 @@ def moves_at_start(trace: Trace) -> tuple[float, float] | None:
     return speed, float(begin)
 
 
-def _first_speed(motion: Motion) -> tuple[float, float]:
+def _first_speed(motion: MotionRecord) -> tuple[float, float]:
     """Speed in m/s at the first sample and its standard error, from a parabola through the first moments.
 
     A kernel would look at what a force has done by its middle.
     """
-    count = max(round(BEGINNING / motion.interval), FEWEST)
+    count = int(max(round(limits.START_TIME / motion.interval), limits.START_SAMPLES))
     time, position = motion.time[:count] - motion.time[0], motion.position[:count]
-    if len(time) < FEWEST:
+    if len(time) < limits.START_SAMPLES:
         return 0.0, np.inf
     powers = np.stack([np.ones_like(time), time, time**2], axis=1)
-    values = np.linalg.lstsq(powers, position, rcond=None)[0]
-    left = max(float(np.std(position - powers @ values)), motion.noise)
-    return float(abs(values[1])), left * float(np.sqrt(np.linalg.inv(powers.T @ powers)[1, 1]))
+    found = least_squares(powers, position)
+    left = max(float(np.std(position - powers @ found.values)), motion.noise)
+    return float(abs(found.values[1])), left * float(found.std_errors[1])
 
 
-def _figures(model: MechanicalActuator, motions: Sequence[Motion]) -> tuple[Curve, ...]:
+def _figures(model: MechanicalActuator, motions: Sequence[MotionRecord]) -> tuple[Curve, ...]:
     """Friction over velocity where the axis moves, with the law of Coulomb and viscous friction."""
     friction: Any = plain_friction(model)
     if not hasattr(friction, "viscous_damping"):
@@ -139,7 +126,7 @@ def _figures(model: MechanicalActuator, motions: Sequence[Motion]) -> tuple[Curv
     for motion in motions:
         seen = filter_clear(motion)
         chosen = np.flatnonzero(moving_rows(model, seen) & (seen.direction != 0))
-        chosen = chosen[:: max(1, len(chosen) * len(motions) // PLOTTED)]
+        chosen = chosen[thinned(len(chosen) * len(motions))]
         applied = seen.force - float(model.diaphragm.preload) - float(model.diaphragm.stiffness) * seen.position
         velocities.append(seen.velocity[chosen])
         forces.append((applied - float(model.diaphragm.mass) * seen.acceleration)[chosen])

@@ -7,19 +7,15 @@ from jaxtyping import Bool
 
 from ..parameters import Parameter, get_parameter, parameter_table
 from ..plants import MechanicalActuator
-from ._motion import Motion, plain_friction
-from ._weak_form import Filtered, Rows, filter_motion, regress, through_kernel, within_stops
+from . import _limits as limits
+from ._motion import MotionRecord, plain_friction
+from ._result import NotPossible
+from ._weak_form import Filtered, TraceEquations, filter_motion, regress_traces, through_kernel, within_stops
 
 KERNELS = (0.02, 0.03, 0.05, 0.08, 0.12, 0.2)
 """s; the shortest through which noise does not hide the acceleration is taken: longer ones blur the turns."""
 HIDDEN = 1e-3
 """Part of the acceleration's variance that noise may make; it lowers the mass by as much."""
-STUCK = 0.05
-"""Part of a kernel over which the axis may be at rest, where friction has no known value."""
-FEWEST = 50
-"""Rows of the regression."""
-VAGUE = 0.3
-"""Relative standard error above which a value is no start."""
 TERMS = {
     "diaphragm.preload": "constant",
     "diaphragm.stiffness": "position",
@@ -30,16 +26,20 @@ TERMS = {
 """What each parameter multiplies in the force."""
 
 
-def regress_axis(model: MechanicalActuator, motions: Sequence[Motion], free: Collection[str]) -> dict[str, float] | str:
-    """Start values for those of the free parameters that a regression tells, or why there are none.
+def regress_axis(model: MechanicalActuator, motions: Sequence[MotionRecord], free: Collection[str]) -> dict[str, float]:
+    """Start values, in the units of the table, for those of the free parameters that a regression determines [2.34].
 
     Parameters that are not free count with the model's value. Static force, bristles and their damping follow the
     Coulomb force and mass in proportion.
+
+    **Raises:** `NotPossible` when no trace shows enough motion.
     """
     seen = [filter_clear(motion) for motion in motions]
     rows = [moving_rows(model, each) for each in seen]
-    if sum(np.count_nonzero(chosen) for chosen in rows) < FEWEST:
-        return "no trace shows the axis move for long under a measured drive; record motion in both directions"
+    if sum(np.count_nonzero(chosen) for chosen in rows) < limits.TURNING_SAMPLES:
+        raise NotPossible(
+            "no trace shows the axis move for long under a measured drive; record motion in both directions"
+        )
     table = parameter_table(model)
     known = {name: _value(model, name) for name in TERMS if name in table and name not in free}
     unknown = [name for name in TERMS if name not in known]
@@ -52,12 +52,14 @@ def regress_axis(model: MechanicalActuator, motions: Sequence[Motion], free: Col
         right = right - _value(model, "diaphragm.damping") * each.velocity
         matrix = np.stack([columns[TERMS[name]][chosen] for name in unknown], axis=1)
         if len(matrix):
-            blocks.append(Rows(matrix, right[chosen], each.motion.time[chosen], each.width, each.motion.force_error))
-    found = regress(blocks)
+            blocks.append(
+                TraceEquations(matrix, right[chosen], each.motion.time[chosen], each.width, each.motion.force_error)
+            )
+    found = regress_traces(blocks)
     values = {
         name: float(value)
         for name, value, error in zip(unknown, found.values, found.std_errors, strict=True)
-        if np.isfinite(error) and (not _positive(table, name) or (value > 0 and error < VAGUE * value))
+        if np.isfinite(error) and (not _positive(table, name) or (value > 0 and error < limits.ERROR * value))
     }
     return _in_proportion(model, values, free)
 
@@ -70,7 +72,7 @@ def _positive(table: dict[str, Parameter], name: str) -> bool:
     return name not in table or table[name].positive
 
 
-def filter_clear(motion: Motion) -> Filtered:
+def filter_clear(motion: MotionRecord) -> Filtered:
     """Through the shortest kernel whose acceleration is clear of noise."""
     seen = filter_motion(motion, KERNELS[0])
     for seconds in KERNELS:
@@ -85,7 +87,7 @@ def filter_clear(motion: Motion) -> Filtered:
 def moving_rows(model: MechanicalActuator, seen: Filtered) -> Bool[np.ndarray, " time"]:
     """Where the axis moves for nearly all of a kernel, away from its stops; it may turn round."""
     apart = through_kernel(seen, ((seen.direction == 0) | ~within_stops(model, seen.motion)).astype(float))
-    return seen.valid & (apart < STUCK)
+    return seen.valid & (apart < limits.STICKING)
 
 
 def _columns(seen: Filtered) -> dict[str, np.ndarray]:

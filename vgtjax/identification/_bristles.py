@@ -7,26 +7,32 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Bool
+from scipy import optimize
 from scipy.ndimage import minimum_filter1d
-from scipy.optimize import least_squares
 
+from ..estimation import least_squares
 from ..plants import MechanicalActuator
+from . import _limits as limits
 from ._filters import Samples
-from ._motion import Motion, plain_friction, remove_noise
-from ._weak_form import Filtered, Rows, filter_motion, regress, through_kernel, within_stops
+from ._motion import MotionRecord, plain_friction, remove_noise
+from ._result import Coefficients, NotPossible
+from ._weak_form import (
+    Filtered,
+    TraceEquations,
+    filter_motion,
+    regress_traces,
+    through_kernel,
+    within_stops,
+)
 
 KERNEL = 0.05
-"""s; from 0.03 to 0.1 s the bench traces tell the same bristles within 1 %."""
+"""s; from 0.03 to 0.1 s the bench traces give the same bristles within 1 %."""
 SCALES = np.geomspace(0.1, 10, 9)
 """Multiples of the model's deflection that a search for the best one begins with."""
 ENDS = {"deflection": (1e-7, 1e-2), "ratio": (0.7, 5.0), "stribeck": (1e-5, 0.1)}
 """Deflection of a sliding bristle in m, static over Coulomb force, Stribeck velocity in m/s: far beyond any bearing."""
 STEP = 1e-3
 """Relative step of finite differences; rounding is 1e-8 of it."""
-FEWEST = 50
-"""Rows of a regression."""
-STUCK = 0.05
-"""Part of a kernel over which an axis may stick."""
 USUAL_STIFFNESS = 4e4
 """N/m; where a search begins for friction that has no bristles."""
 
@@ -43,24 +49,17 @@ class Path:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Bristles:
-    """What paths tell, by those of the names `preload, stiffness, coulomb, viscous, mass, bristle_damping` and
-    `deflection, ratio, stribeck`; NaN for what is not determined.
+class Bristles(Coefficients):
+    """What paths determine of the names `preload, stiffness, coulomb, viscous, mass, bristle_damping` and `deflection,
+    ratio, stribeck`.
 
     For a picture, of the path with most turns: `position` in m, `measured` friction without its viscous part in N, and
     `law`, what the bristles make of the path, likewise."""
 
-    values: dict[str, float]
-    std_errors: dict[str, float]
     position: Samples
     measured: Samples
     law: Samples
     samples: int
-
-    def relative_error(self, name: str) -> float:
-        """Standard error over value, infinite where the paths do not tell it."""
-        error = self.std_errors.get(name, np.nan) / abs(self.values.get(name, np.nan))
-        return float(error) if np.isfinite(error) else np.inf
 
 
 def bristle_force(position: Samples, limit: Samples, deflection: float) -> Samples:
@@ -80,7 +79,7 @@ def bristle_force(position: Samples, limit: Samples, deflection: float) -> Sampl
     return np.fromiter(forces, dtype=float, count=len(position))
 
 
-def read_paths(model: MechanicalActuator, motions: Sequence[Motion]) -> list[Path]:
+def read_paths(model: MechanicalActuator, motions: Sequence[MotionRecord]) -> list[Path]:
     """Paths of those motions that slide between the stops."""
     paths = []
     for motion in motions:
@@ -89,21 +88,25 @@ def read_paths(model: MechanicalActuator, motions: Sequence[Motion]) -> list[Pat
         rows = minimum_filter1d(inside, seen.width, mode="constant", cval=0).astype(bool)
         if motion.trace.f_drive is not None:
             # An axis that sticks moves less than its sensor sees, and then its friction is anything up to the limit.
-            rows &= through_kernel(seen, (seen.direction == 0).astype(float)) < STUCK
-        if np.count_nonzero(rows) >= FEWEST and np.any(seen.direction[rows] != 0):
+            rows &= through_kernel(seen, (seen.direction == 0).astype(float)) < limits.STICKING
+        if np.count_nonzero(rows) >= limits.TURNING_SAMPLES and np.any(seen.direction[rows] != 0):
             position = remove_noise(motion.position, motion.noise)
             paths.append(Path(seen, position, np.gradient(position, motion.time), rows))
     return paths
 
 
-def fit_bristles(model: MechanicalActuator, paths: Sequence[Path], stribeck: bool) -> Bristles | str:
+def fit_bristles(model: MechanicalActuator, paths: Sequence[Path], stribeck: bool) -> Bristles:
     """Least squares of the drive over position, velocity, acceleration and the force of bristles along the path.
 
     All but the deflection is linear, and solved for each trial of it; with `stribeck`, all but the ratio of static to
     Coulomb force and the Stribeck velocity as well. Bristles have damping where those of the model have.
+
+    **Raises:** `NotPossible` without a path.
     """
     if not paths:
-        return "the rod never moves freely between its stops; record it turning round in the middle of its travel"
+        raise NotPossible(
+            "the rod never moves freely between its stops; record it turning round in the middle of its travel"
+        )
     friction = plain_friction(model)
     usual = float(friction.coulomb_force) / float(getattr(friction, "bristle_stiffness", USUAL_STIFFNESS))
     shape = []
@@ -113,7 +116,7 @@ def fit_bristles(model: MechanicalActuator, paths: Sequence[Path], stribeck: boo
     ends = np.log(np.array(list(ENDS.values()))[: 1 + len(shape)]).T
     trials = [np.clip(np.log([usual * scale, *shape]), ends[0] + STEP, ends[1] - STEP) for scale in SCALES]
     best = min(trials, key=lambda trial: float(np.sum(law.residual(trial) ** 2)))
-    return law.report(least_squares(law.residual, best, bounds=ends, diff_step=STEP).x)
+    return law.report(optimize.least_squares(law.residual, best, bounds=ends, diff_step=STEP).x)
 
 
 class _Law:
@@ -145,7 +148,7 @@ class _Law:
         """Values of the linear unknowns, and the matrix of their columns."""
         blocks = [np.stack(list(self.columns(path, logs).values()), axis=1) for path in self.paths]
         matrix = np.concatenate(blocks)
-        return np.linalg.lstsq(matrix, self.right, rcond=1e-12)[0], matrix
+        return least_squares(matrix, self.right).values, matrix
 
     def residual(self, logs: np.ndarray) -> np.ndarray:
         """Force that the law leaves, in N."""
@@ -160,18 +163,16 @@ class _Law:
         whole, first, blocks = np.column_stack([matrix, *slopes]), 0, []
         for path in self.paths:
             motion, count = path.filtered.motion, int(np.count_nonzero(path.rows))
-            doubt = float(np.hypot(motion.force_error, self.stiffness * motion.position_error))
-            rows = slice(first, first + count)
-            blocks.append(Rows(whole[rows], self.right[rows], motion.time[path.rows], path.filtered.width, doubt))
+            doubt, rows = motion.constant_error(self.stiffness), slice(first, first + count)
+            time = motion.time[path.rows]
+            blocks.append(TraceEquations(whole[rows], self.right[rows], time, path.filtered.width, doubt))
             first += count
-        errors = regress(blocks, robust=False).std_errors
+        errors = regress_traces(blocks, robust=False).std_errors
         errors[len(linear) :] *= np.exp(logs)  # derivatives were by logarithms
         names = [*self.columns(self.paths[0], logs), *list(ENDS)[: len(logs)]]
         values = np.where(np.isfinite(errors), np.concatenate([linear, np.exp(logs)]), np.nan)
-        told = dict(zip(names, values.tolist(), strict=True))
-        return Bristles(
-            told, dict(zip(names, errors.tolist(), strict=True)), *self.picture(logs, linear), len(self.right)
-        )
+        found, doubts = (dict(zip(names, each.tolist(), strict=True)) for each in (values, errors))
+        return Bristles(found, doubts, *self.picture(logs, linear), len(self.right))
 
     def picture(self, logs: np.ndarray, linear: np.ndarray) -> tuple[Samples, Samples, Samples]:
         """Position, measured friction and that of the bristles, of the path with most turns."""

@@ -1,4 +1,4 @@
-"""What the measured chamber pressure tells about the flow through the converter [2.33]."""
+"""Flow through the converter, from the measured chamber pressure [2.33]."""
 
 import dataclasses
 from collections.abc import Callable, Sequence
@@ -20,11 +20,11 @@ from ._filters import Offset, Samples, Smooth, reservoir_pressure, sensor_offset
 class ChamberRecord:
     """The gas in the chamber along one trace, each array of shape `(time,)`.
 
-    `pressure` (Pa absolute) and `position` (m) are smoothed, and free of their sensors' offsets where the trace tells
-    them. `temperature` in K. `area` is the effective area of the open orifice in m2, positive from the atmosphere and
-    negative to the reservoir, NaN where pressures are too equal to tell; `area_error` its standard deviation.
-    `per_area` (Pa/s/m2) and `per_velocity` (Pa/m) are how the pressure's rate goes with the size of that area and with
-    the diaphragm's velocity.
+    `pressure` (Pa absolute) and `position` (m) are smoothed, and free of their sensors' offsets where the trace
+    determines them. `temperature` in K. `area` is the effective area of the open orifice in m2, positive from the
+    atmosphere and negative to the reservoir, NaN where pressures are too equal. `rate_error` (Pa/s) is the standard
+    deviation of that part of the pressure's rate which the flow makes. `per_area` (Pa/s/m2) and `per_velocity` (Pa/m)
+    are derivatives of the pressure's rate with respect to the size of that area and to the diaphragm's velocity.
     """
 
     trace: Trace
@@ -33,7 +33,7 @@ class ChamberRecord:
     reservoir: Samples
     temperature: Samples
     area: Samples
-    area_error: Samples
+    rate_error: Samples
     per_area: Samples
     per_velocity: Samples
     offset: Offset
@@ -43,6 +43,11 @@ class ChamberRecord:
     def ambient(self) -> float:
         """Atmosphere in Pa."""
         return self.trace.atmosphere
+
+    @property
+    def area_error(self) -> Samples:
+        """Standard deviation of the area in m2, infinite where nothing can flow."""
+        return np.divide(self.rate_error, self.per_area, out=np.full_like(self.area, np.inf), where=self.per_area > 0)
 
 
 def usable(traces: Sequence[Trace]) -> list[Trace]:
@@ -106,7 +111,7 @@ def read_chamber(model: Actuator, trace: Trace) -> ChamberRecord:
         reservoir,
         np.full_like(reservoir, trace.atmosphere),
     )
-    error = np.hypot(pressure.rate_error, per_velocity * position.rate_error) / per_area
+    error = np.hypot(pressure.rate_error, per_velocity * position.rate_error)
     return ChamberRecord(trace, pressure, position, reservoir, temperature, area, error, per_area, per_velocity, offset)
 
 
@@ -119,7 +124,7 @@ def flow_through(
 
 
 LEAST_SPEED = 1e-3
-"""Of the choked flow; a flow slower than this part of it does not tell an area."""
+"""Of the choked flow; a flow slower than this part of it determines no area."""
 
 
 BLOCK = 4000
@@ -179,8 +184,8 @@ def _read_flow(
     unit = flow_through(model, side, pressure, temperature, reservoir, ambient)
     per_mass = rates_with(Flow(jnp.ones_like(pressure), unit.temperature), velocity).pressure - still
     mass_flow = (rate - still) / per_mass
-    told = jnp.abs(unit.mass_flow) > LEAST_SPEED * pressure / jnp.sqrt(model.air.gas_constant * temperature)
-    area = jnp.where(told, side * mass_flow / jnp.where(told, unit.mass_flow, 1.0), jnp.nan)
+    clear = jnp.abs(unit.mass_flow) > LEAST_SPEED * pressure / jnp.sqrt(model.air.gas_constant * temperature)
+    area = jnp.where(clear, side * mass_flow / jnp.where(clear, unit.mass_flow, 1.0), jnp.nan)
     heating = rates_with(Flow(mass_flow, unit.temperature), velocity).temperature
     per_velocity = rates_with(none, velocity + 1.0).pressure - still
     return heating, area, jnp.abs(per_mass * unit.mass_flow), per_velocity

@@ -1,6 +1,5 @@
 """Dahl friction from friction over position [3.3.2.2]."""
 
-import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
@@ -9,16 +8,17 @@ import numpy as np
 from ..parameters import parameter_table
 from ..plants import AbstractModel, MechanicalActuator
 from ..traces import Trace
+from . import _limits as limits
 from ._bristles import Bristles, fit_bristles, read_paths
 from ._motion import mechanical_half, plain_friction, read_motions
-from ._result import Curve, Identified
-
-VAGUE = 0.3
-"""Relative standard error above which a value is not worth having."""
-PLOTTED = 1500
-"""Points a curve."""
+from ._result import Curve, Identified, bench_test, thinned
 
 
+@bench_test(
+    "Dahl friction",
+    "3.5, section 3.3.2.2",
+    "Least squares of the drive over position, velocity, acceleration and the force of bristles along the path.",
+)
 def identify_dahl(model: AbstractModel, traces: Sequence[Trace]) -> Identified:
     """Coulomb force and stiffness of the bristles from friction over position [3.5, section 3.3.2.2].
 
@@ -33,39 +33,31 @@ def identify_dahl(model: AbstractModel, traces: Sequence[Trace]) -> Identified:
     **Returns:** `friction.coulomb_force` in N and, for friction with bristles, `friction.bristle_stiffness` in N/m, of
     shape `()`.
     """
-    result = Identified(
-        "Dahl friction",
-        "3.5, section 3.3.2.2",
-        "Least squares of the drive over position, velocity, acceleration and the force of bristles along the path.",
-    )
     half = mechanical_half(model)
     found = fit_bristles(half, read_paths(half, read_motions(model, traces)), stribeck=False)
-    if isinstance(found, str):
-        return dataclasses.replace(result, unseen=(found,))
     values: dict[str, Any] = {}
     errors: dict[str, Any] = {}
-    unseen = []
+    limitations = []
     coulomb, deflection = found.values["coulomb"], found.values["deflection"]
     uncertain = float(np.hypot(found.relative_error("coulomb"), _stiction(half) / abs(coulomb)))
-    if uncertain < VAGUE and coulomb > 0:
+    if uncertain < limits.ERROR and coulomb > 0:
         values["friction.coulomb_force"] = np.asarray(coulomb)
         errors["friction.coulomb_force"] = np.asarray(uncertain * coulomb)
     else:
-        unseen.append("friction.coulomb_force: the rod does not slide both ways; record it moving out and back")
+        limitations.append("friction.coulomb_force: the rod does not slide both ways; record it moving out and back")
     if "friction.bristle_stiffness" in parameter_table(half):
         error = float(np.hypot(uncertain, found.relative_error("deflection")))
-        if error < VAGUE and coulomb > 0:
+        if error < limits.ERROR and coulomb > 0:
             values["friction.bristle_stiffness"] = np.asarray(coulomb / deflection)
             errors["friction.bristle_stiffness"] = np.asarray(error * coulomb / deflection)
         else:
-            unseen.append(
+            limitations.append(
                 "friction.bristle_stiffness: the rod does not turn round often enough within its travel; record turns"
             )
-    return dataclasses.replace(
-        result,
+    return Identified(
         values=values,
         std_errors=errors,
-        unseen=tuple(unseen),
+        limitations=tuple(limitations),
         figures=(friction_over_position(found),),
         samples=found.samples,
     )
@@ -79,7 +71,7 @@ def _stiction(half: MechanicalActuator) -> float:
 
 def friction_over_position(found: Bristles) -> Curve:
     """Friction without its viscous part over position, measured and by the law."""
-    chosen = slice(None, None, max(1, len(found.law) // PLOTTED))
+    chosen = thinned(len(found.law))
     position = 1e3 * found.position[chosen]
     return Curve(
         "position, mm",

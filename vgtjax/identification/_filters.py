@@ -10,6 +10,7 @@ from scipy.signal import savgol_coeffs, savgol_filter
 from ..parts import Converter
 from ..plants import AbstractModel, Actuator, MechanicalActuator
 from ..traces import Trace, noise_level
+from . import _limits as limits
 
 Samples = Float[np.ndarray, " time"]
 
@@ -84,15 +85,11 @@ class Offset:
 
     @property
     def known(self) -> bool:
-        """Whether the trace tells it."""
+        """Whether the trace determines it."""
         return bool(np.isfinite(self.std_error))
 
 
 UNKNOWN = Offset(0.0, np.inf)
-FEWEST_AT_REST = 5
-"""Samples at rest from which an offset is read."""
-DRIFT = 5.0
-"""Standard errors by which the halves of a rest may differ before it is taken for the end of a movement."""
 
 
 def resting(model: AbstractModel, trace: Trace) -> Bool[np.ndarray, " time"]:
@@ -120,12 +117,12 @@ def sensor_offset(model: Actuator | MechanicalActuator, trace: Trace, channel: s
     if samples is None:
         return UNKNOWN
     rest = samples[resting(model, trace)]
-    if len(rest) < FEWEST_AT_REST:
+    if len(rest) < limits.REST_SAMPLES:
         return UNKNOWN
     truth = float(model.diaphragm.rest_position(np.asarray(0.0))) if channel == "x_d" else trace.atmosphere
     error = noise_level(samples, channel) / np.sqrt(len(rest))
     half = len(rest) // 2
-    if abs(np.mean(rest[:half]) - np.mean(rest[half:])) > DRIFT * 2 * error:
+    if abs(np.mean(rest[:half]) - np.mean(rest[half:])) > limits.REST_DRIFT * 2 * error:
         return UNKNOWN
     return Offset(float(np.mean(rest)) - truth, error)
 
@@ -149,15 +146,11 @@ def holds(trace: Trace, shortest: float) -> list[slice]:
     ]
 
 
-DUTY_STEP = 2.0
-"""%; smaller changes from sample to sample are a ramp's."""
-
-
 def duty_steps(trace: Trace) -> Int[np.ndarray, " steps"]:
     """Samples at which the duty steps."""
     if trace.pwm is None:
         return np.zeros(0, dtype=int)
-    return np.flatnonzero(np.abs(np.diff(trace.pwm)) > DUTY_STEP) + 1
+    return np.flatnonzero(np.abs(np.diff(trace.pwm)) > limits.DUTY_STEP) + 1
 
 
 def slow_blocks(trace: Trace, length: float, fastest: float, roughness: float) -> list[slice]:

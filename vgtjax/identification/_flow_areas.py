@@ -9,16 +9,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
-from scipy.optimize import least_squares
+from scipy import optimize
 
+from ..estimation import clustered_errors, determined_within, error_factor
 from ..parameters import Selection, Transform, build_transform, entry_names, get_parameter, parameter_table, select
 from ..parts import Gas, NoLine
 from ..plants import Actuator
 from ..traces import Trace
+from . import _limits as limits
 from ._chamber_flow import BLOCK, NEEDS, ChamberRecord, flow_through, march, read_chamber, usable, without_position
 from ._filters import duty_steps
-from ._regression import clustered_errors, determined, usual_factor
-from ._result import Curve, Identified
+from ._result import Curve, Identified, NotPossible, bench_test, thinned
 
 LAWS = (
     "converter.reservoir_orifice_slope",
@@ -26,25 +27,8 @@ LAWS = (
     "converter.atmosphere_orifice",
     "chamber.volume",
 )
-LEAST_LIFT = 10e-6
-"""m; below, the plunger's position is no better known than to its size."""
-LIFT_ERROR = 2e-6
-"""m; how well the balance tells the position at best: offsets of the pressure's sensor, a magnetic force to 5 mN."""
-MARGIN = 2000.0
-"""Pa between chamber and source; nearer, the flow depends on the pressures' difference more than on the area."""
-AFTER_STEP = 0.02
-"""s after a duty step in which smoothing and the plunger's mass, which is left out, make its position uncertain."""
-WORST = 0.3
-"""Relative standard error above which a value counts as not seen, and stays what the model has."""
 OUTLIER = 3.0
 """Standard deviations beyond which a residual counts by its size instead of its square."""
-CLUSTER = 0.5
-"""s; errors of neighbouring samples are taken for independent beyond this: longer than any window of the filters."""
-EXACT = 1e-3
-"""Relative error that the method itself makes, through filters and temperatures: its largest on noise-free traces of
-known parameters."""
-SHOWN = 1500
-"""Points in a picture."""
 
 
 class _Samples(eqx.Module):
@@ -67,9 +51,14 @@ class _Samples(eqx.Module):
     count: int = eqx.field(static=True)
     """Samples that are no padding."""
     stepped: bool = eqx.field(static=True)
-    """Whether any trace steps the duty. A slow ramp tells the volume only through small differences of large flows."""
+    """Whether any trace steps the duty. A slow ramp shows the volume only in small differences of large flows."""
 
 
+@bench_test(
+    "flow areas",
+    "2.33, B.2, B.3",
+    "Nonlinear least squares of the pressure's rate for areas and volume, with the model's springs of the plunger.",
+)
 def identify_flow_areas(model: Actuator, traces: Sequence[Trace]) -> Identified:
     """Slope and saturation of the reservoir's orifice [B.2], `c0..c2` of the atmosphere's [B.3], and the volume `V_0`.
 
@@ -78,33 +67,34 @@ def identify_flow_areas(model: Actuator, traces: Sequence[Trace]) -> Identified:
     errata 3 and 9) then gives the rate of the pressure for any areas and volume, and these are fitted to the measured
     rate. Standard errors hold for the stiffnesses that the model has: softer springs with steeper areas do the same.
 
-    **Returns:** those of the five that the traces tell; `converter.atmosphere_orifice` has NaN as standard error
-    where an entry kept the model's value.
+    **Arguments:** `model`: with the plunger's springs and magnetic force found before; `traces`: with `pwm` in %,
+    `p_act` in Pa, and best `x_d` in m.
+
+    **Returns:** those of the five that the traces determine, in the units of the table; `converter.atmosphere_orifice`
+    has NaN as standard error where an entry kept the model's value.
     """
     used = usable(traces)
     samples = _gather(model, used)
     if samples is None:
-        return Identified(name="flow areas", equations="2.33, B.2, B.3", method="no flow was found", unseen=(NOTHING,))
+        raise NotPossible(f"no sample with a significant flow was found: step the duty ({NEEDS})")
     # Temperatures depend, though little, on the volume that is looked for: once more with what was found.
     samples = _gather(_fit(model, samples).model, used) or samples
     fit = _fit(model, samples)
-    values, errors, unseen = gather_entries(
+    values, errors, limitations = gather_entries(
         model, fit.model, LAWS, dict(zip(fit.selection.entries, fit.std_errors, strict=True))
     )
     return Identified(
-        name="flow areas",
-        equations="2.33, B.2, B.3",
         method=f"{samples.count} samples of {len(used)} traces with flow; areas and volume by nonlinear least "
         "squares of the pressure's rate, with the model's springs of the plunger",
         values=values,
         std_errors=errors,
-        unseen=(*unseen, *_blind(model), *without_position(traces)),
+        limitations=(*limitations, *_not_resolved(model), *without_position(traces)),
         figures=(_figure(fit.model, samples),),
         samples=samples.count,
     )
 
 
-def _blind(model: Actuator) -> tuple[str, ...]:
+def _not_resolved(model: Actuator) -> tuple[str, ...]:
     """Sentences about parts of the model that are not resolved here."""
     line = "the line is not resolved: its resistance counts as orifice"
     coil = "the coil's current is taken as settled: what it lags counts as flow"
@@ -112,9 +102,6 @@ def _blind(model: Actuator) -> tuple[str, ...]:
         *(() if isinstance(model.line, NoLine) else (line,)),
         *(() if "converter.magnetic_force" in parameter_table(model) else (coil,)),
     )
-
-
-NOTHING = f"no sample with a significant flow was found: step the duty ({NEEDS})"
 
 
 def plunger_lift(model: Actuator, record: ChamberRecord) -> Float[np.ndarray, " time"]:
@@ -161,7 +148,7 @@ def _gather(model: Actuator, traces: list[Trace]) -> _Samples | None:
     for trace in traces:
         record = read_chamber(model, trace)
         lift = plunger_lift(model, record)
-        group = clusters + ((trace.time - trace.time[0]) / CLUSTER).astype(int)
+        group = clusters + ((trace.time - trace.time[0]) / limits.CORRELATION_FLOW).astype(int)
         clusters = int(group[-1]) + 1
         signals = {
             "lift": lift,
@@ -172,7 +159,7 @@ def _gather(model: Actuator, traces: list[Trace]) -> _Samples | None:
             "reservoir": record.reservoir,
             "ambient": np.full_like(lift, record.ambient),
             "rate": record.pressure.rate,
-            "rate_error": record.per_area * np.hypot(record.area_error, _area_uncertainty(model, lift)),
+            "rate_error": np.hypot(record.rate_error, record.per_area * _area_uncertainty(model, lift)),
             "area": record.area,
             "group": group,
         }
@@ -192,19 +179,20 @@ def _gather(model: Actuator, traces: list[Trace]) -> _Samples | None:
 def _area_uncertainty(model: Actuator, lift: Float[np.ndarray, " time"]) -> Float[np.ndarray, " time"]:
     """By how much the area changes within the uncertainty of the lift, beside the jump at zero, in m2."""
     area = jax.vmap(model.converter.orifice_area)
-    away = np.where(lift < 0, -LIFT_ERROR, LIFT_ERROR)
+    away = np.where(lift < 0, -limits.LIFT_ERROR, limits.LIFT_ERROR)
     return np.abs(np.asarray(area(lift + away) - area(lift)))
 
 
 def _flows(record: ChamberRecord, lift: Float[np.ndarray, " time"]) -> Bool[np.ndarray, " time"]:
     """Where a flow is to be expected and known well: chosen by lift and pressures, not by the noisy rate itself."""
     time, pressure = record.trace.time, record.pressure.value
-    emptying = (lift < -LEAST_LIFT) & (pressure > record.reservoir + MARGIN)
-    filling = (lift > LEAST_LIFT) & (pressure < record.ambient - MARGIN)
+    emptying = (lift < -limits.FLOW_LIFT) & (pressure > record.reservoir + limits.FLOW_MARGIN)
+    filling = (lift > limits.FLOW_LIFT) & (pressure < record.ambient - limits.FLOW_MARGIN)
     jumps = np.concatenate([[-np.inf], time[duty_steps(record.trace)]])
     since = time - jumps[np.searchsorted(jumps, time, side="right") - 1]
     until = np.append(jumps[1:], np.inf)[np.searchsorted(jumps, time, side="right") - 1] - time
-    return (emptying | filling) & (since > AFTER_STEP) & (until > AFTER_STEP) & np.isfinite(record.area)
+    settled = (since > limits.FLOW_SETTLING) & (until > limits.FLOW_SETTLING)
+    return (emptying | filling) & settled & np.isfinite(record.area)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -217,25 +205,25 @@ class _Fit:
 
 
 def _fit(start: Actuator, samples: _Samples) -> _Fit:
-    """Least squares of the pressure's rate; entries that it does not tell are held, and the rest fitted again."""
+    """Least squares of the pressure's rate; entries that it does not determine are held, the rest fitted again."""
     every = select(start, LAWS)
     free = np.array([samples.stepped or entry != "chamber.volume" for entry in every.entries])
     while np.any(free):
         model, residuals, columns = _minimise(start, every, free, samples)
         errors = clustered_errors(residuals, columns, samples.group)
         values = np.asarray(every.pack(model))[free]
-        told = determined(columns * np.abs(values), usual_factor(columns, errors), WORST)
-        if np.all(told):
+        good = determined_within(columns * np.abs(values), error_factor(columns, errors), limits.ERROR)
+        if np.all(good):
             chosen = Selection(tuple(np.array(every.entries)[free].tolist()))
-            return _Fit(model, chosen, np.hypot(errors, EXACT * np.abs(values)))
-        free[free] = told
+            return _Fit(model, chosen, np.hypot(errors, limits.METHOD_ERROR * np.abs(values)))
+        free[free] = good
     return _Fit(start, Selection(()), np.zeros(0))
 
 
 def _minimise(
     start: Actuator, every: Selection, free: Bool[np.ndarray, " entries"], samples: _Samples
 ) -> tuple[Actuator, np.ndarray, np.ndarray]:
-    """The fitted model, its residuals in units of noise, and their derivatives by the free entries."""
+    """The fitted model, its residuals in units of noise, and their derivatives with respect to the free entries."""
     values = np.asarray(every.pack(start))
     transform = build_transform(parameter_table(start), every.entries, values, {})
     fixed = np.asarray(transform.to_coordinates(values))
@@ -247,7 +235,7 @@ def _minimise(
         return coordinates
 
     def improve(y: np.ndarray, loss: str, tolerance: float) -> np.ndarray:
-        return least_squares(
+        return optimize.least_squares(
             lambda y: np.asarray(_residuals(whole(y), start, every, transform, samples)),
             np.clip(y, low[free], high[free]),
             jac=lambda y: np.asarray(_jacobian(whole(y), start, every, transform, samples))[:, free],
@@ -265,7 +253,7 @@ def _minimise(
     coordinates = whole(found)
     residuals = np.asarray(_residuals(coordinates, start, every, transform, samples))
     columns = np.asarray(_jacobian(coordinates, start, every, transform, samples))
-    slope = np.asarray(jax.jvp(transform.to_physical, (coordinates,), (np.ones_like(coordinates),))[1])
+    slope = np.asarray(transform.slope(coordinates))
     # By the loss, as residuals and columns whose squares are its own to first order.
     weight = (1 + (residuals / OUTLIER) ** 2) ** -0.25
     model = every.unpack(start, np.asarray(transform.to_physical(coordinates)))
@@ -279,17 +267,13 @@ def _reach(
 
     A saturation that no lift exceeds leaves no trace in the flow, so a trial that leaps there would stay there.
     """
-    guess, low, high = start.copy(), start - np.log(FARTHEST), start + np.log(FARTHEST)
+    guess, low, high = start.copy(), start - np.log(limits.FACTOR_AREAS), start + np.log(limits.FACTOR_AREAS)
     at = every.entries.index("converter.reservoir_orifice_saturation")
     deepest = float(np.log(max(-np.min(samples.lift), 1e-9)))
     if deepest > low[at]:
         high[at] = min(high[at], deepest)
         guess[at] = min(start[at], deepest + np.log(0.5))
     return guess, np.minimum(low, guess - 1.0), high
-
-
-FARTHEST = 10.0
-"""Factor by which a fit may change a value."""
 
 
 @eqx.filter_jit
@@ -329,12 +313,16 @@ def gather_entries(
             std_errors[name] = np.reshape([errors.get(entry, np.nan) for entry in entries], values[name].shape)
     if not held:
         return values, std_errors, ()
-    return values, std_errors, (f"these traces don't tell {', '.join(held)}, which kept the model's values",)
+    return (
+        values,
+        std_errors,
+        (f"not determined by these traces, so that they kept the model's values: {', '.join(held)}",),
+    )
 
 
 def _figure(model: Actuator, samples: _Samples) -> Curve:
-    thinned = slice(None, None, max(samples.count // SHOWN, 1))
-    lift, area = (np.asarray(signal)[: samples.count][thinned] for signal in (samples.lift, samples.area))
+    chosen = thinned(samples.count)
+    lift, area = (np.asarray(signal)[: samples.count][chosen] for signal in (samples.lift, samples.area))
     grid = np.linspace(min(np.min(lift), 0.0), max(np.max(lift), 0.0), 400)
     law = np.asarray(jax.vmap(model.converter.orifice_area)(grid))
     return Curve(

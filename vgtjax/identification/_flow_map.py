@@ -6,12 +6,10 @@ import numpy as np
 from jaxtyping import Float
 
 from .._errors import InputError
-from ..plants import Actuator, FlowMapFit, judge, least_squares
+from ..plants import Actuator, FlowMapFit, fit_polynomial_flow, judge
 from ..traces import ASSUMED_RESERVOIR, Trace, noise_level
+from . import _limits as limits
 from ._filters import smooth
-
-SETTLING = 0.03
-"""s after a change of the duty that are left out: the plunger, with 11 ms, is still on its way."""
 
 
 def measured_flow(model: Actuator, trace: Trace) -> tuple[Float[np.ndarray, " time"], Float[np.ndarray, " time"]]:
@@ -33,10 +31,10 @@ def measured_flow(model: Actuator, trace: Trace) -> tuple[Float[np.ndarray, " ti
 
 
 def fit_measured_flow(model: Actuator, traces: Sequence[Trace]) -> FlowMapFit:
-    """[`PolynomialFlow`][] by least squares to the flow that traces tell, weighted by its noise.
+    """[`PolynomialFlow`][] by least squares to the flow that traces determine, weighted by its noise.
 
-    Its goodness counts that noise too. Traces that rest most of the time tell mostly where nothing flows; steps to
-    several duties tell the slopes.
+    Its goodness counts that noise too. Traces at rest mostly determine where nothing flows; steps to several
+    duties determine the slopes.
 
     **Raises:** `InputError` for a trace without duty, pressure or position, or when all of them together have one duty.
     """
@@ -54,7 +52,7 @@ def fit_measured_flow(model: Actuator, traces: Sequence[Trace]) -> FlowMapFit:
         last = np.searchsorted(changes, trace.time, side="right") - 1
         since = trace.time - np.append(changes, -np.inf)[last]
         gauge = trace.p_act - trace.atmosphere + float(model.air.pressure)
-        rows.append(np.stack([trace.pwm, gauge, flow, error])[:, since > SETTLING])
+        rows.append(np.stack([trace.pwm, gauge, flow, error])[:, since > limits.MAP_SETTLING])
     duty, pressure, flow, error = np.concatenate(rows, axis=1) if rows else np.zeros((4, 0))
     if len(np.unique(duty)) < 3:
         raise InputError(
@@ -62,7 +60,7 @@ def fit_measured_flow(model: Actuator, traces: Sequence[Trace]) -> FlowMapFit:
         )
     # A noise-free simulation still has the error of its differences.
     weight = 1 / np.hypot(error, 1e-3 * np.max(np.abs(flow)))
-    flow_map = least_squares(
+    flow_map = fit_polynomial_flow(
         duty,
         pressure,
         flow,

@@ -1,6 +1,6 @@
 """LuGre friction from sliding, break-away and turns [3.8-3.12]."""
 
-import dataclasses
+import contextlib
 from collections.abc import Sequence
 from typing import Any
 
@@ -9,20 +9,22 @@ import numpy as np
 from ..parameters import parameter_table, replace_parameters
 from ..plants import AbstractModel, MechanicalActuator
 from ..traces import Trace
+from . import _limits as limits
 from ._bristles import Bristles, fit_bristles, read_paths
 from ._dahl import friction_over_position
-from ._mechanical_fit import Response, fit_response
-from ._motion import Motion, mechanical_half, plain_friction, read_motions
-from ._result import Curve, Identified
+from ._mechanical_fit import ResponseFit, fit_response
+from ._motion import MotionRecord, mechanical_half, plain_friction, read_motions
+from ._result import Curve, Identified, NotPossible, bench_test, thinned
 from ._second_order import start_from_motion
-from ._weak_form import Sliding, fit_sliding
-
-VAGUE = 0.5
-"""Relative standard error up to which a regression is a better start than what the model has."""
-PLOTTED = 1500
-"""Points a curve."""
+from ._sliding import fit_sliding
 
 
+@bench_test(
+    "LuGre friction",
+    "3.8-3.12",
+    "Regression of friction over velocity where the rod slides, then over its path, then nonlinear least squares "
+    "of the position that follows from the drive.",
+)
 def identify_lugre(model: AbstractModel, traces: Sequence[Trace]) -> Identified:
     """All parameters of LuGre friction [3.8-3.12].
 
@@ -33,54 +35,39 @@ def identify_lugre(model: AbstractModel, traces: Sequence[Trace]) -> Identified:
 
     **Arguments:** `model`: with start values; `traces`: with `x_d` in m, and `p_act` in Pa or `f_drive` in N.
 
-    **Returns:** every `friction` parameter that the traces tell, of shape `()`; those that they don't, for instance
-    `sigma_1` from slow loops, are in `unseen`.
+    **Returns:** every `friction` parameter that the traces determine, in the units of the table and of shape `()`; the
+    others, for instance `sigma_1` from slow loops, are in `limitations`.
     """
-    result = Identified(
-        "LuGre friction",
-        "3.8-3.12",
-        "Regression of friction over velocity where the rod slides, then over its path, then nonlinear least squares "
-        "of the position that follows from the drive.",
-    )
     half, motions = mechanical_half(model), read_motions(model, traces)
     if not hasattr(plain_friction(half), "stribeck_velocity"):
-        return dataclasses.replace(result, unseen=("the model's friction is not LuGre's; choose friction = 'lugre'",))
-    bristles = fit_bristles(half, read_paths(half, motions), stribeck=True)
-    start = start_from_bristles(start_from_motion(half, motions), bristles)
+        raise NotPossible("the model's friction is not LuGre's; choose a model with LuGre friction")
+    start, bristles = start_from_motion(half, motions), None
+    with contextlib.suppress(NotPossible):
+        bristles = fit_bristles(half, read_paths(half, motions), stribeck=True)
+        start = start_from_bristles(start, bristles)
     response = fit_response(half, motions, start)
-    if isinstance(response, str):
-        return dataclasses.replace(result, unseen=(response,))
-    mine = [name for name in response.values if name.startswith("friction.")]
-    return dataclasses.replace(
-        result,
-        values={name: response.values[name] for name in mine},
-        std_errors={name: response.std_errors[name] for name in mine},
-        unseen=tuple(sentence for sentence in response.unseen if sentence.startswith("friction.")),
-        figures=_figures(response, motions, bristles),
-        samples=response.calibration.count,
-    )
+    mine = [entry for entry in response.calibration.task.selection.entries if entry.startswith("friction.")]
+    return response.report(mine, figures=_figures(response, motions, bristles))
 
 
-def start_from_bristles(half: MechanicalActuator, found: Bristles | str) -> MechanicalActuator:
-    """`half` with what the paths tell of its friction."""
-    if isinstance(found, str):
-        return half
+def start_from_bristles(half: MechanicalActuator, found: Bristles) -> MechanicalActuator:
+    """`half` with what the paths determine of its friction."""
 
-    def told(*names: str) -> bool:
-        return all(found.relative_error(name) < VAGUE and found.values[name] > 0 for name in names)
+    def determined(*names: str) -> bool:
+        return all(found.relative_error(name) < limits.ERROR_START and found.values[name] > 0 for name in names)
 
     old, new = plain_friction(half), dict[str, float]()
     coulomb = float(old.coulomb_force)
-    if told("coulomb"):
+    if determined("coulomb"):
         new["coulomb_force"] = coulomb = found.values["coulomb"]
         new["static_force"] = coulomb * float(old.static_force / old.coulomb_force)
-    if told("coulomb", "deflection"):
+    if determined("coulomb", "deflection"):
         new["bristle_stiffness"] = coulomb / found.values["deflection"]
-    if told("ratio", "stribeck"):
+    if determined("ratio", "stribeck"):
         new["static_force"] = coulomb * found.values["ratio"]
         new["stribeck_velocity"] = found.values["stribeck"]
     for name, term in (("bristle_damping", "bristle_damping"), ("viscous_damping", "viscous")):
-        if told(term):
+        if determined(term):
             new[name] = found.values[term]
     if half.friction is not old:  # in parameters of its own
         damping = new.get("bristle_damping", float(old.bristle_damping))
@@ -93,16 +80,14 @@ def start_from_bristles(half: MechanicalActuator, found: Bristles | str) -> Mech
     return replace_parameters(half, {name: value for name, value in named.items() if name in table})
 
 
-def _figures(response: Response, motions: Sequence[Motion], bristles: Bristles | str) -> tuple[Curve, ...]:
+def _figures(response: ResponseFit, motions: Sequence[MotionRecord], bristles: Bristles | None) -> tuple[Curve, ...]:
     fitted: Any = plain_friction(response.model)
     figures = []
-    sliding = fit_sliding(response.model, motions, float(fitted.stribeck_velocity))
-    if isinstance(sliding, Sliding):
-        chosen = slice(None, None, max(1, len(sliding.force) // PLOTTED))
+    with contextlib.suppress(NotPossible):
+        sliding = fit_sliding(response.model, motions, float(fitted.stribeck_velocity))
+        chosen = thinned(len(sliding.force))
         speed = np.linspace(np.min(sliding.velocity), np.max(sliding.velocity), 401)
-        steady, static = float(fitted.coulomb_force), float(fitted.static_force)
-        fading = (np.abs(speed) / float(fitted.stribeck_velocity)) ** getattr(fitted, "stribeck_exponent", 1)
-        law = np.sign(speed) * (steady + (static - steady) * np.exp(-fading)) + float(fitted.viscous_damping) * speed
+        law = np.sign(speed) * np.asarray(fitted.stribeck(speed)) + float(fitted.viscous_damping) * speed
         figures.append(
             Curve(
                 "velocity, mm/s",
@@ -112,6 +97,6 @@ def _figures(response: Response, motions: Sequence[Motion], bristles: Bristles |
                 "friction over velocity",
             )
         )
-    if isinstance(bristles, Bristles):
+    if bristles is not None:
         figures.append(friction_over_position(bristles))
     return tuple(figures)

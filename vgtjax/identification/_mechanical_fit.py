@@ -1,42 +1,37 @@
 """Output-error fit of the mechanical half: measured drive in, position out, all parameters at once."""
 
+import contextlib
 import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 
 from .._errors import SimulationError
-from ..estimation import CHANNELS, SEGMENT, Bounds, Calibration, Calibrator, calibrate, plan_task, start_calibration
+from ..estimation import (
+    Bounds,
+    Calibration,
+    Calibrator,
+    calibrate,
+    determined_within,
+    error_factor,
+    plan_task,
+    start_calibration,
+)
 from ..parameters import Selection, parameter_table, replace_parameters, select
 from ..plants import AbstractModel, MechanicalActuator
 from ..traces import Trace
+from . import _limits as limits
 from ._axis_regression import regress_axis
-from ._motion import BLOCK, Motion, mechanical_half, plain_friction, read_motions
-from ._regression import determined, usual_factor
-from ._result import Curve, Identified
-from ._weak_form import FEWEST_HELD, at_closed_stop
+from ._motion import MotionRecord, mechanical_half, plain_friction, read_motions
+from ._response_errors import covariance, drive_variances
+from ._result import Curve, Identified, NotPossible, bench_test, thinned
+from ._sliding import at_closed_stop
 
-VAGUE = 0.2
-"""Relative standard error above which a parameter counts as not seen."""
-FARTHEST = 30.0
-"""Factor by which a positive parameter may leave its start: where the data say little, it would run to infinity."""
 ROUNDS = 4
-"""Fits, each without the parameters that the one before could not tell."""
-DRIFT = 2.5
-"""s; without a spring the position remembers every error of the force: residuals farther apart than this are taken for
-independent, instead of `BLOCK`."""
-EXPLODED = 1e9
-"""Standard deviations by which a change of a parameter by its own size may move a sample; more is no derivative."""
+"""Fits, each without the parameters that the one before could not determine."""
 DETAILS = ("static_force", "bristle_stiffness", "bristle_damping", "stribeck_velocity", "stribeck_drop")
 """What friction has besides its steady sliding force."""
-STILL = 20.0
-"""Standard deviations of its noise over which a position must range, or the rod counts as still."""
-EXPERIMENTS = 5
-"""Of fresh noise on the drive; with five, a standard error from five traces is good to a seventh."""
-PLOTTED = 1500
-"""Points a curve."""
-
 NEVER = ("diaphragm.stop_damping",)
 """Impacts are over within a sample: what a fit makes of them follows the kink of the contact, not its damping."""
 NO_DERIVATIVES = (
@@ -56,78 +51,102 @@ REMEDIES = {
     "friction.viscous_damping": "record motion at different speeds",
     "friction.stribeck_velocity": "record motion at different speeds below 5 mm/s",
 }
-"""What would show a parameter."""
+"""What would determine a parameter."""
 
 
+@bench_test(
+    "mechanical half",
+    "2.34, 3.6, 3.7",
+    "Nonlinear least squares of the position that follows from the measured drive, with exact derivatives.",
+)
 def mechanical_fit(model: AbstractModel, traces: Sequence[Trace]) -> Identified:
     """All parameters of diaphragm and friction from the response of `x_d` to the measured drive [2.34, 3.6].
 
     What follows the single tests: nonlinear least squares of the simulated position, from their values. A measured
     pressure is freed of noise and of its sensor's offset before; standard errors contain what is left of both.
-    Parameters that the traces do not tell keep the model's value, and `unseen` names them.
+    Parameters that the traces do not determine keep the model's value, and `limitations` names them.
 
-    **Arguments:** `model`: with start values; `traces`: with `x_d` and `p_act` or `f_drive`.
+    **Arguments:** `model`: with start values; `traces`: with `x_d` in m, and `p_act` in Pa or `f_drive` in N.
+
+    **Returns:** parameters of diaphragm and friction by name, in the units of the table and of shape `()`.
     """
-    result = Identified(
-        "mechanical half",
-        "2.34, 3.6, 3.7",
-        "Nonlinear least squares of the position that follows from the measured drive, with exact derivatives.",
-    )
     half, motions = mechanical_half(model), read_motions(model, traces)
     if any(motion.trace.f_drive is not None for motion in motions):
         # A driven axis has had no tests of its own parts, and drifts away from a start that is only near.
-        told = regress_axis(half, motions, candidates(half))
-        half = half if isinstance(told, str) else replace_parameters(half, told)
-    response = fit_response(half, motions)
-    if isinstance(response, str):
-        return dataclasses.replace(result, unseen=(response,))
-    return dataclasses.replace(
-        result,
-        values=response.values,
-        std_errors=response.std_errors,
-        unseen=response.unseen,
-        figures=response_figures(response),
-        samples=response.calibration.count,
-    )
+        with contextlib.suppress(NotPossible):
+            half = replace_parameters(half, regress_axis(half, motions, candidates(half)))
+    return fit_response(half, motions).report()
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Response:
-    """A fitted mechanical half: `values` and `std_errors` by name, and the names that keep the model's value."""
+class ResponseFit:
+    """A fitted mechanical half.
+
+    `values` and `std_errors` are by name in the units of the table; names in `not_determined` keep the model's value.
+    """
 
     calibration: Calibration
     values: dict[str, np.ndarray]
     std_errors: dict[str, np.ndarray]
-    untold: tuple[str, ...]
+    not_determined: tuple[str, ...]
 
     @property
     def model(self) -> MechanicalActuator:
         """The model with the fitted values."""
         return mechanical_half(self.calibration.model)
 
-    @property
-    def unseen(self) -> tuple[str, ...]:
-        """A sentence for each parameter that keeps its value."""
-        return tuple(untold(name) for name in self.untold)
+    def report(
+        self, names: Sequence[str] | None = None, method: str = "", figures: tuple[Curve, ...] | None = None
+    ) -> Identified:
+        """What a test that reports only `names` (all by default) found; figures are the fitted positions by default."""
+        names = self.calibration.task.selection.entries if names is None else names
+        return Identified(
+            method=method,
+            values={name: self.values[name] for name in names if name in self.values},
+            std_errors={name: self.std_errors[name] for name in names if name in self.values},
+            limitations=tuple(
+                f"{name}: not determined by these traces; {REMEDIES.get(name, 'record motion that depends on it')}"
+                for name in names
+                if name in self.not_determined
+            ),
+            figures=self.figures() if figures is None else figures,
+            samples=self.calibration.count,
+        )
 
-
-def untold(name: str) -> str:
-    """Why a parameter has no value."""
-    return f"{name}: these traces do not tell it; {REMEDIES.get(name, 'record motion that depends on it')}"
+    def figures(self) -> tuple[Curve, ...]:
+        """Measured and simulated position over time, one curve per trace."""
+        curves = []
+        for result in self.calibration.traces:
+            chosen = thinned(len(result.trace.time))
+            time, measured = result.trace.time[chosen], np.asarray(result.trace.x_d)[chosen]
+            simulated = result.simulated["x_d"][chosen] + result.offset["x_d"]
+            curves.append(
+                Curve(
+                    "time, s",
+                    "position, mm",
+                    (time, 1e3 * measured),
+                    (time, 1e3 * simulated),
+                    "measured and simulated position",
+                    result.trace.name,
+                )
+            )
+        return tuple(curves)
 
 
 def fit_response(
-    model: AbstractModel, motions: Sequence[Motion], begin: MechanicalActuator | None = None
-) -> Response | str:
-    """Fits what motions tell of diaphragm and friction, or says why they tell nothing.
+    model: AbstractModel, motions: Sequence[MotionRecord], begin: MechanicalActuator | None = None
+) -> ResponseFit:
+    """Fits what motions determine of diaphragm and friction [2.34, 3.6].
 
-    The search begins at the values of `begin` where it is given. What turns out to be untold returns to the model's
-    value, with which the rest will be used, and the rest is fitted again.
+    The search begins at the values of `begin` where it is given. What turns out not to be determined returns to the
+    model's value, with which the rest will be used, and the rest is fitted again.
+
+    **Raises:** `NotPossible` where nothing moves, or derivatives explode; `SimulationError` when a start fails.
     """
     half = mechanical_half(model)
-    moving = [motion for motion in motions if np.ptp(motion.position) > STILL * motion.noise]
+    moving = [motion for motion in motions if np.ptp(motion.position) > limits.RANGE * motion.noise]
     if not moving:
-        return NOTHING_MOVES
+        raise NotPossible(NOTHING_MOVES)
     traces = [motion.trace for motion in moving]
     half, stopped = _with_room(half, moving)
     entries = candidates(half)
@@ -136,19 +155,18 @@ def fit_response(
     usual = np.asarray(selection.pack(half))
     first = np.where(free, selection.pack(half if begin is None else begin), usual)
     starts = [first]
-    try:
-        for _ in range(ROUNDS):
-            calibration = _fit_from(starts, half, traces, selection, first, free)
-            whole = _linearised(calibration)
-            told = _told(whole, calibration, moving, free)
-            if np.array_equal(told, free):
-                break
-            # Values found beside some that are given up need not go with the model's own.
-            kept = [calibration.values, first] if _regular(whole) else [first]
-            starts, free = [np.where(told, values, usual) for values in kept], told
-        return _response(calibration, whole, moving, free) if _regular(whole) else NO_DERIVATIVES
-    except SimulationError as error:
-        return str(error)
+    for _ in range(ROUNDS):
+        calibration = _fit_from(starts, half, traces, selection, first, free)
+        whole = _linearised(calibration)
+        determined = _determined(whole, calibration, moving, free)
+        if np.array_equal(determined, free):
+            break
+        # Values found beside some that are given up need not go with the model's own.
+        kept = [calibration.values, first] if _regular(whole) else [first]
+        starts, free = [np.where(determined, values, usual) for values in kept], determined
+    if not _regular(whole):
+        raise NotPossible(NO_DERIVATIVES)
+    return _response(calibration, whole, moving, free)
 
 
 def _fit_from(
@@ -189,7 +207,7 @@ def candidates(half: MechanicalActuator) -> list[str]:
     ]
 
 
-def _with_room(half: MechanicalActuator, motions: Sequence[Motion]) -> tuple[MechanicalActuator, bool]:
+def _with_room(half: MechanicalActuator, motions: Sequence[MotionRecord]) -> tuple[MechanicalActuator, bool]:
     """`half` with a travel that lets the rod go where it went, and whether the rod rests at its closed stop.
 
     Where it does not, a fit could only push a stop that is too near out of the way, and no farther.
@@ -197,7 +215,7 @@ def _with_room(half: MechanicalActuator, motions: Sequence[Motion]) -> tuple[Mec
     preload, stiffness = float(half.diaphragm.preload), float(half.diaphragm.stiffness)
     friction = float(plain_friction(half).coulomb_force)
     held = sum(np.count_nonzero(at_closed_stop(motion, preload, stiffness, friction)) for motion in motions)
-    if held >= FEWEST_HELD:
+    if held >= limits.HELD_SAMPLES:
         return half, True
     reached = max(float(np.max(motion.position)) for motion in motions)
     travel = max(float(half.diaphragm.travel), reached)
@@ -213,7 +231,7 @@ def _bounds(
         if not moves:
             ends[entry] = (value, value)
         elif table[entry.partition("[")[0]].positive:
-            ends[entry] = (usual / FARTHEST, usual * FARTHEST)
+            ends[entry] = (usual / limits.FACTOR_RESPONSE, usual * limits.FACTOR_RESPONSE)
     return ends
 
 
@@ -228,11 +246,11 @@ def _linearised(calibration: Calibration) -> Calibrator:
 def _regular(whole: Calibrator) -> bool:
     """Whether the fit ended where derivatives mean something: bristles as short as a sample's path are chaotic."""
     columns = whole.minimiser.linearisation()[1]
-    return bool(np.all(np.isfinite(columns))) and float(np.max(np.abs(columns), initial=0.0)) < EXPLODED
+    return bool(np.all(np.isfinite(columns))) and float(np.max(np.abs(columns), initial=0.0)) < limits.SENSITIVITY
 
 
-def _told(
-    whole: Calibrator, calibration: Calibration, motions: Sequence[Motion], free: Bool[np.ndarray, " entries"]
+def _determined(
+    whole: Calibrator, calibration: Calibration, motions: Sequence[MotionRecord], free: Bool[np.ndarray, " entries"]
 ) -> np.ndarray:
     """Which of the free entries the traces determine, and did not drive to the far end of what they may be."""
     table, entries = parameter_table(calibration.model), calibration.task.selection.entries
@@ -242,113 +260,27 @@ def _told(
     size = whole.transform.scale
     relative = np.where(whole.transform.positive, 1.0, np.maximum(size, usual) / size)
     columns = whole.minimiser.linearisation()[1]
-    errors = np.sqrt(np.diag(_covariance(whole, motions, ~free)))
-    seen = determined(columns * relative, usual_factor(columns[:, free], errors[free]), VAGUE)
-    return free & seen & ~(calibration.at_bound & calibration.transform.positive)
+    errors = np.sqrt(np.diag(covariance(whole, motions, ~free)))
+    factor = error_factor(columns[:, free], errors[free])
+    good = determined_within(columns * relative, factor, limits.ERROR_RESPONSE)
+    good &= free & ~(calibration.at_bound & calibration.transform.positive)
+    own = np.where(free, errors * relative, 0.0)
+    if np.array_equal(good, free) and np.max(own, initial=0.0) > limits.ERROR_RESPONSE:
+        # Correlated residuals blur one parameter more than the median of all.
+        good[np.argmax(own)] = False
+    return good
 
 
-def _response(calibration: Calibration, whole: Calibrator, motions: Sequence[Motion], free: np.ndarray) -> Response:
+def _response(
+    calibration: Calibration, whole: Calibrator, motions: Sequence[MotionRecord], free: np.ndarray
+) -> ResponseFit:
     entries = calibration.task.selection.entries
-    errors = np.sqrt(np.diag(_covariance(whole, motions, ~free)) + _drive_variances(whole, motions, ~free))
+    errors = np.sqrt(np.diag(covariance(whole, motions, ~free)) + drive_variances(whole, motions, ~free))
     slope = np.where(whole.transform.positive, calibration.values, whole.transform.scale)
-    told = np.flatnonzero(free)
-    return Response(
+    found = np.flatnonzero(free)
+    return ResponseFit(
         calibration,
-        {entries[i]: np.asarray(calibration.values[i]) for i in told},
-        {entries[i]: np.asarray(errors[i] * slope[i]) for i in told},
+        {entries[i]: np.asarray(calibration.values[i]) for i in found},
+        {entries[i]: np.asarray(errors[i] * slope[i]) for i in found},
         tuple(np.array(entries)[~free]),
     )
-
-
-def _covariance(
-    whole: Calibrator, motions: Sequence[Motion], held: Bool[np.ndarray, " entries"]
-) -> Float[np.ndarray, "entries entries"]:
-    """Covariance of the coordinates, with all that makes fitted values wrong.
-
-    Scores are summed over stretches of `BLOCK` or `DRIFT` seconds, because what is left of the pressure's noise, and
-    what the model lacks, lasts longer than a sample. The unknown offset of a pressure acts like a preload of that trace
-    alone. Held parameters may be wrong by `VAGUE`.
-    """
-    residuals, columns = whole.minimiser.linearisation()
-    seconds = BLOCK if float(mechanical_half(whole.task.model).diaphragm.stiffness) > 0 else DRIFT
-    owner, block = _layout(whole, motions, seconds)
-    bread = _bread(columns, held)
-    scores = np.zeros((block.max() + 1, columns.shape[1]))
-    np.add.at(scores, block, columns * residuals[:, None])
-    white = columns.T @ columns * max(residuals @ residuals / whole.minimiser.problem.count, 1.0)
-    clustered = scores.T @ scores * (len(scores) / max(len(scores) - columns.shape[1], 1))
-    shifts = np.diag(np.where(held, 1 / VAGUE**2, 0.0))
-    if "diaphragm.preload" in (entries := list(whole.task.selection.entries)):
-        at = entries.index("diaphragm.preload")
-        per_newton = columns[:, at] / whole.transform.scale[at]
-        for number, motion in enumerate(motions):
-            shift = columns.T @ (per_newton * (owner == number)) * motion.force_error
-            shifts = shifts + np.outer(shift, shift)
-    worst = [bread @ (noise + shifts) @ bread for noise in (white, clustered)]
-    larger = np.maximum(np.diag(worst[0]), np.diag(worst[1]))
-    grow = np.sqrt(larger / np.maximum(np.diag(worst[0]), 1e-300))
-    return worst[0] * np.outer(grow, grow)
-
-
-def _drive_variances(
-    whole: Calibrator, motions: Sequence[Motion], held: Bool[np.ndarray, " entries"]
-) -> Float[np.ndarray, " entries"]:
-    """Variances of the coordinates from noise of the drive that its smoothing lets through.
-
-    By experiment: fresh noise on the smoothed drive, smoothed again, moves the simulated position, and that moves the
-    fit by a linear step.
-    """
-    noisy = [number for number, motion in enumerate(motions) if motion.drive_noise > 0]
-    residuals, columns = whole.minimiser.linearisation()
-    bread, owner = _bread(columns, held), _layout(whole, motions, BLOCK)[0]
-    variances, random = np.zeros(columns.shape[1]), np.random.default_rng(0)
-    for _ in range(EXPERIMENTS if noisy else 0):
-        traces = [motion.with_fresh_noise(random).trace for motion in motions]
-        task = dataclasses.replace(whole.task, fit=traces)
-        change = start_calibration(task).minimiser.linearisation()[0] - residuals
-        moves = [bread @ (columns.T @ (change * (owner == number))) for number in noisy]
-        variances += np.sum(np.square(moves), axis=0) / EXPERIMENTS
-    return variances
-
-
-def _bread(columns: np.ndarray, held: Bool[np.ndarray, " entries"]) -> np.ndarray:
-    """Inverse of the normal equations, in which held entries may be wrong by `VAGUE`."""
-    normal = columns.T @ columns + np.diag(np.where(held, 1 / VAGUE**2, 0.0))
-    lengths = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    return np.linalg.pinv(normal / np.outer(lengths, lengths), rcond=1e-14, hermitian=True) / np.outer(lengths, lengths)
-
-
-def _layout(whole: Calibrator, motions: Sequence[Motion], seconds: float) -> tuple[np.ndarray, np.ndarray]:
-    """The trace, and the stretch of so many seconds, of every residual."""
-    owners, blocks, first = [], [], 0
-    problem, channels = whole.minimiser.problem, len(CHANNELS)
-    for bundle in problem.bundles:
-        trace = np.asarray(bundle.indices)[bundle.lane_trace]
-        interval = np.array([motion.interval for motion in motions])[trace]
-        lanes = np.maximum(np.round(seconds / (SEGMENT * interval)), 1.0)
-        key = np.stack([trace, np.floor(bundle.lane_segment / lanes).astype(int)])
-        number = np.unique(key, axis=1, return_inverse=True)[1].reshape(-1)
-        owners.append(np.repeat(trace, SEGMENT * channels))
-        blocks.append(np.repeat(first + number, SEGMENT * channels))
-        first += int(number.max()) + 1
-    return np.concatenate(owners), np.concatenate(blocks)
-
-
-def response_figures(response: Response) -> tuple[Curve, ...]:
-    """Measured and simulated position over time, one curve a trace."""
-    curves = []
-    for result in response.calibration.traces:
-        chosen = slice(None, None, max(1, len(result.trace.time) // PLOTTED))
-        time, measured = result.trace.time[chosen], np.asarray(result.trace.x_d)[chosen]
-        simulated = result.simulated["x_d"][chosen] + result.offset["x_d"]
-        curves.append(
-            Curve(
-                "time, s",
-                "position, mm",
-                (time, 1e3 * measured),
-                (time, 1e3 * simulated),
-                "measured and simulated position",
-                result.trace.name,
-            )
-        )
-    return tuple(curves)

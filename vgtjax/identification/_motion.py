@@ -11,13 +11,8 @@ from scipy.sparse import csr_array, dia_array
 
 from ..plants import AbstractModel, Actuator, MechanicalActuator
 from ..traces import SENSOR_PRESSURE_OFFSET, START_WINDOW, Trace, noise_level
+from . import _limits as limits
 from ._filters import Samples, resting
-
-UNKNOWN_POSITION = 0.25e-3
-"""m; standard error of the offset of a position sensor that was never seen at a known place."""
-BLOCK = 0.25
-"""s; residuals farther apart are taken for independent: friction and smoothed noise are alike over shorter times."""
-
 
 # -- the pressure, free of noise ---------------------------------------------------------------------------------------
 
@@ -69,11 +64,11 @@ def _penalised(samples: Samples, differences: csr_array, weights: np.ndarray) ->
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Motion:
-    """One trace in the words of mechanics, arrays of shape `(time,)`.
+class MotionRecord:
+    """Force and position along one trace, arrays of shape `(time,)`.
 
     `time` in s, evenly spaced; the driving `force` along +x in N and the `position` in m, both without their sensors'
-    offsets where rest tells them. `noise` is the standard deviation of one position in m, `drive_noise` that of one
+    offsets where rest determines them. `noise` is the standard deviation of one position in m, `drive_noise` of one
     pressure in Pa (0 for a force), `force_error` and `position_error` are what remains unknown of the offsets. `rest`
     is before anything moves. `trace` has the same drive, without noise, for a simulation.
     """
@@ -88,13 +83,17 @@ class Motion:
     rest: Bool[np.ndarray, " time"]
     drive_noise: float = 0.0
 
-    def with_fresh_noise(self, random: np.random.Generator) -> "Motion":
-        """The same motion as another measurement of the same pressure would have told it."""
+    def with_fresh_noise(self, random: np.random.Generator) -> "MotionRecord":
+        """The same motion as another measurement of the same pressure would show it."""
         pressure = self.trace.p_act
         if pressure is None or self.drive_noise == 0:
             return self
         again = remove_noise(pressure + random.normal(0, self.drive_noise, len(pressure)), self.drive_noise)
         return dataclasses.replace(self, trace=self.trace.replace(p_act=again))
+
+    def constant_error(self, stiffness: float) -> float:
+        """Standard error in N of a constant in the balance of forces, by both offsets and a spring in N/m."""
+        return float(np.hypot(self.force_error, stiffness * self.position_error))
 
     @property
     def interval(self) -> float:
@@ -114,7 +113,7 @@ def plain_friction(model: MechanicalActuator) -> Any:
     return getattr(friction, "lugre", friction)
 
 
-def read_motions(model: AbstractModel, traces: Sequence[Trace]) -> list[Motion]:
+def read_motions(model: AbstractModel, traces: Sequence[Trace]) -> list[MotionRecord]:
     """What the mechanical identifications see of traces; those without a drive or a position are left out."""
     usable = [
         trace for trace in traces if trace.x_d is not None and not (trace.p_act is None and trace.f_drive is None)
@@ -131,7 +130,7 @@ def _even(trace: Trace) -> Trace:
     return trace.on_one_clock(trace.time[0] + step * np.arange(int((trace.time[-1] - trace.time[0]) / step) + 1))
 
 
-def read_motion(model: MechanicalActuator, trace: Trace) -> Motion:
+def read_motion(model: MechanicalActuator, trace: Trace) -> MotionRecord:
     """One trace that has a drive and a position."""
     trace = _even(trace.on_one_clock())
     assert trace.x_d is not None
@@ -140,14 +139,14 @@ def read_motion(model: MechanicalActuator, trace: Trace) -> Motion:
     if trace.f_drive is not None:
         # A force that a command states has no noise to remove, and often jumps.
         rest = np.zeros(len(time), dtype=bool)
-        return Motion(trace, time, trace.f_drive, trace.x_d, noise, 0.0, UNKNOWN_POSITION, rest)
+        return MotionRecord(trace, time, trace.f_drive, trace.x_d, noise, 0.0, limits.POSITION_ERROR, rest)
     assert trace.p_act is not None
     rest = _resting(model, trace)
     pressure_noise = noise_level(trace.p_act, "p_act")
     pressure = remove_noise(trace.p_act, pressure_noise)
     area, count = float(model.diaphragm.area), int(np.sum(rest))
     if count == 0:
-        offset, place, position_error, pressure_error = 0.0, 0.0, UNKNOWN_POSITION, 0.5 * SENSOR_PRESSURE_OFFSET
+        offset, place, position_error, pressure_error = 0.0, 0.0, limits.POSITION_ERROR, 0.5 * SENSOR_PRESSURE_OFFSET
     else:
         offset, pressure_error = float(np.mean(trace.p_act[rest])) - trace.atmosphere, pressure_noise / np.sqrt(count)
         pressed = float(model.diaphragm.rest_position(np.asarray(0.0)))
@@ -157,7 +156,7 @@ def read_motion(model: MechanicalActuator, trace: Trace) -> Motion:
     clean = trace.replace(p_act=pressure - offset)
     ambient = float(model.air.pressure) + float(trace.drive().ambient_shift[0])
     force = (ambient - (trace.p_act - offset)) * area
-    return Motion(
+    return MotionRecord(
         clean, time, force, trace.x_d - place, noise, area * pressure_error, position_error, rest, pressure_noise
     )
 

@@ -1,13 +1,13 @@
 """The bench tests of chapters 2 and 3 one after the other, each on what the earlier ones found."""
 
 import dataclasses
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 
-from .._errors import SimulationError
 from ..estimation import bundle_traces, observe
 from ..parameters import parameter_table, replace_parameters
 from ..parts import ForcePolynomial, HysteresisMap
@@ -16,16 +16,15 @@ from ..traces import Trace
 from ._axis import identify_axis
 from ._dahl import identify_dahl
 from ._flow_areas import identify_flow_areas
+from ._limits import NO_GAS
 from ._lugre import identify_lugre
 from ._magnetic_force import identify_magnetic_force
 from ._mechanical_fit import mechanical_fit
 from ._plunger import identify_plunger
-from ._result import Identified
+from ._result import Identified, Test
 from ._second_order import identify_mass_and_damping
 from ._spring import identify_spring
-from ._vane_force import NO_GAS, identify_vane_map, identify_vane_polynomial
-
-Test = Callable[[Any, Sequence[Trace]], Identified]
+from ._vane_force import identify_vane_map, identify_vane_polynomial
 
 SPRING = (identify_spring,)
 PNEUMATIC = (identify_magnetic_force, identify_flow_areas, identify_plunger)
@@ -35,8 +34,8 @@ MECHANICAL = (identify_mass_and_damping, identify_dahl, identify_lugre, mechanic
 def plan(model: Any, traces: Sequence[Trace]) -> list[tuple[Test, list[Trace]]]:
     """The tests that make sense for a model, in an order in which each finds what it builds on, with their traces.
 
-    Springs and friction are told from traces without exhaust gas, where there are any. An axis that a force drives has
-    a test of its own in place of those of the actuator.
+    Springs and friction are identified from traces without exhaust gas, where there are any. An axis that a force
+    drives has a test of its own in place of those of the actuator.
     """
     everything = list(traces)
     driven = [trace for trace in traces if trace.f_drive is not None]
@@ -57,18 +56,16 @@ def plan(model: Any, traces: Sequence[Trace]) -> list[tuple[Test, list[Trace]]]:
 def identify(model: Any, traces: Sequence[Trace]) -> Iterator[tuple[Any, Identified]]:
     """Runs the tests that the traces allow, each on the model that the earlier ones left.
 
-    Yields that model and what was found, one test at a time. A test whose simulation fails finds nothing and says so;
-    so does one whose values leave a model that can't be simulated along the traces any more, whatever their errors.
+    Yields that model and what was found, one test at a time. A test whose values leave a model that can't be simulated
+    along the traces any more, whatever their errors, changes nothing and says so.
     """
     for test, mine in plan(model, traces):
-        try:
-            found = test(model, mine)
-        except SimulationError as error:
-            found = Identified(test.__name__.replace("identify_", "").replace("_", " "), "", "", unseen=(str(error),))
+        found = test(model, mine)
         moved = apply(model, found)
         if found.values and _simulates(model, traces) and not _simulates(moved, traces):
             refused = "the traces can't be simulated with the values found, so the model keeps its own"
-            moved, found = model, dataclasses.replace(found, values={}, std_errors={}, unseen=(*found.unseen, refused))
+            limitations = (*found.limitations, refused)
+            moved, found = model, dataclasses.replace(found, values={}, std_errors={}, limitations=limitations)
         model = moved
         yield model, found
 
@@ -77,7 +74,7 @@ def apply(model: Any, found: Identified) -> Any:
     """`model` with what a test found; tables take the knots that it chose."""
     knots = found.values.get("vane_force.turbine_pressure")
     if knots is not None:
-        moved = model.vane_force.on_knots(knots, model.vane_force.crank_angle)
+        moved = model.vane_force.on_knots(jnp.asarray(knots), model.vane_force.crank_angle)
         model = eqx.tree_at(lambda m: m.vane_force, model, moved)
     known = parameter_table(model)
     return replace_parameters(model, {name: value for name, value in found.values.items() if name in known})

@@ -7,52 +7,58 @@ import numpy as np
 from jaxtyping import Float
 
 from .._errors import SimulationError
-from ..estimation import CHANNELS, SEGMENT, Calibration, Calibrator, Progress, Task, plan_task, start_calibration
+from ..estimation import (
+    CHANNELS,
+    SEGMENT,
+    Calibration,
+    Calibrator,
+    Progress,
+    Task,
+    clustered_errors,
+    determined_within,
+    plan_task,
+    start_calibration,
+)
 from ..parameters import build_transform, parameter_table, table_row
 from ..plants import Actuator, PneumaticActuator
 from ..traces import Trace, noise_level
+from . import _limits as limits
 from ._chamber_flow import NEEDS, diaphragm_motion, usable, without_position
 from ._filters import duty_steps, sensor_offset, smooth
 from ._flow_areas import gather_entries
-from ._regression import clustered_errors, determined, inverse_gram
-from ._result import Curve, Identified
+from ._result import Curve, Identified, NotPossible, bench_test, thinned
 
 BOLD, CAREFUL = 1e4, 1.0
 """First step sizes (inverse dampings): the regressions before this leave little to do, but for weakly determined
 directions, which a damped fit would creep along; where they don't, a bold fit can get stuck."""
-WORST = 0.3
-"""Relative standard error above which a value counts as not seen, and stays what the model has."""
 DYNAMICS = ("converter.membrane_stiffness", "converter.return_spring_stiffness", "converter.plunger_damping")
-"""What only a step of the duty tells apart from the slopes of the orifices."""
-RUNAWAY = 3.0
-"""Factor by which a fit may change a value. Only the plunger's mass keeps springs, damping and slopes from growing
-together, and a model that lacks something of the actuator tries to do without a mass."""
+"""What only a step of the duty distinguishes from the slopes of the orifices."""
 ROUNDS = 3
-"""Fits, each without what the one before could not tell."""
-MISFIT = 1.5
-"""Times the sensor's noise; where more remains, the model lacks something."""
+"""Fits, each without what the one before could not determine."""
 CLUSTER = 4 * SEGMENT
 """Samples; errors of neighbours are taken for independent beyond this."""
-SHOWN = 1000
-"""Points in a picture."""
 
 
+@bench_test(
+    "plunger", "2.7, 2.10-2.12", "Nonlinear least squares of the pressure for converter and chamber, position as input."
+)
 def identify_plunger(model: Actuator, traces: Sequence[Trace]) -> Identified:
     """Stiffnesses and damping of the plunger, refined together with magnetic force, orifices and volume.
 
     Nobody measures the plunger, so the transfer function [2.10-2.12] can't be fitted by itself. But with its mass
-    given, the response of the pressure tells the rest: a model of converter and chamber, whose volume follows the
+    given, the response of the pressure determines the rest: a model of converter and chamber, whose volume follows the
     measured position, is fitted to the measured pressure by least squares with exact derivatives. All parameters of
-    converter and chamber that are not held by default are free, because none of them can be told alone: softer springs
+    converter and chamber that are not held by default are free, because none is determined alone: softer springs
     with less damping and flatter orifices differ only by what the plunger's mass does in its first milliseconds.
 
-    **Returns:** those that the traces tell. What they don't stays what the model has; start from what
-    [`identify_magnetic_force`][] and [`identify_flow_areas`][] found.
+    **Arguments:** `model`: with what [`identify_magnetic_force`][] and [`identify_flow_areas`][] found; `traces`: with
+    `pwm` in %, `p_act` in Pa, and best `x_d` in m.
+
+    **Returns:** those that the traces determine, in the units of the table; the others stay what the model has.
     """
     used = usable(traces)
-    nothing = Identified(name="plunger", equations="2.7, 2.10-2.12", method="no fit was made")
     if not used:
-        return dataclasses.replace(nothing, unseen=(NEEDS,))
+        raise NotPossible(NEEDS)
     half = PneumaticActuator(model.converter, model.line, model.chamber, model.diaphragm, model.air)
     table = parameter_table(half)
     names = [name for name, row in table.items() if name.startswith(("converter.", "chamber.")) and not row.held]
@@ -61,24 +67,24 @@ def identify_plunger(model: Actuator, traces: Sequence[Trace]) -> Identified:
         driven = [drive_by_position(model, trace) for trace in used]
         calibration, calibrator = _fit(half, names, driven, () if stepped else DYNAMICS)
     except SimulationError as error:
-        return dataclasses.replace(nothing, unseen=(f"the pressure could not be simulated: {error}",))
+        raise NotPossible(f"the pressure could not be simulated: {error}") from error
     lost = _ran_away(calibrator)
     if lost:
-        sentence = f"{', '.join(lost)} left what is plausible, by a factor of {RUNAWAY:g}, so nothing is changed"
-        return dataclasses.replace(nothing, unseen=(sentence, *_trouble(calibration)))
-    values, errors, unseen = gather_entries(half, calibration.model, names, _errors(calibration, calibrator))
+        sentence = (
+            f"{', '.join(lost)} left what is plausible, by a factor of {limits.FACTOR_PLUNGER:g}, so nothing is changed"
+        )
+        raise NotPossible(sentence, *_trouble(calibration))
+    values, errors, limitations = gather_entries(half, calibration.model, names, _errors(calibration, calibrator))
     force = errors.get("converter.magnetic_force")
     if force is not None and np.any(np.isnan(force)):
         # Powers of the duty stand in for each other: with one held, the error of the next means nothing by itself.
         errors["converter.magnetic_force"] = np.full_like(force, np.nan)
     return Identified(
-        name="plunger",
-        equations="2.7, 2.10-2.12",
         method=f"{calibration.count} samples of the pressure of {len(used)} traces; converter and chamber by nonlinear "
         f"least squares with the position as input, in {calibration.progress.iteration} steps",
         values=values,
         std_errors=errors,
-        unseen=(*_trouble(calibration), *unseen, *_unknown_offsets(model, used), *without_position(traces)),
+        limitations=(*_trouble(calibration), *limitations, *_unknown_offsets(model, used), *without_position(traces)),
         figures=tuple(
             _figure(result.trace, result.simulated["p_act"], result.offset["p_act"]) for result in calibration.traces
         ),
@@ -98,22 +104,22 @@ def drive_by_position(model: Actuator, trace: Trace) -> Trace:
 
 
 def _fit(
-    half: PneumaticActuator, names: list[str], traces: list[Trace], untold: Sequence[str]
+    half: PneumaticActuator, names: list[str], traces: list[Trace], held_at_first: Sequence[str]
 ) -> tuple[Calibration, Calibrator]:
-    """The fit without the entries that the traces don't tell, which bounds of no width hold.
+    """The fit without the entries that the traces do not determine, which bounds of no width hold.
 
     Bounds are numbers, and a selection is part of a program: the same compiled fit serves every round.
     """
     task = plan_task(half, traces, free=names, channels=("p_act",))
     start = dict(zip(task.selection.entries, np.asarray(task.selection.pack(half)).tolist(), strict=True))
-    held = set(untold)
+    held = set(held_at_first)
     for _ in range(ROUNDS):
         calibrator = _begin(task, start, held, BOLD)
-        while unseen := set(_unseen(calibrator)) - held:
-            held |= unseen
+        while more := set(_not_determined(calibrator)) - held:
+            held |= more
             calibrator = _begin(task, start, held, BOLD)
         calibrator = _run(calibrator, task, start, held)
-        more = set(_ran_away(calibrator)[:1] or _unseen(calibrator))
+        more = set(_ran_away(calibrator)[:1] or _not_determined(calibrator))
         if more <= held:
             break
         held |= more
@@ -140,7 +146,7 @@ def _ran_away(calibrator: Calibrator) -> list[str]:
     return [
         entry
         for entry, positive, old, new in zip(selection.entries, transform.positive, before, after, strict=True)
-        if positive and not 1 / RUNAWAY <= new / old <= RUNAWAY
+        if positive and not 1 / limits.FACTOR_PLUNGER <= new / old <= limits.FACTOR_PLUNGER
     ]
 
 
@@ -154,15 +160,15 @@ def _begin(task: Task, start: dict[str, float], held: set[str], step_size: float
     return start_calibration(task, Progress(tuple(coordinates.tolist()), step_size=step_size))
 
 
-def _unseen(calibrator: Calibrator) -> list[str]:
-    """Entries that the traces don't tell at the current values."""
+def _not_determined(calibrator: Calibrator) -> list[str]:
+    """Entries that the traces do not determine at the current values."""
     entries, transform = calibrator.task.selection.entries, calibrator.transform
     table = parameter_table(calibrator.task.model)
-    # A coefficient that starts near zero is no less told for it: it counts by its printed size.
+    # A coefficient that starts near zero is no less determined for it: it counts by its printed size.
     usual = np.array([abs(np.ravel(table_row(table, entry).default)[0]) for entry in entries])
     size = np.where(transform.positive, 1.0, np.maximum(usual / transform.scale, 1.0))
-    told = determined(calibrator.minimiser.linearisation()[1] * size, 1.0, WORST)
-    return [entry for entry, seen in zip(entries, told, strict=True) if not seen]
+    good = determined_within(calibrator.minimiser.linearisation()[1] * size, 1.0, limits.ERROR)
+    return [entry for entry, known in zip(entries, good, strict=True) if not known]
 
 
 def _errors(calibration: Calibration, calibrator: Calibrator) -> dict[str, float]:
@@ -171,10 +177,9 @@ def _errors(calibration: Calibration, calibrator: Calibrator) -> dict[str, float
     free = np.linalg.norm(columns, axis=0) > 0
     groups = np.arange(len(residuals)) // (CLUSTER * len(CHANNELS))
     errors = clustered_errors(residuals, columns[:, free], groups)
-    # From the coordinates of the fit to units of the table, as the calibration does with its own.
-    usual = np.sqrt(np.diag(inverse_gram(columns[:, free])) * calibration.uncertainty.scale)
-    told = np.array(calibrator.task.selection.entries)[free]
-    return dict(zip(told.tolist(), (errors / usual * calibration.std_errors[free]).tolist(), strict=True))
+    slope = np.abs(np.asarray(calibrator.transform.slope(np.asarray(calibration.progress.coordinates)))[free])
+    entries = np.array(calibrator.task.selection.entries)[free]
+    return dict(zip(entries.tolist(), (errors * slope).tolist(), strict=True))
 
 
 def _trouble(calibration: Calibration) -> tuple[str, ...]:
@@ -183,7 +188,7 @@ def _trouble(calibration: Calibration) -> tuple[str, ...]:
     if not calibration.progress.converged:
         sentences.append(f"the fit did not converge: {calibration.progress.verdict}")
     left = float(np.sqrt(calibration.uncertainty.scale))
-    if left > MISFIT:
+    if left > limits.MISFIT:
         sentences.append(
             f"what remains of the pressure is {left:.1f} times the sensor's noise: the model lacks something that the "
             "standard errors don't know of"
@@ -200,13 +205,13 @@ def _unknown_offsets(model: Actuator, traces: Sequence[Trace]) -> tuple[str, ...
 
 def _figure(trace: Trace, simulated: Float[np.ndarray, " time"], offset: float) -> Curve:
     assert trace.p_act is not None
-    thinned = slice(None, None, max(len(trace.time) // SHOWN, 1))
-    time, measured = trace.time[thinned], (trace.p_act - offset)[thinned]
+    chosen = thinned(len(trace.time))
+    time, measured = trace.time[chosen], (trace.p_act - offset)[chosen]
     return Curve(
         "time / s",
         "chamber pressure / mbar absolute",
         (time, measured / 100),
-        (time, simulated[thinned] / 100),
+        (time, simulated[chosen] / 100),
         "Chamber pressure with the measured position as input",
         trace.name,
     )

@@ -1,6 +1,5 @@
 """Mass and damping of the diaphragm from its response [2.37, 2.38]."""
 
-import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
@@ -9,15 +8,21 @@ import numpy as np
 from ..parameters import parameter_table, replace_parameters
 from ..plants import AbstractModel, MechanicalActuator
 from ..traces import Trace
+from . import _limits as limits
 from ._axis_regression import regress_axis
-from ._mechanical_fit import Response, candidates, fit_response, response_figures, untold
-from ._motion import Motion, mechanical_half, plain_friction, read_motions
-from ._result import Identified
-from ._weak_form import Sliding, fit_sliding
+from ._mechanical_fit import ResponseFit, candidates, fit_response
+from ._motion import MotionRecord, mechanical_half, plain_friction, read_motions
+from ._result import Identified, NotPossible, bench_test
+from ._sliding import Sliding, fit_sliding
 
+METHOD = (
+    "Regression of the drive over acceleration and velocity, then nonlinear least squares of the position that "
+    "follows from the drive, with spring and friction as further unknowns."
+)
 REPORTED = ("diaphragm.mass", "friction.viscous_damping", "friction.excess_damping")
 
 
+@bench_test("mass and damping", "2.37, 2.38", METHOD)
 def identify_mass_and_damping(model: AbstractModel, traces: Sequence[Trace]) -> Identified:
     """Mass and damping from the response of `x_d` to the measured drive [2.37, 2.38].
 
@@ -33,32 +38,14 @@ def identify_mass_and_damping(model: AbstractModel, traces: Sequence[Trace]) -> 
     **Returns:** `diaphragm.mass` in kg and `friction.viscous_damping` in N s/m (`friction.excess_damping` of
     [`PassiveLuGre`][]), of shape `()`; natural frequency and damping ratio [2.38] in `method`.
     """
-    result = Identified(
-        "mass and damping",
-        "2.37, 2.38",
-        "Regression of the drive over acceleration and velocity, then nonlinear least squares of the position that "
-        "follows from the drive, with spring and friction as further unknowns.",
-    )
-    motions = read_motions(model, traces)
-    half = mechanical_half(model)
+    half, motions = mechanical_half(model), read_motions(model, traces)
     response = fit_response(half, motions, start_from_motion(half, motions))
-    if isinstance(response, str):
-        return dataclasses.replace(result, unseen=(response,))
-    known = [name for name in REPORTED if name in parameter_table(half)]
-    return dataclasses.replace(
-        result,
-        method=f"{result.method}{_oscillator(response)}",
-        values={name: response.values[name] for name in known if name in response.values},
-        std_errors={name: response.std_errors[name] for name in known if name in response.values},
-        unseen=tuple(untold(name) for name in known if name in response.untold),
-        figures=response_figures(response),
-        samples=response.calibration.count,
-    )
+    return response.report(REPORTED, method=f"{METHOD}{_oscillator(response)}")
 
 
-def _oscillator(response: Response) -> str:
-    """Natural frequency and damping ratio [2.38] as a sentence, or nothing where they are not told."""
-    if any(name in response.untold for name in REPORTED):
+def _oscillator(response: ResponseFit) -> str:
+    """Natural frequency and damping ratio [2.38] as a sentence, or nothing where they are not determined."""
+    if any(name in response.not_determined for name in REPORTED):
         return ""
     diaphragm: Any = response.model.diaphragm
     damping = float(diaphragm.damping) + float(plain_friction(response.model).viscous_damping)
@@ -69,16 +56,17 @@ def _oscillator(response: Response) -> str:
     return f" Natural frequency {frequency:.4g} rad/s, damping ratio {ratio:.3g}."
 
 
-def start_from_motion(half: MechanicalActuator, motions: Sequence[Motion]) -> MechanicalActuator:
-    """`half` with what regressions tell of mass, spring and friction.
+def start_from_motion(half: MechanicalActuator, motions: Sequence[MotionRecord]) -> MechanicalActuator:
+    """`half` with what regressions determine of mass, spring and friction.
 
     An axis that a force drives turns round more than it slides: it has a regression of its own.
     """
-    if any(motion.trace.f_drive is not None for motion in motions):
-        told = regress_axis(half, motions, candidates(half))
-        return half if isinstance(told, str) else replace_parameters(half, told)
-    found = fit_sliding(half, motions)
-    return half if isinstance(found, str) else _with_law(half, found)
+    try:
+        if any(motion.trace.f_drive is not None for motion in motions):
+            return replace_parameters(half, regress_axis(half, motions, candidates(half)))
+        return _with_law(half, fit_sliding(half, motions))
+    except NotPossible:
+        return half
 
 
 def _with_law(half: MechanicalActuator, found: Sliding) -> MechanicalActuator:
@@ -92,10 +80,9 @@ def _with_law(half: MechanicalActuator, found: Sliding) -> MechanicalActuator:
     }
     table, values = parameter_table(half), {}
     for name, term in places.items():
-        value, error = found.values.get(term, np.nan), found.std_errors.get(term, np.nan)
-        told = np.isfinite(error) and error < 0.5 * abs(value)
-        if name in table and told and (value > 0 or not table[name].positive):
-            values[name] = value
+        determined = found.relative_error(term) < limits.ERROR_START
+        if name in table and determined and (found.values[term] > 0 or not table[name].positive):
+            values[name] = found.values[term]
     if "friction.coulomb_force" in values and "friction.static_force" in table:
         # Stiction keeps its proportion until it is found itself.
         friction: Any = half.friction

@@ -6,27 +6,28 @@ from typing import Any
 
 import numpy as np
 
+from ..estimation import least_squares
 from ..plants import AbstractModel, MechanicalActuator
 from ..traces import Trace
-from ._motion import Motion, mechanical_half, read_motions
-from ._result import Curve, Identified
-from ._weak_form import FEWEST_HELD, Sliding, at_closed_stop, fit_sliding
-
-VAGUE = 0.5
-"""Relative standard error above which a value is not worth having."""
-STOP_DOUBT = 0.1
-"""Part of the stop's stiffness by which the assumed one may be wrong: it says how far preload presses the rod in."""
-PLOTTED = 1500
-"""Points a curve."""
+from . import _limits as limits
+from ._motion import MotionRecord, mechanical_half, read_motions
+from ._result import Curve, Identified, NotPossible, bench_test, thinned
+from ._sliding import Sliding, at_closed_stop, fit_sliding
 
 
+@bench_test(
+    "spring",
+    "2.36",
+    "Least squares of the drive over position, direction, velocity and acceleration where the rod slides between "
+    "its stops; travel from where it rests at the closed one.",
+)
 def identify_spring(model: AbstractModel, traces: Sequence[Trace]) -> Identified:
     """Preload, stiffness and travel of the diaphragm from slow motion and from the closed stop [2.36].
 
     Where the rod slides, `(p_atm - p_act) A_d = F_0 + k_sm x_d + friction` [2.36]. Friction takes the sign of the
     velocity and drops out between both directions; its viscous part and inertia, small in slow motion, are further
-    unknowns. The sensors' offsets are those of the rest at zero duty; a trace without one tells the stiffness only.
-    Samples near the stops are left out. Those at the closed one tell the travel: there, the rod sits deeper than
+    unknowns. The sensors' offsets are those of the rest at zero duty; without a rest only the stiffness is determined.
+    Samples near the stops are left out. Those at the closed one determine the travel: there, the rod sits deeper than
     `travel` by the excess of the force over the stop's stiffness, and at rest beyond zero in the same way.
 
     **Arguments:** `model`: its stop stiffness and friction are start values; `traces`: with `x_d` in m, and `p_act` in
@@ -34,42 +35,33 @@ def identify_spring(model: AbstractModel, traces: Sequence[Trace]) -> Identified
 
     **Returns:** `diaphragm.preload` in N, `diaphragm.stiffness` in N/m, `diaphragm.travel` in m, of shape `()`.
     """
-    result = Identified(
-        "spring",
-        "2.36",
-        "Least squares of the drive over position, direction, velocity and acceleration where the rod slides between "
-        "its stops; travel from where it rests at the closed one.",
-    )
     half, motions = mechanical_half(model), read_motions(model, traces)
     if float(half.diaphragm.stiffness) == 0:
-        return dataclasses.replace(result, unseen=("the model has no spring; start diaphragm.stiffness above zero",))
+        raise NotPossible("the model has no spring; start diaphragm.stiffness above zero")
     found = _slide(half, motions)
-    if isinstance(found, str):
-        return dataclasses.replace(result, unseen=(found,))
-    doubt = STOP_DOUBT * _pressed(half, found.values["preload"]) if any(np.any(m.rest) for m in motions) else 0.0
-    values, errors, unseen = _told(found, doubt)
+    doubt = limits.STOP_ERROR * _pressed(half, found.values["preload"]) if any(np.any(m.rest) for m in motions) else 0.0
+    values, errors, limitations = _determined(found, doubt)
     if "diaphragm.stiffness" in values and np.isfinite(float(half.diaphragm.travel)):
         travel = _travel(half, motions, found)
         if travel is None:
-            unseen.append("diaphragm.travel: the rod does not rest at its closed stop; record a step to full duty")
+            limitations.append("diaphragm.travel: the rod does not rest at its closed stop; record a step to full duty")
         else:
             values["diaphragm.travel"], errors["diaphragm.travel"] = map(np.asarray, travel)
-    return dataclasses.replace(
-        result,
+    return Identified(
         values=values,
         std_errors=errors,
-        unseen=tuple(unseen),
+        limitations=tuple(limitations),
         figures=_figures(found),
         samples=len(found.force),
     )
 
 
-def _slide(half: MechanicalActuator, motions: Sequence[Motion]) -> Sliding | str:
+def _slide(half: MechanicalActuator, motions: Sequence[MotionRecord]) -> Sliding:
     """The law of the sliding rod; what preload does to the position of rest is put right with the preload found."""
     found = fit_sliding(half, motions, float(getattr(half.friction, "stribeck_velocity", 0.0)) or None)
     before = _pressed(half, float(half.diaphragm.preload))
     for _ in range(2):
-        if isinstance(found, str) or not np.isfinite(found.values["preload"] + found.values["stiffness"]):
+        if not np.isfinite(found.values["preload"] + found.values["stiffness"]):
             break
         shift = _pressed(half, found.values["preload"]) - before
         moved = [
@@ -85,14 +77,14 @@ def _pressed(half: MechanicalActuator, preload: float) -> float:
     return -preload / float(half.diaphragm.stiffness + half.diaphragm.stop_stiffness)
 
 
-def _told(found: Sliding, doubt: float) -> tuple[dict[str, Any], dict[str, Any], list[str]]:
-    """Values and errors by name, and a sentence for what is not told.
+def _determined(found: Sliding, doubt: float) -> tuple[dict[str, Any], dict[str, Any], list[str]]:
+    """Values and errors by name, and a sentence for what is not determined.
 
     **Arguments:** `doubt`: standard error in m of the place of rest, the same in all traces.
     """
     values: dict[str, Any] = {}
     errors: dict[str, Any] = {}
-    unseen = []
+    limitations = []
     for term, remedy in (
         ("preload", "the rod does not slide in both directions; record it moving out and back"),
         ("stiffness", "the rod does not slide far enough; record it moving over much of its travel"),
@@ -100,14 +92,14 @@ def _told(found: Sliding, doubt: float) -> tuple[dict[str, Any], dict[str, Any],
         value, error = found.values[term], found.std_errors[term]
         if term == "preload":
             error = float(np.hypot(error, found.values["stiffness"] * doubt))
-        if np.isfinite(error) and error < VAGUE * abs(value) and (term == "preload" or value > 0):
+        if np.isfinite(error) and error < limits.ERROR_SPRING * abs(value) and (term == "preload" or value > 0):
             values[f"diaphragm.{term}"], errors[f"diaphragm.{term}"] = np.asarray(value), np.asarray(error)
         else:
-            unseen.append(f"diaphragm.{term}: {remedy}")
-    return values, errors, unseen
+            limitations.append(f"diaphragm.{term}: {remedy}")
+    return values, errors, limitations
 
 
-def _travel(half: MechanicalActuator, motions: Sequence[Motion], found: Sliding) -> tuple[float, float] | None:
+def _travel(half: MechanicalActuator, motions: Sequence[MotionRecord], found: Sliding) -> tuple[float, float] | None:
     """Travel and its standard error in m, from samples at rest that the drive presses into the closed stop.
 
     Unknowns are the travel, the compliance of the stops, of which the model's is known to a tenth, and the place of
@@ -115,7 +107,7 @@ def _travel(half: MechanicalActuator, motions: Sequence[Motion], found: Sliding)
     """
     preload, stiffness = found.values["preload"], found.values["stiffness"]
     friction, compliance = abs(found.values["coulomb"]), 1 / float(half.diaphragm.stop_stiffness)
-    rows, right = [[0.0, 1 / (STOP_DOUBT * compliance), *[0.0] * len(motions)]], [1 / STOP_DOUBT]
+    rows, right = [[0.0, 1 / (limits.STOP_ERROR * compliance), *[0.0] * len(motions)]], [1 / limits.STOP_ERROR]
     count = 0
     for number, motion in enumerate(motions):
         held = at_closed_stop(motion, preload, stiffness, friction)
@@ -132,27 +124,24 @@ def _travel(half: MechanicalActuator, motions: Sequence[Motion], found: Sliding)
         rows.append(np.eye(2 + len(motions))[2 + number] / error)
         right.append(0.0)
         count += int(held.sum())
-    if count < FEWEST_HELD:
+    if count < limits.HELD_SAMPLES:
         return None
-    matrix = np.array(rows)
-    solution = np.linalg.lstsq(matrix, np.array(right), rcond=None)[0]
-    variance = np.linalg.pinv(matrix.T @ matrix)[0, 0]
+    solution = least_squares(np.array(rows), np.array(right))
     # Which way friction points at a stop is not known.
-    return float(solution[0]), float(np.sqrt(variance + (0.5 * friction * compliance) ** 2))
+    return float(solution.values[0]), float(np.hypot(solution.std_errors[0], 0.5 * friction * compliance))
 
 
 def _figures(found: Sliding) -> tuple[Curve, ...]:
     """Drive without viscous force and inertia over position, with the spring between the two branches."""
-    kept = {name: 0.0 if np.isnan(value) else value for name, value in found.values.items()}
-    chosen = slice(None, None, max(1, len(found.force) // PLOTTED))
-    dry = found.force - kept["viscous"] * found.velocity - kept["mass"] * found.acceleration
+    chosen = thinned(len(found.force))
+    dry = found.force - found.value("viscous") * found.velocity - found.value("mass") * found.acceleration
     ends = np.array([np.min(found.position), np.max(found.position)])
     return (
         Curve(
             "position, mm",
             "drive, N",
             (1e3 * found.position[chosen], dry[chosen]),
-            (1e3 * ends, kept["preload"] + kept["stiffness"] * ends),
+            (1e3 * ends, found.value("preload") + found.value("stiffness") * ends),
             "spring and preload",
         ),
     )

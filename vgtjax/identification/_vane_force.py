@@ -3,27 +3,19 @@
 import dataclasses
 from collections.abc import Sequence
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
+from ..estimation import LeastSquares, least_squares
 from ..parts import POWERS, ForcePolynomial, HysteresisMap, polynomial_terms
 from ..plants import Actuator, MechanicalActuator
 from ..traces import Trace, noise_level
+from . import _limits as limits
 from ._filters import Samples, resting, sensor_offset, smooth
-from ._result import Curve, Identified
-from ._solution import Solution, least_squares, white_noise
+from ._result import Curve, Identified, NotPossible, bench_test, thinned
 
 Model = Actuator | MechanicalActuator
-MARGIN = 0.5e-3
-"""m; samples nearer to a stop are left out: the rod reverses there."""
-SLOWEST, FASTEST = 5e-5, 5e-3
-"""m/s; slower the direction is noise, faster inertia and damping are no longer small."""
-NO_GAS = 2e3
-"""Pa gauge; below, the turbine is taken as still."""
-APART = 5e3
-"""Pa; turbine pressures nearer than this are one."""
-PLOTTED = 400
-"""Points a curve."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -44,9 +36,15 @@ class SlowSamples:
     @property
     def hot(self) -> bool:
         """Whether there is exhaust gas."""
-        return bool(np.max(self.turbine, initial=0.0) > NO_GAS)
+        return bool(np.max(self.turbine, initial=0.0) > limits.NO_GAS)
 
 
+@bench_test(
+    "vane force map",
+    "3.16",
+    "Least squares over turbine pressure and crank angle of slow samples in both directions; loops without exhaust gas "
+    "are the reference.",
+)
 def identify_vane_map(model: Model, traces: Sequence[Trace]) -> Identified:
     """Both tables of [`HysteresisMap`][] from slow loops [3.16], one of them without exhaust gas.
 
@@ -56,25 +54,23 @@ def identify_vane_map(model: Model, traces: Sequence[Trace]) -> Identified:
     force sensor (`f_vane`), the tables come from it directly, and no cold loop is needed.
 
     The knots in turbine pressure are those of the model where the traces visit just them, or else the traces' own.
+
+    **Arguments:** `model`: with the spring and the diaphragm's area; `traces`: with `x_d` in m, `p_act` in Pa or
+    `f_vane` in N, and `p_trb` in Pa gauge where there is exhaust gas.
+
+    **Returns:** `vane_force.closing` and `vane_force.opening` in N, and `vane_force.turbine_pressure` in Pa where the
+    knots moved. Entries that no sample reaches keep the model's value, with NaN as standard error.
     """
-    result = Identified(
-        "vane force map",
-        "3.16",
-        "Least squares over turbine pressure and crank angle of slow samples in both directions; loops without exhaust "
-        "gas are the reference.",
-    )
     vane_force = model.vane_force
     if not isinstance(vane_force, HysteresisMap):
-        return dataclasses.replace(result, unseen=("the model has no vane-force map; choose vane_force = 'map'",))
+        raise NotPossible("the model has no vane-force map; choose a model with a HysteresisMap")
     sensed = any(trace.f_vane is not None for trace in traces)
     used = [samples for trace in traces for samples in _slow_samples(model, vane_force, trace, sensed)]
     if not any(samples.hot for samples in used):
-        sentence = "no trace moves slowly under exhaust gas; record loops with p_trb above zero"
-        return dataclasses.replace(result, unseen=(sentence,))
+        raise NotPossible("no trace moves slowly under exhaust gas; record loops with p_trb above zero")
     if not sensed and all(samples.hot for samples in used):
-        sentence = "no trace moves slowly without exhaust gas, the reference; record a loop at 0 mbar gauge"
-        return dataclasses.replace(result, unseen=(sentence,))
-    return _solve_map(_on_visited_knots(vane_force, used), vane_force, used, sensed, result)
+        raise NotPossible("no trace moves slowly without exhaust gas, the reference; record a loop at 0 mbar gauge")
+    return _solve_map(_on_visited_knots(vane_force, used), vane_force, used, sensed)
 
 
 def _slow_samples(model: Model, vane_force: HysteresisMap, trace: Trace, sensed: bool) -> list[SlowSamples]:
@@ -86,13 +82,16 @@ def _slow_samples(model: Model, vane_force: HysteresisMap, trace: Trace, sensed:
     noise = noise_level(trace.x_d, "x_d")
     seen, offset = smooth(trace.time, trace.x_d, noise), sensor_offset(model, trace, "x_d")
     position = seen.value - offset.value
-    chosen = (np.abs(seen.rate) > np.maximum(SLOWEST, 3 * seen.rate_error)) & (np.abs(seen.rate) < FASTEST)
-    chosen &= (position > MARGIN) & (position < float(diaphragm.travel) - MARGIN)
+    chosen = (np.abs(seen.rate) > np.maximum(limits.VANE_SLOWEST, 3 * seen.rate_error)) & (
+        np.abs(seen.rate) < limits.VANE_FASTEST
+    )
+    margin = limits.VANE_STOP_MARGIN
+    chosen &= (position > margin) & (position < float(diaphragm.travel) - margin)
     if not np.any(chosen):
         return []
     if sensed:
         assert trace.f_vane is not None
-        force, deviation, common = trace.f_vane, white_noise(trace.f_vane), 0.0
+        force, deviation, common = trace.f_vane, noise_level(trace.f_vane, "f_vane"), 0.0
     else:
         assert trace.p_act is not None
         area, stiffness = float(diaphragm.area), float(diaphragm.stiffness)
@@ -108,13 +107,13 @@ def _slow_samples(model: Model, vane_force: HysteresisMap, trace: Trace, sensed:
 
 def _on_visited_knots(vane_force: HysteresisMap, used: list[SlowSamples]) -> HysteresisMap:
     visited = np.sort(np.concatenate([samples.turbine for samples in used]))
-    groups = np.split(visited, np.flatnonzero(np.diff(visited) > APART) + 1)
-    means = np.array([np.round(np.mean(group), -2) for group in groups if np.mean(group) > NO_GAS])
-    steady = all(np.ptp(group) < 2 * APART for group in groups)
+    groups = np.split(visited, np.flatnonzero(np.diff(visited) > limits.SAME_TURBINE) + 1)
+    means = np.array([np.round(np.mean(group), -2) for group in groups if np.mean(group) > limits.NO_GAS])
+    steady = all(np.ptp(group) < 2 * limits.SAME_TURBINE for group in groups)
     given = np.asarray(vane_force.turbine_pressure)
-    if not steady or (len(given) == len(means) and np.all(np.abs(given - means) < APART)):
+    if not steady or (len(given) == len(means) and np.all(np.abs(given - means) < limits.SAME_TURBINE)):
         return vane_force
-    return vane_force.on_knots(means, np.asarray(vane_force.crank_angle))
+    return vane_force.on_knots(jnp.asarray(means), vane_force.crank_angle)
 
 
 def hats(knots: Float[np.ndarray, " knots"], at: Samples) -> Float[np.ndarray, "samples knots"]:
@@ -122,30 +121,33 @@ def hats(knots: Float[np.ndarray, " knots"], at: Samples) -> Float[np.ndarray, "
     return np.stack([np.interp(at, knots, unit) for unit in np.eye(len(knots))], axis=1)
 
 
-def _solve_map(
-    moved: HysteresisMap, given: HysteresisMap, used: list[SlowSamples], sensed: bool, result: Identified
-) -> Identified:
+def _solve_map(moved: HysteresisMap, given: HysteresisMap, used: list[SlowSamples], sensed: bool) -> Identified:
     pressures, angles = np.asarray(moved.turbine_pressure), np.asarray(moved.crank_angle)
     size = len(pressures) * len(angles)
-    solution = least_squares(*_equations(pressures, angles, used, sensed))
+    solution = _solve(*_equations(pressures, angles, used, sensed))
     names = ("closing", "opening")
     values, errors = solution.values[: 2 * size].reshape(2, -1), solution.std_errors[: 2 * size].reshape(2, -1)
     kept = np.stack([np.asarray(moved.closing), np.asarray(moved.opening)])
     values = np.where(np.isfinite(errors), values, kept)
-    unseen = tuple(
+    limitations = tuple(
         f"nothing at {pressures[i // len(angles)] / 100:.0f} mbar and {angles[i % len(angles)]:g} deg while {name}"
         for name, row in zip(names, errors, strict=True)
         for i in np.flatnonzero(~np.isfinite(row))
     )
     knots = {} if moved is given else {"vane_force.turbine_pressure": pressures}
-    return dataclasses.replace(
-        result,
+    return Identified(
         values={**knots, **{f"vane_force.{name}": row for name, row in zip(names, values, strict=True)}},
         std_errors={f"vane_force.{name}": row for name, row in zip(names, errors, strict=True)},
-        unseen=unseen,
+        limitations=limitations,
         figures=_figures(pressures, angles, used, solution, sensed),
         samples=sum(len(samples.angle) for samples in used),
     )
+
+
+def _solve(matrix: np.ndarray, right: np.ndarray) -> LeastSquares:
+    """Least squares whose errors are those of white residuals of the size that is left, at least the sensors' noise."""
+    found = least_squares(matrix, right)
+    return found.scaled(max(found.scale, 1.0))
 
 
 def _equations(
@@ -157,7 +159,7 @@ def _equations(
         gas, cold, constant = _columns(pressures, angles, samples, number, len(used))
         rows.append(np.hstack([gas, constant] if sensed else [gas, cold, constant]) / samples.noise)
         right.append(samples.force / samples.noise)
-    # What rest has not told of a trace's offsets stays open: its constant is known to within `common`.
+    # What rest leaves open of a trace's offsets stays open: its constant is known to within `common`.
     commons = [max(samples.common, 1e-9) for samples in used]
     width = rows[0].shape[1] - len(used)
     rows.append(np.hstack([np.zeros((len(used), width)), np.diag(1 / np.asarray(commons))]))
@@ -181,7 +183,7 @@ def _columns(
 
 
 def _figures(
-    pressures: np.ndarray, angles: np.ndarray, used: list[SlowSamples], solution: Solution, sensed: bool
+    pressures: np.ndarray, angles: np.ndarray, used: list[SlowSamples], solution: LeastSquares, sensed: bool
 ) -> tuple[Curve, ...]:
     size = len(pressures) * len(angles)
     figures = []
@@ -193,7 +195,7 @@ def _figures(
         force = samples.force - rest @ solution.values[2 * size :]
         for name, way in (("closing", samples.closing), ("opening", ~samples.closing)):
             index = np.flatnonzero(way)[np.argsort(samples.angle[way])]
-            index = index[:: max(1, len(index) // PLOTTED)]
+            index = index[thinned(len(index))]
             figures.append(
                 Curve(
                     "crank angle, deg",
@@ -217,39 +219,40 @@ def _true_position(model: Model, trace: Trace) -> Samples:
     return trace.x_d - sensor_offset(model, trace, "x_d").value - into_stop
 
 
+@bench_test("vane force polynomial", "3.15", "Least squares of the force sensor over crank angle and pressure ratio.")
 def identify_vane_polynomial(model: Model, traces: Sequence[Trace]) -> Identified:
     """Coefficients of [`ForcePolynomial`][] from a force sensor: a surface fit over crank angle and ratio [3.15].
 
-    Powers of the ratio that the turbine pressures of the traces can't tell apart are left out: zero, without an error.
+    Powers of the ratio that the turbine pressures of the traces don't determine are zero, without an error.
+
+    **Arguments:** `traces`: with `f_vane` in N, `x_d` in m, and `p_trb` in Pa gauge where there is exhaust gas.
+
+    **Returns:** `vane_force.coefficients` in the units of the table, in the order of `POWERS`.
     """
-    result = Identified(
-        "vane force polynomial", "3.15", "Least squares of the force sensor over crank angle and pressure ratio."
-    )
     vane_force = model.vane_force
     if not isinstance(vane_force, ForcePolynomial):
-        return dataclasses.replace(result, unseen=("the model has no polynomial; choose vane_force = 'polynomial'",))
+        raise NotPossible("the model has no polynomial; choose a model with a ForcePolynomial")
     sensed = [trace.on_one_clock() for trace in traces if trace.f_vane is not None and trace.x_d is not None]
     if not sensed:
-        return dataclasses.replace(result, unseen=("no trace has a force sensor; record f_vane and x_d",))
+        raise NotPossible("no trace has a force sensor; record f_vane and x_d")
     travel = float(model.diaphragm.travel)
     position = np.concatenate([_true_position(model, trace) for trace in sensed])
     angle = np.asarray(vane_force.crank.angle(travel - position))
     turbine = np.concatenate([np.zeros_like(t.time) if t.p_trb is None else t.p_trb for t in sensed])
     force = np.concatenate([np.asarray(trace.f_vane) for trace in sensed])
-    distinct = len(np.unique(np.round(turbine / APART)))
+    distinct = len(np.unique(np.round(turbine / limits.SAME_TURBINE)))
     used = np.array([power < distinct for _, power in POWERS])
     terms = np.stack(np.broadcast_arrays(*polynomial_terms(angle, np.asarray(vane_force.ratio(turbine)))), axis=1)
-    noise = white_noise(force)
-    solution = least_squares(terms[:, used] / noise, force / noise)
+    noise = noise_level(force, "f_vane")
+    solution = _solve(terms[:, used] / noise, force / noise)
     values, errors = np.zeros(len(POWERS)), np.full(len(POWERS), np.nan)
     values[used], errors[used] = solution.values, solution.std_errors
-    sentence = f"{distinct} turbine pressures do not tell powers of the ratio above {distinct - 1}; those are zero"
-    order = np.argsort(angle)[:: max(1, len(angle) // PLOTTED)]
-    return dataclasses.replace(
-        result,
+    sentence = f"{distinct} turbine pressures do not determine powers of the ratio above {distinct - 1}; those are zero"
+    order = np.argsort(angle)[thinned(len(angle))]
+    return Identified(
         values={"vane_force.coefficients": values},
         std_errors={"vane_force.coefficients": errors},
-        unseen=() if np.all(used) else (sentence,),
+        limitations=() if np.all(used) else (sentence,),
         figures=(
             Curve(
                 "crank angle, deg",

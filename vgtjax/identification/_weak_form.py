@@ -5,16 +5,13 @@ from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.ndimage import minimum_filter1d
 from scipy.signal import fftconvolve
 
+from ..estimation import LeastSquares, clustered_errors, huber_weights, least_squares, robust_deviation
 from ..plants import MechanicalActuator
+from . import _limits as limits
 from ._filters import Samples
-from ._motion import BLOCK, Motion, plain_friction
-from ._regression import clustered_errors
-
-CERTAIN = 5.0
-"""Standard deviations of velocity noise beyond which a rod certainly moves."""
+from ._motion import MotionRecord
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -27,7 +24,7 @@ class Filtered:
     and `acceleration_noise` in m/s2 are standard deviations.
     """
 
-    motion: Motion
+    motion: MotionRecord
     width: int
     force: Samples
     position: Samples
@@ -39,14 +36,14 @@ class Filtered:
     acceleration_noise: float
 
 
-def filter_motion(motion: Motion, seconds: float) -> Filtered:
+def filter_motion(motion: MotionRecord, seconds: float) -> Filtered:
     """A motion through the kernel `(1 - u^2)^4` that is `seconds` long, but never shorter than nine samples."""
     half = max(round(0.5 * seconds / motion.interval), 4)
     smooth, slope, curve = _kernels(half, motion.interval)
     valid = np.zeros(len(motion.time), dtype=bool)
     valid[half : len(valid) - half] = True
     velocity, noise = _convolve(motion.position, slope), motion.noise * float(np.linalg.norm(slope))
-    moving = np.sign(velocity) * (np.abs(velocity) > CERTAIN * noise) * valid
+    moving = np.sign(velocity) * (np.abs(velocity) > limits.MOVING * noise) * valid
     return Filtered(
         motion,
         2 * half + 1,
@@ -67,7 +64,7 @@ def through_kernel(filtered: Filtered, samples: Samples) -> Samples:
 
 
 def _kernels(half: int, interval: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The kernel over `2 half + 1` samples, which sums to one, and its first two derivatives by time.
+    """The kernel over `2 half + 1` samples, which sums to one, and its first two derivatives with respect to time.
 
     Sums over samples are not integrals: left as they are, a position of 0.1 m shows as an acceleration. The derivatives
     are corrected to be exact on parabolas.
@@ -91,32 +88,18 @@ def _convolve(samples: Samples, kernel: np.ndarray) -> Samples:
     return filtered + middle * np.sum(kernel)
 
 
-def within_stops(model: MechanicalActuator, motion: Motion) -> Bool[np.ndarray, " time"]:
-    """Where no stop touches the rod: a fiftieth of the travel away from both, wherever the closed one really is."""
+def within_stops(model: MechanicalActuator, motion: MotionRecord) -> Bool[np.ndarray, " time"]:
+    """Where no stop touches the rod, wherever the closed one really is."""
     travel = float(model.diaphragm.travel)
     if not np.isfinite(travel):
         return np.ones(len(motion.time), dtype=bool)
-    margin = max(travel / 50, 10 * motion.noise)
+    margin = max(travel * limits.STOP_MARGIN, limits.STOP_NOISE * motion.noise)
     end = min(travel, float(np.max(motion.position)))
     return (motion.position > margin) & (motion.position < end - margin)
 
 
-def sliding(filtered: Filtered, inside: Bool[np.ndarray, " time"], distance: float) -> Bool[np.ndarray, " time"]:
-    """Where a rod has slid one way for longer than a kernel.
-
-    **Arguments:** `inside`: away from stops; `distance` in m after which friction has forgotten the last turn.
-    """
-    direction = filtered.direction
-    turns = np.flatnonzero(np.diff(direction) != 0) + 1
-    begin = np.zeros(len(direction), dtype=int)
-    begin[turns] = turns
-    since = np.abs(filtered.position - filtered.position[np.maximum.accumulate(begin)])
-    slid = (direction != 0) & (since > distance) & inside & filtered.valid
-    return minimum_filter1d(slid, filtered.width, mode="constant", cval=0).astype(bool)
-
-
 @dataclasses.dataclass(frozen=True, eq=False)
-class Rows:
+class TraceEquations:
     """Equations from one trace: `matrix` times the unknowns is `right`, both in N.
 
     `time` in s, `overlap` of how many neighbours a row is the average, `constant` the standard error in N of a
@@ -130,22 +113,11 @@ class Rows:
     constant: float
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Regression:
-    """`values` and `std_errors` of the unknowns, NaN for what was not determined."""
+def regress_traces(blocks: Sequence[TraceEquations], robust: bool = True) -> LeastSquares:
+    """Least squares of all rows, with an unknown constant per trace, and errors that know of correlated residuals.
 
-    values: Float[np.ndarray, " unknowns"]
-    std_errors: Float[np.ndarray, " unknowns"]
-
-
-ALONE = 1e-4
-"""Part of a column that must not be a combination of the others."""
-
-
-def regress(blocks: Sequence[Rows], robust: bool = True) -> Regression:
-    """Least squares of all rows, with an unknown constant a trace, and errors that know of correlated residuals.
-
-    Residuals beyond two robust deviations count by their absolute value (Huber), unless `robust` is false.
+    Residuals beyond two robust deviations count by their size (Huber), unless `robust` is false. Values are those of
+    the unknowns alone; what is not determined is NaN. `scale` is the residuals' robust variance in N^2.
     """
     matrix, right, groups, traces = _stack(blocks)
     overlap, size = max(block.overlap for block in blocks), matrix.shape[1]
@@ -153,138 +125,38 @@ def regress(blocks: Sequence[Rows], robust: bool = True) -> Regression:
     unknown = np.flatnonzero(doubt > 0)
     constants = (traces[:, None] == unknown[None, :]).astype(float)
     columns, deviation, weights = np.hstack([matrix, constants]), 1.0, np.ones(len(right))
-    solution, residual = np.zeros(columns.shape[1]), right
     for step in range(8):
         # Neighbours share their samples: only the weight against what is known of the constants feels it.
         scale = deviation * np.sqrt(overlap)
         prior = np.diag(scale / doubt[unknown]) if step else np.eye(len(unknown)) * np.sqrt(len(right))
         known = np.hstack([np.zeros((len(unknown), size)), prior])
         weighted = np.vstack([columns * weights[:, None], known])
-        solution = np.linalg.lstsq(weighted, np.append(right * weights, np.zeros(len(unknown))), rcond=1e-12)[0]
-        residual = right - columns @ solution
-        deviation = max(float(np.median(np.abs(residual))) / 0.6745, 1e-9)
+        found = least_squares(weighted, np.append(right * weights, np.zeros(len(unknown))), limits.INFLATION)
+        residual = right - columns @ found.values
+        deviation = max(robust_deviation(residual), 1e-9)
         if robust:
-            weights = np.sqrt(np.minimum(1.0, 2 * deviation / np.maximum(np.abs(residual), 1e-300)))
+            weights = huber_weights(residual, deviation)
     left = np.append(residual * weights, np.full(len(unknown), scale))
     bunch = np.append(groups, np.max(groups) + 1 + np.arange(len(unknown)))
-    errors = clustered_errors(left, weighted, bunch)[:size]
-    lost = _dependent(weighted)[:size]
-    return Regression(np.where(lost, np.nan, solution[:size]), np.where(lost, np.nan, errors))
+    errors = clustered_errors(left, weighted, bunch)
+    determined = found.determined[:size]
+    return dataclasses.replace(
+        found,
+        values=np.where(determined, found.values[:size], np.nan),
+        covariance=np.diag(np.where(determined, errors[:size] ** 2, 0.0)),
+        determined=determined,
+        null_directions=found.null_directions[:, :size],
+        scale=deviation**2,
+    )
 
 
-def _stack(blocks: Sequence[Rows]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _stack(blocks: Sequence[TraceEquations]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """All rows, the quarter of a second that each belongs to, and its trace."""
     groups, first = [], 0
     for block in blocks:
-        own = np.unique(np.floor(block.time / BLOCK), return_inverse=True)[1]
+        own = np.unique(np.floor(block.time / limits.CORRELATION), return_inverse=True)[1]
         groups.append(first + own)
         first += int(np.max(own, initial=-1)) + 1
     traces = np.repeat(np.arange(len(blocks)), [len(block.right) for block in blocks])
     matrix = np.concatenate([block.matrix for block in blocks])
     return matrix, np.concatenate([block.right for block in blocks]), np.concatenate(groups), traces
-
-
-def _dependent(columns: np.ndarray) -> Bool[np.ndarray, " unknowns"]:
-    """Which columns are zero, or combinations of the others."""
-    lengths = np.linalg.norm(columns, axis=0)
-    lost = lengths <= 1e-9 * np.max(lengths, initial=1e-300)
-    unit = columns[:, ~lost] / lengths[~lost]
-    values, vectors = np.linalg.eigh(unit.T @ unit)
-    # The diagonal of the inverse, in which a direction of no information at all is a huge number.
-    lost[~lost] = (vectors**2 / np.maximum(values, 1e-15)).sum(axis=1) > ALONE**-2
-    return lost
-
-
-# -- a rod that slides -------------------------------------------------------------------------------------------------
-
-KERNEL = 0.1
-"""s; between 0.05 and 0.2 s the bench traces tell the same spring and friction within their errors."""
-FEWEST = 30
-"""Rows that a regression of a sliding rod needs."""
-PRESSED = 2.0
-"""Coulomb forces by which the drive must exceed the spring before a rod at rest counts as held by its stop."""
-FEWEST_HELD = 20
-"""Samples at the closed stop that tell where it is."""
-FORGETS = 8.0
-"""Bristle deflections after which friction has forgotten a turn, but for a part in three thousand."""
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Sliding:
-    """The law of a sliding rod, `f = F_0 + k x + F_c s + drop s exp(-|v|/v_s) + b v + m a`, `s` the direction.
-
-    `values` and `std_errors` by those of the names `preload, stiffness, coulomb, drop, viscous, mass` that were asked
-    for, NaN for what is not determined, in SI units. Arrays of all rows: `force` in N, `position` in m, `velocity` in
-    m/s, `acceleration` in m/s2.
-    """
-
-    values: dict[str, float]
-    std_errors: dict[str, float]
-    force: Samples
-    position: Samples
-    velocity: Samples
-    acceleration: Samples
-
-    def friction(self) -> Samples:
-        """What is left of the force without spring and inertia, in N."""
-        kept = {name: 0.0 if np.isnan(value) else value for name, value in self.values.items()}
-        return (
-            self.force
-            - kept["preload"]
-            - kept.get("stiffness", 0.0) * self.position
-            - kept.get("mass", 0.0) * self.acceleration
-        )
-
-
-def fit_sliding(
-    model: MechanicalActuator, motions: Sequence[Motion], stribeck_velocity: float | None = None
-) -> Sliding | str:
-    """Fits the law to all stretches over which the rod slides one way between the stops, or says why there are none.
-
-    **Arguments:** `stribeck_velocity`: `v_s` in m/s of the term that it belongs to; no such term without it.
-    """
-    seen = [filter_motion(motion, KERNEL) for motion in motions]
-    friction, spring = plain_friction(model), float(model.diaphragm.stiffness) > 0
-    bristles = getattr(friction, "bristle_stiffness", None)
-    distance = 0.0 if bristles is None else FORGETS * float(friction.coulomb_force) / float(bristles)
-    chosen = [sliding(each, within_stops(model, each.motion), distance) for each in seen]
-    if sum(np.count_nonzero(rows) for rows in chosen) < FEWEST:
-        return "the rod never slides freely between its stops; record motion through the middle of its travel"
-    blocks, names = [], list(_columns(seen[0], spring, stribeck_velocity))
-    for each, rows in zip(seen, chosen, strict=True):
-        columns = _columns(each, spring, stribeck_velocity)
-        doubt = np.hypot(each.motion.force_error, float(model.diaphragm.stiffness) * each.motion.position_error)
-        matrix = np.stack([column[rows] for column in columns.values()], axis=1)
-        blocks.append(Rows(matrix, each.force[rows], each.motion.time[rows], each.width, float(doubt)))
-    found = regress([block for block in blocks if len(block.right)])
-
-    def rows_of(name: str) -> Samples:
-        return np.concatenate([getattr(each, name)[rows] for each, rows in zip(seen, chosen, strict=True)])
-
-    return Sliding(
-        dict(zip(names, found.values.tolist(), strict=True)),
-        dict(zip(names, found.std_errors.tolist(), strict=True)),
-        rows_of("force"),
-        rows_of("position"),
-        rows_of("velocity"),
-        rows_of("acceleration"),
-    )
-
-
-def _columns(filtered: Filtered, spring: bool, stribeck_velocity: float | None) -> dict[str, Samples]:
-    """What the unknowns of the law multiply."""
-    columns = {"preload": np.ones(len(filtered.force))}
-    if spring:
-        columns["stiffness"] = filtered.position
-    columns["coulomb"] = filtered.direction
-    if stribeck_velocity is not None:
-        columns["drop"] = filtered.direction * np.exp(-np.abs(filtered.velocity) / stribeck_velocity)
-    return columns | {"viscous": filtered.velocity, "mass": filtered.acceleration}
-
-
-def at_closed_stop(motion: Motion, preload: float, stiffness: float, friction: float) -> Bool[np.ndarray, " time"]:
-    """Samples at rest in the farther half of the motion whose drive friction and spring can't balance (N, N/m, N)."""
-    seen = filter_motion(motion, KERNEL)
-    excess = seen.force - preload - stiffness * seen.position
-    middle = 0.5 * (np.max(motion.position) + np.min(motion.position))
-    return seen.valid & (seen.direction == 0) & (excess > PRESSED * friction) & (seen.position > middle)

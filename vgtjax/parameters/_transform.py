@@ -35,6 +35,10 @@ class Transform(eqx.Module):
         exponent = jnp.where(self.positive, coordinates, 0.0)
         return jnp.where(self.positive, jnp.exp(exponent), self.scale * coordinates)
 
+    def slope(self, coordinates: Vector) -> Float[Array, " parameters"]:
+        """Derivative of each physical value with respect to its coordinate."""
+        return jnp.where(self.positive, self.to_physical(coordinates), self.scale)
+
     def to_coordinates(self, values: Vector) -> Float[Array, " parameters"]:
         """Coordinates of physical values inside the domain."""
         logarithm = jnp.log(jnp.where(self.positive, values, 1.0))

@@ -23,7 +23,11 @@ from ._ranking import (
     rank_inputs as rank_inputs,
 )
 from ._regression import Regression as Regression, regress as regress
-from ._resampling import Estimate as Estimate, bootstrap as bootstrap, resampled_weights as resampled_weights
+from ._resampling import (
+    BootstrapInterval as BootstrapInterval,
+    bootstrap as bootstrap,
+    resampled_weights as resampled_weights,
+)
 from ._second_order import (
     damping_ratio as damping_ratio,
     frictionless_diaphragm as frictionless_diaphragm,

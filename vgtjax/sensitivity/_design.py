@@ -73,7 +73,7 @@ class RadialDesign(Sample):
     ]:
         """The outputs at `A`, `AB` and `B`, from those of all rows; views, not copies.
 
-        **Raises:** `InputError` when there is not one row of outputs a row of the design.
+        **Raises:** `InputError` when there is not one row of outputs per row of the design.
         """
         grouped = self.group(y)
         return grouped[:, 0], grouped[:, 1:-1], grouped[:, -1]
@@ -81,11 +81,11 @@ class RadialDesign(Sample):
     def group(self, values: Float[np.ndarray, "rows columns"]) -> Float[np.ndarray, "base members columns"]:
         """Rows gathered by base point, as a view.
 
-        **Raises:** `InputError` when there is not one row a row of the design.
+        **Raises:** `InputError` when there is not one row per row of the design.
         """
         if values.ndim != 2 or len(values) != self.rows:
             raise InputError(
                 f"values of this design must have the shape ({self.rows}, columns), but theirs is {values.shape}; "
-                "give one row a row of the design, or take a part of the design by prefix()"
+                "give one row per row of the design, or take a part of the design by prefix()"
             )
         return values.reshape(self.base, self.members, values.shape[1])

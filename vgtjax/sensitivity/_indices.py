@@ -13,7 +13,7 @@ from ._design import RadialDesign
 from ._missing import complete_groups
 from ._morris import elementary_effects
 from ._regression import regress
-from ._resampling import Estimate, Statistics, bootstrap
+from ._resampling import BootstrapInterval, Statistics, bootstrap
 from ._sobol import first_order, total_order
 
 FEWEST_POINTS = 16
@@ -26,38 +26,32 @@ Columns = Int[np.ndarray, " columns"]
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class LinearIndices:
-    """What a linear model of a sample says.
+    """Indices of a linear model of a sample.
 
     `correlation` is the thesis's index (4.1), `regression` the signed standardised coefficient, both `(outputs,
     inputs)`; `r2` and `adjusted_r2` `(outputs,)`; `used` is the number of complete points behind each output.
     """
 
-    correlation: Estimate
-    regression: Estimate
-    r2: Estimate
-    adjusted_r2: Estimate
+    correlation: BootstrapInterval
+    regression: BootstrapInterval
+    r2: BootstrapInterval
+    adjusted_r2: BootstrapInterval
     used: Int[np.ndarray, " outputs"]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Indices:
+class Indices(LinearIndices):
     """All indices of a radial design.
 
     Those of a linear model as in [`LinearIndices`][]; `first` and `total` are variance-based, `mu`, `mu_star` and
-    `sigma` statistics of elementary effects, all `(outputs, inputs)`; `used` is the number of complete base points
-    behind each output.
+    `sigma` statistics of elementary effects, all `(outputs, inputs)`; `used` counts complete base points.
     """
 
-    correlation: Estimate
-    regression: Estimate
-    r2: Estimate
-    adjusted_r2: Estimate
-    first: Estimate
-    total: Estimate
-    mu: Estimate
-    mu_star: Estimate
-    sigma: Estimate
-    used: Int[np.ndarray, " outputs"]
+    first: BootstrapInterval
+    total: BootstrapInterval
+    mu: BootstrapInterval
+    mu_star: BootstrapInterval
+    sigma: BootstrapInterval
 
 
 def analyse(
@@ -77,7 +71,7 @@ def analyse(
 
     **Arguments:**
 
-    - `x`: the inputs that were simulated, physical or transformed; a column a dimension of the design.
+    - `x`: the inputs that were simulated, physical or transformed; one column per dimension of the design.
     - `y`: the outputs; any number of columns, such as all samples of a trace.
     - `replicates`, `level`, `seed`: of the [`bootstrap`][vgtjax.sensitivity.bootstrap], by base points.
 
@@ -129,8 +123,8 @@ def _checked(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
     if x.ndim != 2 or y.ndim != 2 or len(x) != len(y):
         raise InputError(
-            f"x and y must be tables of the same rows, but their shapes are {x.shape} and {y.shape}; give one row a "
-            "simulation and one column an input or an output"
+            f"x and y must be tables of the same rows, but their shapes are {x.shape} and {y.shape}; give one row per "
+            "simulation and one column per input or output"
         )
     if not np.all(np.isfinite(x)):
         row, column = np.argwhere(~np.isfinite(x))[0]
@@ -183,13 +177,13 @@ def _estimate(
 ) -> dict[str, Any]:
     """All fields of `kind`: NaN, filled in for outputs that have enough complete points, some outputs at a time.
 
-    `sizes` are the rows a point and the inputs, by which the memory of an output is told.
+    `sizes` are the rows per point and the inputs, which determine the memory that an output takes.
     """
     members, inputs = sizes
     outputs = complete.shape[1]
     names = [field.name for field in dataclasses.fields(kind) if field.name != "used"]
     shapes = {name: (outputs,) if name.endswith("r2") else (outputs, inputs) for name in names}
-    result: dict[str, Any] = {name: Estimate(*np.full((3, *shapes[name]), np.nan)) for name in names}
+    result: dict[str, Any] = {name: BootstrapInterval(*np.full((3, *shapes[name]), np.nan)) for name in names}
     for points, group in complete_groups(complete):
         if len(points) < FEWEST_POINTS:
             continue

@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from .._errors import InputError
 from ._indices import Indices
-from ._resampling import Estimate
+from ._resampling import BootstrapInterval
 
 THRESHOLD = 0.05
 """An input matters for an output when it makes more than this share of its variance."""
@@ -90,7 +90,7 @@ def rank_inputs(
     **Arguments:** `inputs`, `outputs`: names in the order of the columns; `local`: shares by
     [`gradient_share`][vgtjax.sensitivity.gradient_share].
 
-    **Raises:** `InputError` when there is not one name a column, or `local` has another shape.
+    **Raises:** `InputError` when there is not one name per column, or `local` has another shape.
     """
     shape = indices.total.value.shape
     local = np.full(shape, np.nan) if local is None else np.asarray(local, dtype=float)
@@ -98,7 +98,7 @@ def rank_inputs(
         if found != shape:
             raise InputError(
                 f"the {what} must be for {shape[0]} outputs and {shape[1]} inputs, but they are for {found}; "
-                "give one an output and input, in the order of the columns"
+                "give one per output and input, in the order of the columns"
             )
     rankings = []
     for row, output in enumerate(outputs):
@@ -181,7 +181,7 @@ def _ranked(indices: Indices, local: np.ndarray, name: str, place: tuple[int, in
     return RankedInput(name, **shares, mu_star=_interval(indices.mu_star, place), verdicts=verdicts)
 
 
-def _interval(estimate: Estimate, place: tuple[int, int]) -> Interval:
+def _interval(estimate: BootstrapInterval, place: tuple[int, int]) -> Interval:
     return Interval(float(estimate.value[place]), float(estimate.low[place]), float(estimate.high[place]))
 
 

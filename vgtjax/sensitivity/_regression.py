@@ -1,4 +1,8 @@
-"""Standardised regression: signed coefficients of a linear model, and how much of the output that explains."""
+"""Standardised regression: signed coefficients of a linear model, and how much of the output that explains.
+
+Through covariances, as thousands of bootstrap replicates of one sample are solved in a few matrix products; all else
+is solved by `vgtjax.estimation.least_squares`.
+"""
 
 import dataclasses
 
@@ -19,7 +23,7 @@ and any other loses nothing."""
 class Regression:
     """A least-squares linear model of every output.
 
-    `coefficients` `(*replicates, outputs, inputs)` are in standard deviations of the output a standard deviation of
+    `coefficients` `(*replicates, outputs, inputs)` are in standard deviations of the output per standard deviation of
     the input; `r2` and `adjusted_r2` `(*replicates, outputs)` say how much of the variance the model explains.
     """
 

@@ -18,7 +18,7 @@ Statistics = Callable[[Weights], dict[str, Float[np.ndarray, "replicates ..."]]]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Estimate:
+class BootstrapInterval:
     """A statistic with the ends of its confidence interval, three arrays of one shape."""
 
     value: Float[np.ndarray, "..."]
@@ -28,7 +28,7 @@ class Estimate:
 
 def bootstrap(
     statistics: Statistics, points: int, *, replicates: int = 200, level: float = 0.95, seed: int = 0
-) -> dict[str, Estimate]:
+) -> dict[str, BootstrapInterval]:
     """Percentile intervals of everything that `statistics` computes (Efron, 1979).
 
     A replicate draws as many points as there are, with replacement. That is a set of weights, so all replicates of all
@@ -57,7 +57,7 @@ def bootstrap(
     estimates = {}
     for name, value in values.items():
         low, high = np.quantile(np.concatenate([part[name] for part in parts]), ends, axis=0)
-        estimates[name] = Estimate(value[0], low, high)
+        estimates[name] = BootstrapInterval(value[0], low, high)
     return estimates
 
 

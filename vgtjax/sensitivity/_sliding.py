@@ -1,4 +1,4 @@
-"""LuGre friction at a given velocity and its derivatives by the six parameters [4.6-4.8]."""
+"""LuGre friction at a given velocity and its derivatives with respect to the six parameters [4.6-4.8]."""
 
 from collections.abc import Callable
 
@@ -50,7 +50,7 @@ def force_along(friction: LuGre, time: Float[Array, " time"], velocity: Float[Ar
     if jnp.shape(time) != jnp.shape(velocity) or jnp.ndim(time) != 1:
         raise InputError(
             f"time and velocity must have the same shape (time,), but theirs are {jnp.shape(time)} and "
-            f"{jnp.shape(velocity)}; give one velocity a sample"
+            f"{jnp.shape(velocity)}; give one velocity per sample"
         )
     means, intervals = (velocity[1:] + velocity[:-1]) / 2, jnp.diff(time)
 
@@ -66,7 +66,7 @@ def force_along(friction: LuGre, time: Float[Array, " time"], velocity: Float[Ar
 
 
 def parameter_slopes(force: Callable[[LuGre], Array], friction: LuGre) -> dict[str, Array]:
-    """Exact derivatives of a force by each of the six parameters, in N per unit of the parameter.
+    """Exact derivatives of a force with respect to each of the six parameters, in N per unit of the parameter.
 
     **Arguments:** `force`: of the friction alone, for instance `lambda member: steady_force(member, velocity)`.
 

@@ -17,7 +17,7 @@ from vgtjax.estimation import (
     Progress,
     calibrate,
     estimate_uncertainty,
-    identifiable,
+    least_squares,
     plan_task,
     start_calibration,
 )
@@ -99,15 +99,15 @@ def test_uncertainty_of_a_straight_line_is_the_textbook_one():
     np.testing.assert_allclose(found.covariance, scale * np.linalg.inv(columns.T @ columns), rtol=1e-12)
     assert found.scale == pytest.approx(scale)
     drop = residuals @ residuals - np.sum((residuals - columns @ np.linalg.lstsq(columns, residuals)[0]) ** 2)
-    assert found.further_gain == pytest.approx(drop)
+    assert found.gain == pytest.approx(drop)
 
 
-def test_null_directions_make_exactly_their_parameters_unidentifiable():
+def test_null_directions_make_exactly_their_parameters_not_determined():
     rng = np.random.default_rng(0)
     columns = rng.normal(size=(200, 4)) * [1e3, 1.0, 1e-3, 1.0]  # units must not matter
-    assert identifiable(columns).tolist() == [True] * 4
+    assert least_squares(columns, np.zeros(200)).determined.tolist() == [True] * 4
     twins = np.column_stack([columns, 5 * columns[:, 1], np.zeros(200)])
-    assert identifiable(twins).tolist() == [True, False, True, True, False, False]
+    assert least_squares(twins, np.zeros(200)).determined.tolist() == [True, False, True, True, False, False]
 
 
 def test_a_null_direction_leaves_the_errors_of_the_others_as_they_are():
@@ -117,7 +117,7 @@ def test_a_null_direction_leaves_the_errors_of_the_others_as_they_are():
     residuals = rng.normal(size=300)
     alone = estimate_uncertainty(residuals, np.stack([first, second], axis=1), 300)
     twice = estimate_uncertainty(residuals, np.stack([first, first, second, 0 * first], axis=1), 300)
-    assert twice.identifiable.tolist() == [False, False, True, False]
+    assert twice.determined.tolist() == [False, False, True, False]
     assert twice.covariance[2, 2] == pytest.approx(alone.covariance[1, 1], rel=1e-9)
     assert twice.scale == pytest.approx(alone.scale, rel=1e-12)
     assert np.all(twice.covariance[[0, 1, 3]] == 0)
@@ -223,7 +223,7 @@ def test_residuals_carry_the_segment_parallel_jacobian():
 def test_converged_means_that_another_step_gains_nothing(fitted):
     counts = 2 * np.array(fitted.progress.history) * 2 * len(fitted.task.fit[0].time)
     assert counts[-2] - counts[-1] < CHI2_TOLERANCE
-    assert fitted.uncertainty.further_gain < 0.01
+    assert fitted.uncertainty.gain < 0.01
 
 
 def test_a_trace_with_one_channel_is_fitted_on_it():

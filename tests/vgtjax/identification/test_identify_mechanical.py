@@ -1,4 +1,4 @@
-"""Mechanical identifications: known parameters come back within their errors, and what can't be seen is said."""
+"""Mechanical identifications: known parameters come back within their errors, and what is not determined is said."""
 
 import importlib
 import re
@@ -10,7 +10,7 @@ from support import duty_trace, rms
 import vgtjax
 from vgtjax.identification import (
     NO_DERIVATIVES,
-    Rows,
+    TraceEquations,
     apply,
     bristle_force,
     filter_motion,
@@ -25,7 +25,7 @@ from vgtjax.identification import (
     moves_at_start,
     read_motion,
     read_motions,
-    regress,
+    regress_traces,
     remove_noise,
 )
 
@@ -113,7 +113,7 @@ def assert_recovered(result, names, truth=TRUTH, worst=WORST):
 def test_the_spring(found):
     result = found["identify_spring"]
     assert_recovered(result, ["diaphragm.preload", "diaphragm.stiffness", "diaphragm.travel"], worst=WORST)
-    assert (result.equations, result.unseen) == ("2.36", ())
+    assert (result.equations, result.limitations) == ("2.36", ())
     (curve,) = result.figures
     # The line runs through the middle of both branches, friction of 3 to 4 N on either side.
     spring = np.interp(curve.points[0], *curve.line)
@@ -124,11 +124,11 @@ def test_the_spring(found):
 def test_mass_and_damping(found):
     result = found["identify_mass_and_damping"]
     assert_recovered(result, ["diaphragm.mass", "friction.viscous_damping"])
-    told = re.search(r"Natural frequency (\S+) rad/s, damping ratio (\S+)\.$", result.method)
-    assert told is not None
+    printed = re.search(r"Natural frequency (\S+) rad/s, damping ratio (\S+)\.$", result.method)
+    assert printed is not None
     mass, damping = (float(value) for value in result.values.values())
-    assert float(told[1]) == pytest.approx(np.sqrt(12700 / mass), rel=2e-3)
-    assert float(told[2]) == pytest.approx(damping / (2 * np.sqrt(12700 * mass)), rel=5e-3)
+    assert float(printed[1]) == pytest.approx(np.sqrt(12700 / mass), rel=2e-3)
+    assert float(printed[2]) == pytest.approx(damping / (2 * np.sqrt(12700 * mass)), rel=5e-3)
 
 
 def test_lugre_friction(found):
@@ -180,26 +180,28 @@ def test_dahl_friction():
     assert result.figures[0].title == "friction over position"
 
 
-# -- what can't be seen ------------------------------------------------------------------------------------------------
+# -- what is not determined --------------------------------------------------------------------------------------------
 
 
-def test_slow_motion_does_not_tell_what_needs_other_motion(slow):
+def test_slow_motion_does_not_determine_what_needs_other_motion(slow):
     result = mechanical_fit(vgtjax.Actuator(), [slow])
-    assert "diaphragm.mass: these traces do not tell it; record duty steps at 1 kHz" in result.unseen
-    sentence = "friction.stribeck_velocity: these traces do not tell it; record motion at different speeds below 5 mm/s"
-    assert sentence in result.unseen
-    assert not {sentence.partition(":")[0] for sentence in result.unseen} & set(result.values)
+    assert "diaphragm.mass: not determined by these traces; record duty steps at 1 kHz" in result.limitations
+    sentence = (
+        "friction.stribeck_velocity: not determined by these traces; record motion at different speeds below 5 mm/s"
+    )
+    assert sentence in result.limitations
+    assert not {sentence.partition(":")[0] for sentence in result.limitations} & set(result.values)
     for name, value in result.values.items():
         assert abs(float(value) - TRUTH[name]) < 4 * float(result.std_errors[name]), name
 
 
-def test_untold_parameters_have_the_models_values_wherever_a_search_begins(slow):
-    """Else what is told would belong to values that nothing reports, and that the model does not have."""
+def test_what_is_not_determined_has_the_models_values_wherever_a_search_begins(slow):
+    """Else what is determined would belong to values that nothing reports, and that the model does not have."""
     half = mechanical_half(vgtjax.Actuator())
     begin = vgtjax.replace_parameters(half, {"friction.bristle_damping": 300.0, "friction.coulomb_force": 3.6})
     response = fit_response(half, read_motions(half, [slow]), begin)
-    assert "friction.bristle_damping" in response.untold
-    for name in response.untold:
+    assert "friction.bristle_damping" in response.not_determined
+    for name in response.not_determined:
         value = float(vgtjax.get_parameter(half, name))
         # A value goes through its logarithm and back.
         assert float(vgtjax.get_parameter(response.model, name)) == pytest.approx(value, rel=1e-12)
@@ -221,8 +223,8 @@ def test_a_mixture_of_values_that_fails_is_no_end(slow, monkeypatch):
     begin = vgtjax.replace_parameters(half, {"friction.bristle_damping": 300.0, "diaphragm.stiffness": 12650.0})
     monkeypatch.setattr(module, "calibrate", second_fails)
     response = fit_response(half, read_motions(half, [slow]), begin)
-    assert float(calls[2].friction.bristle_damping) == 429.77  # untold: the model's
-    assert float(calls[2].diaphragm.stiffness) == 12650.0  # told: where the search began
+    assert float(calls[2].friction.bristle_damping) == 429.77  # not determined: the model's
+    assert float(calls[2].diaphragm.stiffness) == 12650.0  # determined: where the search began
     assert abs(response.values["diaphragm.stiffness"] - 12700) < 4 * response.std_errors["diaphragm.stiffness"]
 
 
@@ -233,7 +235,7 @@ def test_a_fit_that_ends_in_chaos_tells_nothing(real):
     loop = bench(real, 2, vgtjax.Trace(time=time, pwm=duty, p_res=np.full_like(time, 2e4)))
     light = vgtjax.replace_parameters(vgtjax.Actuator(), {"diaphragm.mass": 0.2, "friction.bristle_damping": 3000.0})
     result = mechanical_fit(light, [loop])
-    assert (result.values, result.unseen) == ({}, (NO_DERIVATIVES,))
+    assert (result.values, result.limitations) == ({}, (NO_DERIVATIVES,))
 
 
 def test_a_rod_at_rest_tells_nothing(real):
@@ -241,21 +243,22 @@ def test_a_rod_at_rest_tells_nothing(real):
     model = vgtjax.Actuator()
     for test in (identify_spring, identify_dahl):
         result = test(model, [still])
-        assert (result.values, len(result.unseen)) == ({}, 1)
-        assert result.unseen[0].startswith("the rod never ")
+        assert (result.values, len(result.limitations)) == ({}, 1)
+        assert result.limitations[0].startswith("the rod never ")
     for test in (identify_mass_and_damping, identify_lugre, mechanical_fit):
         assert test(model, [still]).values == {}
-        assert test(model, [still.replace(x_d=None)]).unseen == (
+        assert test(model, [still.replace(x_d=None)]).limitations == (
             "no trace shows the rod move under a measured drive; record x_d together with p_act or f_drive",
         )
 
 
-def test_one_direction_does_not_tell_preload_from_friction(levels):
+def test_one_direction_does_not_distinguish_preload_from_friction(levels):
     closing = levels.window(0.0, 1.05)
     result = identify_spring(vgtjax.Actuator(), [closing])
     assert "diaphragm.preload" not in result.values
     assert (
-        "diaphragm.preload: the rod does not slide in both directions; record it moving out and back" in result.unseen
+        "diaphragm.preload: the rod does not slide in both directions; record it moving out and back"
+        in result.limitations
     )
 
 
@@ -271,12 +274,12 @@ def test_a_short_trace_tells_nothing(levels, samples):
     short = levels.window(0.9995, 0.9999 + samples * 1e-3)
     for test in (identify_spring, identify_dahl, identify_axis):
         result = test(vgtjax.Actuator(), [short])
-        assert (result.values, len(result.unseen)) == ({}, 1)
+        assert (result.values, len(result.limitations)) == ({}, 1)
 
 
 def test_other_friction_has_no_lugre_parameters(levels):
     result = identify_lugre(vgtjax.Actuator(friction=vgtjax.Coulomb()), [levels])
-    assert result.unseen == ("the model's friction is not LuGre's; choose friction = 'lugre'",)
+    assert result.limitations == ("the model's friction is not LuGre's; choose a model with LuGre friction",)
 
 
 # -- an axis that a force drives ---------------------------------------------------------------------------------------
@@ -307,12 +310,12 @@ def sweep(seed, **values):
     return trace.replace(x_d=np.asarray(vgtjax.simulate(real, trace).x_d) + random.normal(0, 8e-6, len(time)))
 
 
-def test_a_driven_axis_is_told_by_force_and_position_alone():
+def test_a_driven_axis_is_determined_by_force_and_position_alone():
     record = sweep(5)
     assert np.min(record.x_d) < -0.02
     result = identify_axis(axis(vgtjax.Coulomb()), [record])
     assert_recovered(result, AXIS, AXIS, dict.fromkeys(AXIS, 0.02))
-    assert result.unseen == ()
+    assert result.limitations == ()
 
 
 def test_a_record_that_begins_in_motion_is_noticed():
@@ -378,9 +381,9 @@ def test_errors_of_a_regression_know_of_correlated_noise_and_of_constants():
         for _ in range(3):
             matrix = np.stack([np.ones_like(time), np.sin(time)], axis=1)
             noise = np.convolve(random.normal(size=len(time) + 19), drift, "valid") + random.normal(0, 0.3)
-            blocks.append(Rows(matrix, matrix @ [2.0, 5.0] + noise, time, 20, 0.3))
-        told = regress(blocks)
-        scores.append((told.values - [2.0, 5.0]) / told.std_errors)
+            blocks.append(TraceEquations(matrix, matrix @ [2.0, 5.0] + noise, time, 20, 0.3))
+        solution = regress_traces(blocks)
+        scores.append((solution.values - [2.0, 5.0]) / solution.std_errors)
     assert np.all(np.sqrt(np.mean(np.square(scores), axis=0)) < 1.5)
     assert np.all(np.sqrt(np.mean(np.square(scores), axis=0)) > 0.5)
 
@@ -388,6 +391,8 @@ def test_errors_of_a_regression_know_of_correlated_noise_and_of_constants():
 def test_a_regression_says_which_unknowns_it_can_not_tell_apart():
     time = np.arange(0, 5, 1e-2)
     matrix = np.stack([np.ones_like(time), np.sin(time), np.full_like(time, 2.0)], axis=1)
-    told = regress([Rows(matrix, np.sin(time) + np.random.default_rng(8).normal(0, 0.1, len(time)), time, 1, 0.0)])
-    assert np.isnan(told.values[[0, 2]]).all()
-    assert told.values[1] == pytest.approx(1.0, abs=0.05)
+    solution = regress_traces(
+        [TraceEquations(matrix, np.sin(time) + np.random.default_rng(8).normal(0, 0.1, len(time)), time, 1, 0.0)]
+    )
+    assert np.isnan(solution.values[[0, 2]]).all()
+    assert solution.values[1] == pytest.approx(1.0, abs=0.05)

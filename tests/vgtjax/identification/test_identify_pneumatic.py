@@ -6,9 +6,8 @@ from support import duty_trace, rms
 
 import vgtjax
 from vgtjax import PneumaticActuator, replace_parameters, simulate
+from vgtjax.estimation import clustered_errors, determined_within
 from vgtjax.identification import (
-    clustered_errors,
-    determined,
     holds,
     identify_flow_areas,
     identify_magnetic_force,
@@ -116,7 +115,7 @@ def test_magnetic_force_from_holds(clean, noisy):
     assert np.max(np.abs(deviations(found))) < STEEPEST
     assert np.max(found.std_errors["converter.magnetic_force"][2:] / TRUTH["converter.magnetic_force"][2:]) < 0.2
     assert found.samples >= 6
-    assert "20 to 100 %" in found.unseen[0]
+    assert "20 to 100 %" in found.limitations[0]
     assert len(found.figures[0].points[0]) == found.samples
 
 
@@ -138,21 +137,21 @@ def test_few_duties_only_adjust_the_models_quartic():
     assert curve(values, 80.0) == pytest.approx(curve(truth, 80.0), abs=3e-3)
     np.testing.assert_allclose(values / printed, values[0] / printed[0])
     assert np.all(np.isnan(found.std_errors["converter.magnetic_force"]))
-    assert any("don't carry a quartic" in sentence for sentence in found.unseen)
+    assert any("don't carry a quartic" in sentence for sentence in found.limitations)
 
 
 def test_without_an_equilibrium_there_is_a_sentence(clean):
     for traces in ([], [clean[0].window(0.0, 0.5)], [clean[0].replace(pwm=None)]):
         found = identify_magnetic_force(PRINTED, traces)
         assert not found.values
-        assert "no equilibrium" in found.unseen[0]
+        assert "no equilibrium" in found.limitations[0]
 
 
 def test_a_trace_that_does_not_begin_at_rest_has_an_unknown_offset(noisy):
     late = noisy[0].window(1.2, 6.0)
     assert not sensor_offset(PRINTED, late, "p_act").known
     found = identify_magnetic_force(PRINTED, [late])
-    assert any("did not begin at rest" in sentence for sentence in found.unseen)
+    assert any("did not begin at rest" in sentence for sentence in found.limitations)
     # With another trace that did, the curve is the other's, and this one's offset is found with it.
     both = identify_magnetic_force(PRINTED, [late, *noisy])
     duty = np.linspace(20, 100, 81)
@@ -177,7 +176,7 @@ def test_flow_areas_and_volume(clean, noisy):
     assert np.max(np.abs(deviations(found))) < STEEPEST
     assert found.std_errors["chamber.volume"] / TRUTH["chamber.volume"] < 5e-3
     assert found.std_errors["converter.reservoir_orifice_slope"] / 0.39e-3 < 5e-3
-    assert not found.unseen
+    assert not found.limitations
 
 
 def test_softer_springs_with_steeper_areas_are_the_same(clean):
@@ -195,14 +194,14 @@ def test_what_a_ramp_does_not_tell_keeps_the_models_value(ramp):
     found = identify_flow_areas(known((*SPRINGS, "converter.magnetic_force", "chamber.volume")), [ramp])
     assert "chamber.volume" not in found.values
     assert "converter.reservoir_orifice_saturation" not in found.values
-    assert "converter.reservoir_orifice_saturation" in found.unseen[0]
+    assert "converter.reservoir_orifice_saturation" in found.limitations[0]
     assert relative(found, "converter.reservoir_orifice_slope") == pytest.approx(0.0, abs=0.02)
 
 
 def test_no_flow_no_areas(clean):
     found = identify_flow_areas(PRINTED, [clean[0].window(0.0, 0.15)])
     assert not found.values
-    assert "step the duty" in found.unseen[0]
+    assert "step the duty" in found.limitations[0]
 
 
 def test_temperature_and_areas_along_a_trace(clean):
@@ -237,7 +236,7 @@ def test_plunger_and_all_pneumatics(refined):
     # What no mass is needed for is told far better.
     ratio = refined.values["converter.membrane_stiffness"] / refined.values["converter.reservoir_orifice_slope"]
     assert ratio == pytest.approx(2200 / 0.39e-3, rel=3e-3)
-    assert not refined.unseen
+    assert not refined.limitations
     assert [figure.name for figure in refined.figures] == ["one", "two"]
     for figure in refined.figures:
         assert rms(figure.points[1] - figure.line[1]) < 0.75  # mbar, with noise of 0.6
@@ -256,21 +255,21 @@ def test_ramps_do_not_tell_the_springs():
     ramps = [disturb(record(loop(6.0, 1e-3)), number) for number in range(2)]
     found = identify_plunger(known((*SPRINGS, "converter.magnetic_force")), ramps)
     assert not set(found.values) & set(SPRINGS)
-    assert all(name in found.unseen[0] for name in SPRINGS)
+    assert all(name in found.limitations[0] for name in SPRINGS)
     assert np.max(np.abs(deviations(found, ("converter.reservoir_orifice_slope", "chamber.volume")))) < STEEPEST
 
 
 def test_plunger_needs_duty_and_pressure(clean):
     found = identify_plunger(PRINTED, [clean[0].replace(p_act=None)])
     assert not found.values
-    assert found.unseen == ("traces need the columns pwm and p_act",)
+    assert found.limitations == ("traces need the columns pwm and p_act",)
 
 
 def test_without_a_position_the_diaphragm_is_taken_in_balance(clean):
     blind = clean[0].replace(x_d=None)
     model = known((*SPRINGS, "converter.magnetic_force", "diaphragm.preload", "diaphragm.stiffness"))
     found = identify_flow_areas(model, [blind])
-    assert any("one without x_d" in sentence for sentence in found.unseen)
+    assert any("one without x_d" in sentence for sentence in found.limitations)
     assert np.abs(relative(found, "chamber.volume")) < 0.1
 
 
@@ -350,7 +349,7 @@ def test_the_least_certain_parameters_are_held_first():
     rng = np.random.default_rng(3)
     columns = rng.normal(size=(1000, 3))
     columns[:, 1] = columns[:, 0] + 1e-3 * columns[:, 1]
-    told = determined(columns, 1.0, 0.3)
+    told = determined_within(columns, 1.0, 0.3)
     assert told.tolist() in ([True, False, True], [False, True, True])
-    assert determined(columns[:, :0], 1.0, 0.3).size == 0
-    assert not determined(np.zeros((5, 2)), 1.0, 0.3).any()
+    assert determined_within(columns[:, :0], 1.0, 0.3).size == 0
+    assert not determined_within(np.zeros((5, 2)), 1.0, 0.3).any()

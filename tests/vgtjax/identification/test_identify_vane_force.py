@@ -38,7 +38,7 @@ def test_both_tables_are_recovered_within_their_errors(loops):
         values, errors = found.values[f"vane_force.{name}"], found.std_errors[f"vane_force.{name}"]
         assert np.all(np.abs(values - true) < 4 * errors + 0.05), name  # 0.05 N: speed and inertia are left out
         assert np.all(errors < 0.2), "N; half a newton of friction would drown in more"
-    assert found.unseen == ()
+    assert found.limitations == ()
     assert {figure.name for figure in found.figures} == {"1500 mbar", "3000 mbar"}
 
 
@@ -66,10 +66,10 @@ def test_a_force_sensor_needs_no_cold_loop():
         (lambda loops: [], "no trace moves slowly under exhaust gas"),
     ],
 )
-def test_what_the_traces_do_not_tell_is_said(loops, pick, sentence):
+def test_what_is_not_possible_is_said(loops, pick, sentence):
     found = identify_vane_map(EMPTY, pick(loops))
     assert found.values == {}
-    assert sentence in found.unseen[0]
+    assert sentence in found.limitations[0]
 
 
 def test_half_a_stroke_leaves_the_rest_of_the_table_alone(loops):
@@ -77,20 +77,20 @@ def test_half_a_stroke_leaves_the_rest_of_the_table_alone(loops):
     found = identify_vane_map(EMPTY, part)
     assert np.all(np.isnan(found.std_errors["vane_force.opening"]))
     assert np.all(found.values["vane_force.opening"] == 0.0)
-    assert any("while opening" in sentence for sentence in found.unseen)
+    assert any("while opening" in sentence for sentence in found.limitations)
 
 
 def test_a_model_without_the_component_says_so(loops):
-    assert "choose vane_force = 'map'" in identify_vane_map(vgtjax.Actuator(), loops).unseen[0]
-    assert "choose vane_force = 'polynomial'" in identify_vane_polynomial(vgtjax.Actuator(), loops).unseen[0]
+    assert "choose a model with a HysteresisMap" in identify_vane_map(vgtjax.Actuator(), loops).limitations[0]
+    assert "choose a model with a ForcePolynomial" in identify_vane_polynomial(vgtjax.Actuator(), loops).limitations[0]
 
 
 def test_surface_from_a_force_sensor():
-    """Four pressures tell all printed powers; the surface comes back where it was measured."""
+    """Four pressures determine all printed powers; the surface comes back where it was measured."""
     true = vgtjax.Actuator(vane_force=ForcePolynomial())
     traces = [bench(true, turbine, seed, sensor=True) for seed, turbine in enumerate((0.0, 0.4e5, 0.8e5, 1.2e5))]
     found = identify_vane_polynomial(true, traces)
-    assert found.unseen == ()
+    assert found.limitations == ()
     moved = apply(true, found)
     for angle in (8.0, 16.0, 30.0):
         for turbine in (0.2e5, 1.0e5):
@@ -104,6 +104,6 @@ def test_few_pressures_leave_high_powers_out():
     true = vgtjax.Actuator(vane_force=ForcePolynomial())
     found = identify_vane_polynomial(true, [bench(true, turbine, 3, sensor=True) for turbine in (0.0, 0.8e5)])
     coefficients = found.values["vane_force.coefficients"]
-    assert "2 turbine pressures do not tell powers of the ratio above 1" in found.unseen[0]
+    assert "2 turbine pressures do not determine powers of the ratio above 1" in found.limitations[0]
     assert coefficients[5] == coefficients[9] == 0.0
     assert np.isnan(found.std_errors["vane_force.coefficients"][9])

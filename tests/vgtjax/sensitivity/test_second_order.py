@@ -1,5 +1,6 @@
 """The corrected step response of the frictionless diaphragm against its differential equation [4.3-4.5]."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -58,7 +59,8 @@ def test_every_derivative_is_the_difference_of_integrations(ratio, name):
     value = float(getattr(part, name))
     # The difference's own error is (omega_n t 1e-4)^2 / 6 = 1.3e-6; the integrator leaves 1e-11 / 1e-4.
     size = 1e-4 * (value or CRITICAL)
-    shifted = [vgtjax.replace_parameters(part, {name: value + sign * size}) for sign in (1, -1)]
+    # Past the end of the domain, where no part can be built.
+    shifted = [eqx.tree_at(lambda p: getattr(p, name), part, jnp.asarray(value + sign * size)) for sign in (1, -1)]
     difference = (integrated(shifted[0]) - integrated(shifted[1])) / (2 * size)
     exact = getattr(slopes(part), name)
     np.testing.assert_allclose(exact, difference, atol=2e-6 * np.max(np.abs(difference)))
@@ -153,8 +155,7 @@ def slopes_at(time):
     ("name", "value", "message"),
     [
         ("mass", 0.0, r"diaphragm.mass must be positive for the step response \[4.4\], but it is 0; give such a value"),
-        ("stiffness", -2.0, r"diaphragm.stiffness must be positive for the step response \[4.4\], but it is -2;"),
-        ("damping", -1.0, r"diaphragm.damping must be zero or more for the step response \[4.4\], but it is -1;"),
+        ("stiffness", 0.0, r"diaphragm.stiffness must be positive for the step response \[4.4\], but it is 0;"),
     ],
 )
 def test_what_has_no_such_response_is_refused(name, value, message):

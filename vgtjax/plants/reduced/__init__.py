@@ -8,6 +8,6 @@ from ._fitting import (
     judge as judge,
     steady_flow as steady_flow,
 )
-from ._least_squares import least_squares as least_squares
 from ._plunger_map import LiftMapPath as LiftMapPath, PlungerMapActuator as PlungerMapActuator
+from ._polynomial_fit import fit_polynomial_flow as fit_polynomial_flow
 from ._static_map import FlowMapPath as FlowMapPath, StaticMapActuator as StaticMapActuator

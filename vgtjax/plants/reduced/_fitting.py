@@ -21,7 +21,7 @@ from ...parts import (
 from ...traces import ASSUMED_RESERVOIR
 from .._actuator import Actuator
 from ._knots import lift_knots, pressure_knots
-from ._least_squares import least_squares
+from ._polynomial_fit import fit_polynomial_flow
 
 Grid = Float[np.ndarray, "duties pressures"]
 
@@ -189,7 +189,7 @@ def _polynomial(samples: _Samples) -> PolynomialFlow:
     mbar.
     """
     weight = 1 / (1 + (_lack(samples) / NEAR) ** 2)
-    return least_squares(
+    return fit_polynomial_flow(
         samples.duty.ravel(),
         samples.pressure.ravel(),
         samples.flow.ravel(),

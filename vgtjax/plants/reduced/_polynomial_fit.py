@@ -9,7 +9,7 @@ from ...parts import FULL_DUTY, PolynomialFlow
 Samples = Float[np.ndarray, " samples"]
 
 
-def least_squares(
+def fit_polynomial_flow(
     duty: Samples,
     pressure: Samples,
     flow: Samples,
@@ -21,7 +21,8 @@ def least_squares(
     """[5.10] by weighted least squares, such that flow rises neither with duty nor with pressure anywhere in the range.
 
     A slope that is linear in `u` keeps its sign when it does so at both ends. Hence parabolas in place of powers, each
-    falling at one end and level at the other, with coefficients that may not be negative.
+    falling at one end and level at the other, with coefficients that may not be negative: least squares with bounds,
+    for which SciPy has a solver.
 
     **Arguments:** `duty` in percent, `pressure` in Pa absolute at the atmosphere `ambient`, `flow` in kg/s.
     """

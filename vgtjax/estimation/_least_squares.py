@@ -1,0 +1,175 @@
+"""Linear least squares in NumPy: the solution, its covariance, and which unknowns the equations determine.
+
+Fits and identifications end here. Three problems have solvers of their own: a step inside a compiled fit
+([`SeminormalEquations`][], for speed), a polynomial flow map (`plants`, because its slopes have signs), and regression
+under thousands of bootstrap weights at once (`sensitivity`, through covariances).
+"""
+
+import dataclasses
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+Columns = Float[np.ndarray, "rows unknowns"]
+
+NULL = 1e-9
+"""Singular values below this part of the largest are no information: an exact Jacobian in double precision computes
+a true null direction to about 1e-13, and the weakest real direction of these benches lies near 1e-4."""
+EXACT = 1e15
+"""Inflation of the variance from which an unknown is not determined by exact columns: a thousandth of it (squared) lies
+in a null direction."""
+HUBER = 2.0
+"""Standard deviations beyond which a residual counts by its size instead of its square."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class LeastSquares:
+    """The solution of `columns @ values = target`, and what the equations say of it.
+
+    `covariance` is that of rows with noise of size one unless it was `scaled`, with zeros for what is not `determined`.
+    `null_directions` are the combinations of unknowns, for columns of unit length, that change nothing. `scale` is
+    the variance of what remains per degree of freedom, `gain` how much the solution lowers the sum of squares.
+    """
+
+    values: Float[np.ndarray, " unknowns"]
+    covariance: Float[np.ndarray, "unknowns unknowns"]
+    determined: Bool[np.ndarray, " unknowns"]
+    null_directions: Float[np.ndarray, "directions unknowns"]
+    scale: float
+    gain: float
+
+    @property
+    def rank(self) -> int:
+        """Number of directions that the equations determine."""
+        return len(self.values) - len(self.null_directions)
+
+    @property
+    def std_errors(self) -> Float[np.ndarray, " unknowns"]:
+        """Standard errors of the values; NaN for what is not determined."""
+        return np.where(self.determined, np.sqrt(np.diag(self.covariance)), np.nan)
+
+    def scaled(self, scale: float) -> "LeastSquares":
+        """The same solution of a fresh covariance, for rows whose noise has the variance `scale`."""
+        return dataclasses.replace(self, covariance=scale * self.covariance, scale=scale)
+
+
+def least_squares(columns: Columns, target: Float[np.ndarray, " rows"], inflation: float = EXACT) -> LeastSquares:
+    """The solution of smallest size in columns of unit length, by QR and a singular value decomposition.
+
+    Units of the columns don't matter. Null directions take no part: what is determined keeps the error that it has
+    without them.
+
+    **Arguments:** `columns` and `target` in units of the rows' noise; `inflation`: an unknown whose variance the other
+    columns multiply by more than that is not determined; take less for columns with errors of their own.
+    """
+    lengths = np.linalg.norm(columns, axis=0)
+    lengths = np.where(lengths > 0, lengths, 1.0)
+    basis, triangle = np.linalg.qr(columns / lengths)
+    rotation, singular, directions = np.linalg.svd(triangle)
+    rank = int(np.sum(singular > NULL * np.max(singular, initial=0.0)))
+    projected = rotation[:, :rank].T @ (basis.T @ target)
+    inverse = directions[:rank].T / singular[:rank] / lengths[:, None]
+    values = inverse @ projected
+    left = target - columns @ values
+    determined = _inflation(singular, directions) < inflation
+    return LeastSquares(
+        values,
+        np.where(determined[:, None] & determined, inverse @ inverse.T, 0.0),
+        determined,
+        directions[rank:],
+        float(left @ left) / max(len(target) - rank, 1),
+        float(projected @ projected),
+    )
+
+
+def estimate_uncertainty(residuals: Float[np.ndarray, " rows"], columns: Columns, count: int) -> LeastSquares:
+    """Uncertainty at the minimum of a nonlinear least squares: the linear problem there, scaled by what remains.
+
+    A full Gauss-Newton step from there is minus the `values`. A `gain` far above one at the end of a fit says that
+    kinks or weakly determined parameters have stopped it, and that standard errors are only indicative.
+
+    **Arguments:** `residuals` in units of the assumed noise, and `columns`, their Jacobian with respect to coordinates
+    of comparable size; `count`: independent measurements (padding and eliminated offsets don't count).
+    """
+    lengths = np.linalg.norm(columns, axis=0)
+    # A column this much shorter than the longest moves nothing that a sensor could see.
+    found = least_squares(np.where(lengths > NULL * np.max(lengths, initial=0.0), columns, 0.0), residuals)
+    return found.scaled(float(residuals @ residuals) / max(count - found.rank, 1))
+
+
+def determined_within(columns: Columns, scale: float, worst: float) -> Bool[np.ndarray, " unknowns"]:
+    """Which unknowns are determined well enough, when those that aren't are held one after another, the worst first.
+
+    **Arguments:** `columns` with respect to unknowns of comparable size, such as logarithms; `scale` multiplies their
+    standard errors; `worst` is the largest that is good enough.
+    """
+    lengths: np.ndarray = np.linalg.norm(columns, axis=0)
+    free = lengths > 0  # a column that is not finite is of no use either
+    triangle = np.asarray(np.linalg.qr(np.where(free, columns, 0.0), mode="r"))
+    while np.any(free):
+        chosen = np.flatnonzero(free)
+        _, singular, directions = np.linalg.svd(triangle[:, chosen] / lengths[chosen])
+        errors = scale * np.sqrt(_inflation(singular, directions)) / lengths[chosen]
+        if np.max(errors) <= worst:
+            break
+        free[chosen[np.argmax(errors)]] = False
+    return free
+
+
+def _inflation(singular: np.ndarray, directions: np.ndarray) -> Float[np.ndarray, " unknowns"]:
+    """By how much each unknown's variance exceeds that with all others known, for columns of unit length.
+
+    A direction of no information has no variance in a pseudo-inverse; here it has a huge one.
+    """
+    floor = NULL * np.max(singular, initial=0.0)
+    sizes = np.append(singular, np.zeros(len(directions) - len(singular)))
+    return np.sum((directions / np.maximum(sizes, floor)[:, None]) ** 2, axis=0) if floor > 0 else sizes + np.inf
+
+
+# -- residuals that are not independent, or not normal -----------------------------------------------------------------
+
+
+def clustered_gram(
+    residuals: Float[np.ndarray, " rows"], columns: Columns, groups: Int[np.ndarray, " rows"]
+) -> Float[np.ndarray, "unknowns unknowns"]:
+    """Variance of `columns.T @ residuals` if only rows of different groups are independent (Liang and Zeger, 1986)."""
+    members = np.unique(groups, return_inverse=True)[1]
+    scores = np.zeros((int(members.max()) + 1, columns.shape[1]))
+    np.add.at(scores, members, columns * residuals[:, None])
+    return scores.T @ scores * (len(scores) / max(len(scores) - columns.shape[1], 1))
+
+
+def clustered_errors(
+    residuals: Float[np.ndarray, " rows"], columns: Columns, groups: Int[np.ndarray, " rows"]
+) -> Float[np.ndarray, " unknowns"]:
+    """Standard errors of a least-squares solution whose residuals are correlated within groups of neighbours.
+
+    The larger of two: from sums over groups, which believes nothing but that groups are independent, and misses what
+    few groups tell; and the usual one, multiplied by how much the sum of a group varies more than that of independent
+    residuals. NaN for what is not determined.
+    """
+    found = least_squares(columns, residuals)
+    bread, usual = found.covariance, np.diag(found.covariance)
+    robust = np.diag(bread @ clustered_gram(residuals, columns, groups) @ bread)
+    sums = np.bincount(np.unique(groups, return_inverse=True)[1], residuals)
+    square = float(residuals @ residuals)
+    together = max(1.0, float(sums @ sums) / max(square, 1e-300))
+    freedom = max(np.count_nonzero(residuals) - columns.shape[1], 1)
+    errors = np.sqrt(np.maximum(robust, together * square / freedom * usual))
+    return np.where(found.determined, errors, np.nan)
+
+
+def error_factor(columns: Columns, errors: Float[np.ndarray, " unknowns"]) -> float:
+    """By how much standard errors exceed those of independent residuals of size one, in the median."""
+    usual = least_squares(columns, np.zeros(len(columns))).std_errors
+    return float(np.nanmedian(errors / usual)) if np.any(np.isfinite(usual)) else 1.0
+
+
+def robust_deviation(residuals: Float[np.ndarray, " rows"]) -> float:
+    """Standard deviation of normal residuals by their median size, which outliers don't move."""
+    return float(np.median(np.abs(residuals))) / 0.6745
+
+
+def huber_weights(residuals: Float[np.ndarray, " rows"], deviation: float) -> Float[np.ndarray, " rows"]:
+    """Factors of rows that make residuals beyond `HUBER` deviations count by their size instead of their square."""
+    return np.sqrt(np.minimum(1.0, HUBER * deviation / np.maximum(np.abs(residuals), 1e-300)))
