@@ -2,7 +2,15 @@
 
 
 class InputError(ValueError):
-    """What the user gave breaks a rule; the message is one sentence: rule, value, remedy."""
+    """What the user gave breaks a rule; the message is one sentence: rule, value, remedy.
+
+    `argument` is the name of the argument that is at fault, as the function that was called knows it; an application
+    that has other names for its input can translate it.
+    """
+
+    def __init__(self, message: str, argument: str | None = None):
+        super().__init__(message)
+        self.argument = argument
 
 
 class SimulationError(RuntimeError):

@@ -134,8 +134,8 @@ class LevenbergMarquardt:
         self._coordinates, self._state, cost = _step(problem, replicate(coordinates), replicate(state))
         if not np.isfinite(float(cost)):
             raise SimulationError(
-                "the simulation with the start values fails, so there is nothing to fit from; check the start "
-                "values under [parameters] and the inputs of the traces"
+                "the simulation with the start values fails, so there is nothing to fit from; check the start values "
+                "and the inputs of the traces"
             )
         if not self.progress.history:
             self.progress = dataclasses.replace(self.progress, history=(float(cost),))

@@ -112,11 +112,11 @@ def replace_parameters(model: eqx.Module, values: dict[str, Any]) -> Any:
     )
 
 
-def unknown_name(kind: str, given: str, known: Iterable[str]) -> InputError:
+def unknown_name(kind: str, given: str, known: Iterable[str], argument: str | None = None) -> InputError:
     """The sentence for a name or pattern that matches nothing, with the nearest known one."""
     near = difflib.get_close_matches(given, list(known), n=1, cutoff=0.0)
     hint = f"; did you mean '{near[0]}'?" if near else ""
-    return InputError(f"{kind} '{given}' matches nothing{hint}")
+    return InputError(f"{kind} '{given}' matches nothing{hint}", argument)
 
 
 def entry_names(table: dict[str, Parameter]) -> list[str]:
@@ -132,10 +132,10 @@ def _split(entry: str) -> tuple[str, int | None]:
     return (match[1], int(match[2])) if match else (entry, None)
 
 
-def match_entries(table: dict[str, Parameter], patterns: Sequence[str]) -> set[str]:
+def match_entries(table: dict[str, Parameter], patterns: Sequence[str], argument: str | None = None) -> set[str]:
     """Entries that any of the names or fnmatch patterns addresses.
 
-    A vector's name addresses all its entries, `name[2]` one of them.
+    A vector's name addresses all its entries, `name[2]` one of them. `argument` is what the caller calls `patterns`.
 
     **Raises:** `InputError` for a pattern that matches nothing, with the nearest name.
     """
@@ -149,7 +149,7 @@ def match_entries(table: dict[str, Parameter], patterns: Sequence[str]) -> set[s
             if fnmatch.fnmatchcase(_split(entry)[0], base) and index in (None, _split(entry)[1])
         }
         if not hits:
-            raise unknown_name("parameter name or pattern", pattern, [*table, *entries])
+            raise unknown_name("parameter name or pattern", pattern, [*table, *entries], argument)
         found |= hits
     return found
 
@@ -199,8 +199,8 @@ def select(model: eqx.Module, free: Sequence[str] | None = None, fixed: Sequence
     if free is None:
         chosen = {entry for entry in entry_names(table) if not table[_split(entry)[0]].held}
     else:
-        chosen = match_entries(table, free)
-    chosen -= match_entries(table, fixed)
+        chosen = match_entries(table, free, "free")
+    chosen -= match_entries(table, fixed, "fixed")
     return Selection(tuple(entry for entry in entry_names(table) if entry in chosen))
 
 

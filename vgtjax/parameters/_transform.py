@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from .._errors import InputError
+from ._bounds import Bounds
 from ._table import Parameter, table_row
 
 
@@ -57,7 +58,7 @@ def build_transform(
     table: dict[str, Parameter],
     entries: Sequence[str],
     start: Float[np.ndarray, " parameters"],
-    bounds: dict[str, tuple[float | None, float | None]],
+    bounds: Bounds,
 ) -> Transform:
     """The transform of the given entries: the table's domain and the user's bounds.
 
@@ -83,11 +84,13 @@ def build_transform(
 def _check_start(entry: str, value: float, row: Parameter, lower: float, upper: float) -> None:
     if row.positive and value <= 0:
         raise InputError(
-            f"the start value of '{entry}' must be positive to be fitted, but it is {value:g}; change it under "
-            "[parameters], or hold it with fixed"
+            f"the start value of '{entry}' must be positive to be fitted, but it is {value:g}; change it, or hold it "
+            "with fixed",
+            "values",
         )
     if not lower <= value <= upper:
         raise InputError(
             f"the start value of '{entry}' must lie between {lower:g} and {upper:g}, but it is {value:g}; change the "
-            "value or the bounds under [parameters], or hold it with fixed"
+            "value or the bounds, or hold it with fixed",
+            "bounds",
         )
