@@ -8,10 +8,11 @@ import numpy as np
 
 import vgtjax
 from vgtjax import InputError
+from vgtjax.plants import on_given_knots
 from vgtjax.population import Population, fitted_levels, fitted_population
 
 from ..output.files import read_json
-from ..study.models import build_model, check_bounds, on_given_knots, start_values
+from ..study.models import build_model, start_model
 from ..study.parameter_file import fitted_entries, load_values, unit_files
 from ..study.tables import Study
 from .spreads import stated_population
@@ -44,7 +45,7 @@ def read_actuators(
     """
     if parameters is None and study.population.units is not None:
         parameters = path.parent / study.population.units
-    model = on_given_knots(build_model(study), {name: given.value for name, given in study.parameters.items()})
+    model = build_model(study)
     values = _given_values(parameters, study, model)
     models = _models(model, study, values)
     population, notes = _population(study, dict(zip(values, models, strict=True)), parameters, levels)
@@ -71,10 +72,7 @@ def _models(
     models: list[vgtjax.AbstractModel] = []
     knots: dict[str, Any] = {}
     for given in values.values():
-        start = vgtjax.replace_parameters(on_given_knots(model, given), given)
-        stated, bounds = start_values(start, study)
-        start = vgtjax.replace_parameters(start, stated)
-        check_bounds(start, bounds)
+        start, _ = start_model(model, study, given)
         knots = knots or {
             name: np.asarray(vgtjax.get_parameter(start, name)).tolist() for name in vgtjax.parameter_table(start)
         }

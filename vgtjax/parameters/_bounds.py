@@ -1,4 +1,4 @@
-"""Bounds that a user sets on parameters: which entries they are on, whether values keep to them, and the nearest inside.
+"""Bounds that a user sets on parameters: which entries have them, whether values keep to them, the nearest inside.
 
 A bound is a pair `(lower, upper)` in the unit of the table; either end may be `None`.
 """

@@ -2,6 +2,7 @@
 
 from ._actuator import Actuator as Actuator, ActuatorState as ActuatorState
 from ._base import AbstractModel as AbstractModel, State as State
+from ._knots import on_given_knots as on_given_knots
 from ._mechanical import MechanicalActuator as MechanicalActuator
 from ._pneumatic import PneumaticActuator as PneumaticActuator
 from .reduced import (

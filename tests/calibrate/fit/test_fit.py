@@ -282,11 +282,11 @@ def test_a_fit_that_ran_away_did_not_converge(small, monkeypatch):
     """Nothing moves a rod of 1e88 kg: there every step gains nothing, which looks like the end of a fit."""
     small.write_text(MECHANICAL.replace('"diaphragm.stiffness", "diaphragm.preload"', '"diaphragm.mass"'))
     end = Progress(coordinates=(88 * float(np.log(10)),), converged=True, history=(7.0,))
-    monkeypatch.setattr("calibrate.fit.command._first", lambda task: end)
+    monkeypatch.setattr("vgtjax.identification._fit.better_start", lambda task: end)
     outcome, found, said = refit(small)
     sentence = (
         "fitted values must stay within a factor 100000 of their start values, but diaphragm.mass ended at 1e+88 kg "
-        "(start 0.63); give bounds or better start values under [parameters]"
+        "(start 0.63); give bounds or better start values"
     )
     assert (outcome.status, outcome.err) == (1, f"failed: the fit: {sentence}\n")
     assert (said["converged"], said["error"]) == (False, sentence)
