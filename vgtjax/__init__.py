@@ -46,9 +46,9 @@ from .parts import (
 from .plants import (
     AbstractModel as AbstractModel,
     Actuator as Actuator,
-    ActuatorState as ActuatorState,
     FlowMapFit as FlowMapFit,
     MechanicalActuator as MechanicalActuator,
+    Plant as Plant,
     PlungerMapActuator as PlungerMapActuator,
     PneumaticActuator as PneumaticActuator,
     StaticMapActuator as StaticMapActuator,

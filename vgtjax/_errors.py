@@ -1,5 +1,10 @@
 """The two ways in which things go wrong: bad input, and a computation that failed."""
 
+from typing import Any
+
+import jax
+import jax.core
+
 
 class InputError(ValueError):
     """What the user gave breaks a rule; the message is one sentence: rule, value, remedy.
@@ -14,4 +19,9 @@ class InputError(ValueError):
 
 
 class SimulationError(RuntimeError):
-    """A simulation left the finite numbers, so nothing that follows from it may be used."""
+    """A simulation failed, so nothing that follows from it may be used; the message says how, and what helps."""
+
+
+def is_traced(*trees: Any) -> bool:
+    """Whether any leaf is being traced by JAX, so that its value is not there to be checked."""
+    return any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(trees))

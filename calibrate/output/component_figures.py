@@ -12,8 +12,6 @@ from vgtjax.parts import Contact, Vanes
 from .figures import MEASURED, SIMULATED, styled
 
 CURVES = ("#c2410c", "#1d4ed8", "#15803d", "#7c3aed", "#0e7490")
-SETTLING = 2e-3
-"""m of sliding at one speed after which friction is steady."""
 
 
 def component_figures(model: Any) -> list[tuple[str, go.Figure]]:
@@ -34,7 +32,7 @@ def component_figures(model: Any) -> list[tuple[str, go.Figure]]:
 def magnet_figure(model: vgtjax.Actuator) -> go.Figure:
     """Pull of the magnet on a closed plunger over the duty."""
     duty = np.linspace(0.0, 100.0, 201)
-    pull = model.converter.magnet.steady_pull(duty, np.zeros_like(duty))
+    pull = model.converter.magnetic_force.steady_pull(duty, np.zeros_like(duty))
     return _plot([(duty, pull, "")], "duty, %", "magnetic force, N")
 
 
@@ -55,24 +53,11 @@ def flow_function_figure(model: vgtjax.Actuator) -> go.Figure:
 def friction_figure(model: Any) -> go.Figure:
     """Steady force of friction over the velocity, without exhaust gas."""
     speed = np.geomspace(1e-5, 6e-3, 60)
-    force = np.array([_steady_friction(model, value) for value in speed])
-    velocity = np.concatenate([-speed[::-1], speed]) * 1e3
-    return _plot([(velocity, np.concatenate([-force[::-1], force]), "")], "velocity, mm/s", "friction, N")
-
-
-@jax.jit
-def _steady_friction(model: Any, speed: float) -> jax.Array:
-    friction, steps = model.friction, 400
-    contact = Contact(np.asarray(1.0) * speed, model.diaphragm.mass, Vanes(np.asarray(5e-3), np.asarray(0.0)))
-    pull = np.asarray(1e6)  # more than friction can hold
-
-    def slide(state, _):
-        rate, relaxation = friction(contact, state, pull)[1], friction.relaxation(contact, state)
-        step = SETTLING / speed / steps
-        return jax.tree.map(lambda z, dz, a: z + dz * step / (1 + a * step), state, rate, relaxation), None
-
-    state = jax.lax.scan(slide, friction.initial_state(), length=steps)[0]
-    return friction(contact, state, pull)[0]
+    velocity = np.concatenate([-speed[::-1], speed])
+    cold = Vanes(np.full_like(velocity, 5e-3), np.zeros_like(velocity))
+    contacts = Contact(velocity, np.full_like(velocity, model.diaphragm.mass), cold)
+    force = jax.jit(jax.vmap(model.friction.steady_force))(contacts)
+    return _plot([(velocity * 1e3, force, "")], "velocity, mm/s", "friction, N")
 
 
 def vane_force_figure(model: Any) -> go.Figure:

@@ -16,6 +16,7 @@ from jaxtyping import Array, Float
 import vgtjax
 from vgtjax import control, fit_flow_map
 from vgtjax.control import AbstractController, AbstractSignal, Scenario
+from vgtjax.plants import assemble
 
 from ..population.actuators import read_actuators
 from ..population.job import FLEET
@@ -66,7 +67,7 @@ COURSES = {
 @functools.cache
 def plant() -> vgtjax.Actuator:
     """The printed actuator with the vane force of a bench unit."""
-    return dataclasses.replace(experiments.actuator(), vane_force=loops.bench_map())
+    return assemble(experiments.actuator(), vane_force=loops.bench_map())
 
 
 def _pi() -> control.PI:

@@ -21,7 +21,7 @@ ANY_PERMEABILITY = 1000.0
 
 def magnetic_force(duty: np.ndarray) -> np.ndarray:
     """Pull of the solenoid in N at a duty in percent [B.1]."""
-    magnet = experiments.actuator().converter.magnet
+    magnet = experiments.actuator().converter.magnetic_force
     return np.asarray(jax.vmap(lambda pwm: magnet.steady_pull(pwm, jnp.zeros(())))(jnp.asarray(duty)))
 
 

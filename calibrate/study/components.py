@@ -17,7 +17,7 @@ Chamber = Literal["adiabatic", "wall", "isothermal"]
 FRICTION: dict[Friction, Callable[[], vgtjax.AbstractFriction]] = {
     "lugre": vgtjax.LuGre,
     "lugre-squared": functools.partial(vgtjax.LuGre, stribeck_exponent=2),
-    "lugre-passive": vgtjax.PassiveLuGre,
+    "lugre-passive": vgtjax.PassiveLuGre,  # type: ignore[dict-item]  # mypy takes its abstract variables for fields
     "adaptive-lugre": vgtjax.AdaptiveLuGre,
     "dahl": vgtjax.Dahl,
     "karnopp": vgtjax.Karnopp,

@@ -67,14 +67,14 @@ def parameters_of(study: Study) -> dict[str, StartValue]:
 def start_values(model: eqx.Module, stated: Mapping[str, StartValue]) -> tuple[dict[str, Any], Bounds]:
     """Start values by name and bounds by entry, of a model or a controller.
 
-    **Raises:** `InputError` for an unknown name, a wrong number of values, or a value that is not physical.
+    **Raises:** `InputError` for an unknown name, a wrong number of values, or bounds that fall.
     """
     values: dict[str, Any] = {}
     bounds: Bounds = {}
     for name, given in stated.items():
         entries = _entries_of(model, name)
         for key in ("value", "lower", "upper"):
-            _check_length(name, key, getattr(given, key), entries)
+            check_length(name, key, getattr(given, key), entries)
         for position, entry in enumerate(entries):
             low, high = _bound(given.lower, position), _bound(given.upper, position)
             if low is not None and high is not None and not low < high:
@@ -84,8 +84,6 @@ def start_values(model: eqx.Module, stated: Mapping[str, StartValue]) -> tuple[d
             bounds[entry] = (low, high)
         if given.value is not None:
             values |= _merge(model, values, name, given.value)
-    for name, value in values.items():
-        check_value(model, name, value)
     return values, bounds
 
 
@@ -100,7 +98,11 @@ def _entries_of(model: eqx.Module, name: str) -> list[str]:
     return [entry for entry in entry_names(table) if entry in found]
 
 
-def _check_length(name: str, key: str, value: float | list[float] | None, entries: list[str]) -> None:
+def check_length(name: str, key: str, value: float | list[float] | None, entries: list[str]) -> None:
+    """Whether there are as many numbers as a parameter has entries.
+
+    **Raises:** `InputError` otherwise.
+    """
     if value is None:
         return
     if entries == [name] and isinstance(value, list):
@@ -129,31 +131,12 @@ def _merge(model: eqx.Module, values: dict[str, Any], name: str, value: Any) -> 
     return {base: vector.tolist()}
 
 
-def check_value(model: eqx.Module, name: str, value: Any) -> None:
-    """Whether a value may stand for a parameter.
-
-    **Raises:** `InputError` otherwise.
-    """
-    row = vgtjax.parameter_table(model)[name]
-    _check_length(name, "value", value, entry_names({name: row}))
-    numbers = value if isinstance(value, list) else [value]
-    infinite = name == "diaphragm.travel"
-    lowest = 0.0 if row.positive else row.lower
-    for number in numbers:
-        if math.isnan(number) or (math.isinf(number) and not infinite) or number < lowest:
-            rule = "finite" if lowest < 0 else "finite and not negative"
-            raise InputError(f"'{name}' must be {rule}, but it is {number:g}; correct it", "values")
-
-
-def passivity_note(model: vgtjax.AbstractModel) -> str | None:
+def passivity_note(model: Any) -> str | None:
     """A sentence where the friction of a model could give out energy, or `None`."""
-    friction = getattr(model, "friction", None)
-    if not isinstance(friction, vgtjax.LuGre):
-        return None
-    bound, damping = float(friction.passivity_bound()), float(friction.viscous_damping)
-    if damping > bound:
+    margin = model.friction.passivity_margin()
+    if margin is None or margin > 0:
         return None
     return (
-        f"friction is not passive: friction.viscous_damping is {damping:.4g} N s/m, and must exceed {bound:.4g} for "
-        "LuGre never to give out energy; friction = 'lugre-passive' holds a fit to that"
+        f"friction is not passive: friction.viscous_damping must be {-float(margin):.4g} N s/m larger for it never to "
+        "give out energy; friction = 'lugre-passive' holds a fit to that"
     )

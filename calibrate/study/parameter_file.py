@@ -15,7 +15,7 @@ from vgtjax.parameters import Bounds, entry_names, unknown_name
 from vgtjax.plants import on_given_knots
 
 from ..output.files import read_json
-from .models import check_value
+from .models import check_length
 from .tables import Study
 
 
@@ -162,8 +162,10 @@ def load_values(path: pathlib.Path, unit: str | None, study: Study, model: vgtja
         _check_numbers(path, name, values[name])
     try:
         model = on_given_knots(model, values)
+        table = vgtjax.parameter_table(model)
         for name, value in values.items():
-            check_value(model, name, value)
+            check_length(name, "value", value, entry_names({name: table[name]}))
+        vgtjax.replace_parameters(model, values)
     except InputError as error:  # the file is at fault, not what the study states
         raise InputError(f"{path.name}: {error}") from error
     return values

@@ -63,7 +63,7 @@ def holding_duty(converter: Converter, measurement: Measurement, pressure: Scala
     closed = jnp.zeros_like(pressure)
 
     def surplus(duty: Scalar) -> Any:
-        pull = converter.magnet.steady_pull(duty, closed)
+        pull = converter.magnetic_force.steady_pull(duty, closed)
         return -converter.static_force(pull, measurement.ambient, measurement.reservoir, pressure)
 
     def halve(_: Any, bracket: tuple[Scalar, Scalar]) -> tuple[Scalar, Scalar]:

@@ -14,7 +14,17 @@ from jaxtyping import Array, Float
 from .._errors import InputError
 from ..parts import Scalar
 from ..plants import AbstractModel, State
-from ..simulation import RESULTS, UNROLL, FixedStep, Solution, model_dtype, scan_in_blocks
+from ..simulation import (
+    RESULTS,
+    UNROLL,
+    FixedMarch,
+    FixedStep,
+    Solution,
+    check_result,
+    judge,
+    model_dtype,
+    scan_in_blocks,
+)
 from ..traces import Drive
 from ._base import AbstractController, Log, Measurement, Reference, saturate
 from ._fading import fade
@@ -103,11 +113,12 @@ def close_loop(
     - `derivative_memory`: s; what a sample leaves to the next loses its derivatives with this time constant. Infinite,
       derivatives are exact. Of a loop that sticks and slips, or hunts, exact ones may grow without end and say nothing
       about where a cost falls; then some multiple of the loop's own time constants keeps what matters.
-    - `throw`: whether a run that leaves the finite numbers raises; when false, look at `result` of the answer.
+    - `throw`: whether a run that fails raises; when false, look at `result` of the answer.
       A batch wants `throw=False`, or one bad lane raises for all.
 
     **Raises:** `InputError` for a plant that needs more than a duty, or a period or duration that is not positive; with
-    `throw`, a `RuntimeError` of equinox with the advice of `RESULTS` when the run leaves the finite numbers.
+    `throw`, `SimulationError` with the advice of `RESULTS` when the run fails (inside of `jit` a `RuntimeError` of
+    equinox).
     """
     if plant.needs != ("pwm",):
         raise InputError(
@@ -123,11 +134,11 @@ def close_loop(
             f"period must be positive and at most the duration, but they are {period} s and {duration} s; "
             "use e.g. 0.001 and 10"
         )
-    stepping = FixedStep() if stepping is None else stepping
+    plan = (FixedStep() if stepping is None else stepping).plan_intervals(plant, period)
     adjoint = diffrax.ForwardMode() if adjoint is None else adjoint
-    intervals, substeps = round(duration / period), stepping.substeps(plant, period)
     kept = jnp.exp(-period / jnp.asarray(derivative_memory, float))
-    return _close_loop(plant, controller, scenario, intervals, period, stepping, substeps, adjoint, kept, throw)
+    loop = _close_loop(plant, controller, scenario, round(duration / period), period, plan, adjoint, kept)
+    return check_result(loop, loop.result, "the closed loop") if throw else loop
 
 
 @eqx.filter_jit
@@ -137,11 +148,9 @@ def _close_loop(
     scenario: Scenario,
     intervals: int,
     period: float,
-    stepping: FixedStep,
-    substeps: int,
+    plan: FixedMarch,
     adjoint: diffrax.AbstractAdjoint,
     kept: Scalar,
-    throw: bool,
 ) -> ClosedLoop:
     dtype = model_dtype(plant)
     controller, scenario = _cast(controller, dtype), _cast(scenario, dtype)
@@ -158,25 +167,23 @@ def _close_loop(
         return scenario.sensors(truth, deviates)
 
     def sample(carry: Any, inputs: Any) -> tuple[Any, _Sample]:
-        state, memory = fade(carry, kept)
+        (state, memory), solved = fade(carry[:2], kept), carry[2]
         drive, reference, deviates = inputs
         measured = measure(state, drive, deviates)
         memory, command, log = controller.update(memory, measured, reference, period)
         duty = saturate(command)
-        onward = stepping.advance(plant, state, dataclasses.replace(drive, pwm=duty), substeps, unroll=UNROLL)
-        return (onward, memory), _Sample(state, measured, command, duty, log)
+        onward, found = plan.advance(plant, state, dataclasses.replace(drive, pwm=duty), unroll=UNROLL)
+        return (onward, memory, solved & found), _Sample(state, measured, command, duty, log)
 
     first, _, deviates = jax.tree.map(lambda leaf: leaf[0], inputs)
     state = plant.start(scenario.start, dataclasses.replace(first, pwm=scenario.duty_before))
     memory = controller.initial_state(measure(state, first, deviates), period)
-    run = scan_in_blocks(sample, (state, memory), inputs, adjoint)
+    (_, _, solved), run = scan_in_blocks(sample, (state, memory, jnp.asarray(True)), inputs, adjoint)
 
     signals = jax.vmap(plant.signals)(run.state, dataclasses.replace(drive, pwm=run.duty))
-    finite = [jnp.all(jnp.isfinite(leaf)) for leaf in jax.tree.leaves((run.state, run.command))]
-    result = RESULTS.where(jnp.all(jnp.stack(finite)), RESULTS.successful, RESULTS.diverged)
+    result = judge((run.state, run.command), RESULTS.where(solved, RESULTS.successful, RESULTS.root_not_found))
     solution = Solution(time, run.state, signals, result)
-    loop = ClosedLoop(solution, run.measured, reference, run.command, run.duty, run.log)
-    return result.error_if(loop, result != RESULTS.successful) if throw else loop
+    return ClosedLoop(solution, run.measured, reference, run.command, run.duty, run.log)
 
 
 def _cast(tree: Any, dtype: Any) -> Any:

@@ -1,16 +1,14 @@
 """Traces laid out for batched simulation and for the segment-parallel Jacobian."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import equinox as eqx
 import jax
 import numpy as np
 from jaxtyping import Float, Int
 
-from .._errors import InputError
 from ..plants import AbstractModel
-from ..simulation import FixedStep, model_dtype
+from ..simulation import FixedMarch, FixedStep, model_dtype
 from ..traces import Drive, Start, Trace, cast, require
 
 SEGMENT = 50
@@ -31,8 +29,7 @@ class Bundle(eqx.Module):
 
     indices: tuple[int, ...] = eqx.field(static=True)
     samples: tuple[int, ...] = eqx.field(static=True)
-    substeps: int = eqx.field(static=True)
-    stepping: FixedStep
+    plan: FixedMarch
     drive: Drive
     start: Start
     lane_drive: Drive
@@ -79,21 +76,18 @@ def bundle_traces(model: AbstractModel, traces: Sequence[Trace], stepping: Fixed
     **Raises:** `InputError` when a trace lacks a column that the model needs, or steps are not fixed.
     """
     stepping = FixedStep() if stepping is None else stepping
-    if not isinstance(stepping, FixedStep):
-        raise InputError(
-            f"exact Jacobians need fixed steps, but stepping is {type(stepping).__name__}; use FixedStep(max_step=...)"
-        )
-    groups: dict[tuple[int, Any], list[int]] = {}
+    plans: dict[Any, FixedMarch] = {}
+    groups: dict[Any, list[int]] = {}
     for index, trace in enumerate(traces):
         require(trace, model.needs)
-        key = (stepping.substeps(model, trace.longest_interval), jax.tree.structure(trace.drive()))
+        plan = stepping.plan_intervals(model, trace.longest_interval)
+        key = (plan.substeps, jax.tree.structure(trace.drive()))
+        plans[key] = plan
         groups.setdefault(key, []).append(index)
-    return [_bundle(model, [traces[i] for i in indices], indices, key[0], stepping) for key, indices in groups.items()]
+    return [_bundle(model, [traces[i] for i in indices], indices, plans[key]) for key, indices in groups.items()]
 
 
-def _bundle(
-    model: AbstractModel, traces: list[Trace], indices: list[int], substeps: int, stepping: FixedStep
-) -> Bundle:
+def _bundle(model: AbstractModel, traces: list[Trace], indices: list[int], plan: FixedMarch) -> Bundle:
     dtype = model_dtype(model)
     samples = [len(trace.time) for trace in traces]
     segments = [-(-count // SEGMENT) for count in samples]
@@ -114,8 +108,7 @@ def _bundle(
     return Bundle(
         indices=tuple(indices),
         samples=tuple(samples),
-        substeps=substeps,
-        stepping=stepping,
+        plan=plan,
         drive=cast(drive, dtype),
         start=cast(start, dtype),
         lane_drive=cast(lane_drive, dtype),

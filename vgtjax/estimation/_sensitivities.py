@@ -8,7 +8,6 @@ and the segments' transition matrices are chained at the end. This is forward mo
 from collections.abc import Sequence
 from typing import Any
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -93,7 +92,7 @@ def _nominal(model: AbstractModel, bundle: Bundle) -> tuple[State, Lanes]:
     """States at the start of every lane, and what is observed along it."""
 
     def one(drive, start):
-        states = march(model, drive, start, bundle.stepping, bundle.substeps, diffrax.ForwardMode())
+        states, _ = march(model, drive, start, bundle.plan)
         return states, jnp.stack(jax.vmap(model.observe)(states, drive), axis=-1)
 
     states, observed = jax.vmap(one, in_axes=(1, 0), out_axes=1)(bundle.drive, bundle.start)
@@ -126,8 +125,7 @@ def _push_lanes(
 
         def advance(theta, state):
             chosen = selection.unpack(model, theta)
-            step = bundle.stepping.advance
-            return jax.vmap(lambda y, u: step(chosen, y, u, bundle.substeps))(state, inputs)
+            return jax.vmap(lambda y, u: bundle.plan.advance(chosen, y, u)[0])(state, inputs)
 
         def push(function):
             return jax.vmap(

@@ -106,7 +106,7 @@ def resting(model: AbstractModel, trace: Trace) -> Bool[np.ndarray, " time"]:
         return still
     ambient = np.full_like(trace.time, trace.atmosphere)
     converter = model.converter if isinstance(model, Actuator) else Converter()
-    pull = converter.magnet.steady_pull(trace.pwm, np.zeros_like(ambient))
+    pull = converter.magnetic_force.steady_pull(trace.pwm, np.zeros_like(ambient))
     opening = np.asarray(converter.static_force(pull, ambient, reservoir_pressure(trace), ambient))
     return np.logical_and.accumulate((trace.pwm == 0.0) | (opening > np.maximum(0.5 * opening[0], 0.0)))
 

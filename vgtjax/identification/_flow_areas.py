@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float, Int
 from scipy.optimize import least_squares
 
 from ..parameters import Selection, Transform, build_transform, entry_names, get_parameter, parameter_table, select
-from ..parts import AbstractMagneticForce, Gas, NoLine
+from ..parts import Gas, NoLine
 from ..plants import Actuator
 from ..traces import Trace
 from ._chamber_flow import BLOCK, NEEDS, ChamberRecord, flow_through, march, read_chamber, usable, without_position
@@ -110,7 +110,7 @@ def _blind(model: Actuator) -> tuple[str, ...]:
     coil = "the coil's current is taken as settled: what it lags counts as flow"
     return (
         *(() if isinstance(model.line, NoLine) else (line,)),
-        *((coil,) if isinstance(model.converter.magnetic_force, AbstractMagneticForce) else ()),
+        *(() if "converter.magnetic_force" in parameter_table(model) else (coil,)),
     )
 
 
@@ -138,7 +138,7 @@ def _lift(
 
     def one(lift, inputs):
         dt, duty, (p, p_next), (reservoir, reservoir_next), ambient = inputs
-        pull = converter.magnet.steady_pull(duty, lift)
+        pull = converter.magnetic_force.steady_pull(duty, lift)
         begin = converter.static_force(pull, ambient, reservoir, p)
         end = converter.static_force(pull, ambient, reservoir_next, p_next)
         springs = converter.membrane_stiffness + jnp.where(begin + end > 0, converter.return_spring_stiffness, 0.0)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from ..parts import AbstractMagneticForce
+from ..parameters import parameter_table
 from ..plants import Actuator
 from ..traces import SENSOR_PRESSURE_OFFSET, Trace, noise_level
 from ._chamber_flow import NEEDS, ChamberRecord, read_chamber, usable, without_position
@@ -89,7 +89,7 @@ def identify_magnetic_force(model: Actuator, traces: Sequence[Trace]) -> Identif
     coefficients, covariance = solution.coefficients, solution.covariance
     found = solution.form == "quartic"
     errors = np.sqrt(np.diag(covariance)) if found else np.full(5, np.nan)
-    coil = isinstance(model.converter.magnetic_force, AbstractMagneticForce)
+    coil = "converter.magnetic_force" not in parameter_table(model)
     duties = np.array([point.duty for point in points])
     return Identified(
         name="magnetic force",
@@ -254,7 +254,7 @@ def _solve(model: Actuator, points: list[Equilibrium], records: list[ChamberReco
 def _model_quartic(model: Actuator) -> Float[np.ndarray, " 5"]:
     """The model's static force, or the quartic through a coil's."""
     duty = np.linspace(0, 100, 41)
-    pull = np.asarray(model.converter.magnet.steady_pull(duty, np.zeros_like(duty)))
+    pull = np.asarray(model.converter.magnetic_force.steady_pull(duty, np.zeros_like(duty)))
     return np.linalg.lstsq(duty[:, None] ** np.arange(5), pull, rcond=None)[0]
 
 

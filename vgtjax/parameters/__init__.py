@@ -6,18 +6,22 @@ from ._bounds import (
     check_bounds as check_bounds,
     move_inside as move_inside,
 )
+from ._selection import (
+    Selection as Selection,
+    entry_names as entry_names,
+    match_entries as match_entries,
+    select as select,
+    table_row as table_row,
+)
 from ._table import (
     Parameter as Parameter,
-    Selection as Selection,
+    Part as Part,
     as_float_array as as_float_array,
-    entry_names as entry_names,
     get_parameter as get_parameter,
-    match_entries as match_entries,
+    nested as nested,
     parameter as parameter,
     parameter_table as parameter_table,
     replace_parameters as replace_parameters,
-    select as select,
-    table_row as table_row,
     unknown_name as unknown_name,
 )
 from ._transform import Transform as Transform, build_transform as build_transform

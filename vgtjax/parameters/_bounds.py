@@ -10,7 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from .._errors import InputError
-from ._table import entry_names, match_entries, parameter_table, select
+from ._selection import entry_names, match_entries, select
+from ._table import parameter_table
 
 Bounds = dict[str, tuple[float | None, float | None]]
 

@@ -14,7 +14,8 @@ from jaxtyping import Array, Bool, Float
 
 from .._errors import InputError
 from ._bounds import Bounds
-from ._table import Parameter, table_row
+from ._selection import table_row
+from ._table import Parameter
 
 
 class Transform(eqx.Module):

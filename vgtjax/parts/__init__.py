@@ -4,11 +4,13 @@ from ._air import Air as Air, Scalar as Scalar, flow_function as flow_function, 
 from ._converter import (
     GENTLE_OPENING as GENTLE_OPENING,
     Converter as Converter,
+    ConverterState as ConverterState,
     Flow as Flow,
     Plunger as Plunger,
     without_chatter as without_chatter,
 )
 from ._diaphragm import Body as Body, Diaphragm as Diaphragm
+from ._gas_table import AbstractGasTables as AbstractGasTables
 from ._tables import bilinear as bilinear
 from ._vanes import Crank as Crank, Vanes as Vanes
 from .chamber import (
@@ -31,6 +33,7 @@ from .flow_map import (
 )
 from .friction import (
     AbstractFriction as AbstractFriction,
+    AbstractLuGre as AbstractLuGre,
     AdaptiveLuGre as AdaptiveLuGre,
     Bristle as Bristle,
     Contact as Contact,

@@ -1,16 +1,20 @@
 """Air: ideal gas at the ambient state, and compressible flow through an orifice [2.13-2.15, A.29]."""
 
+from typing import ClassVar
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..parameters import parameter
+from ..parameters import Part, parameter
 
 Scalar = Float[Array, ""]
 
 
-class Air(eqx.Module):
+class Air(Part):
     """Properties of air and of the atmosphere around the actuator (Table B.2)."""
+
+    place: ClassVar[str] = "air"
 
     gas_constant: Scalar = parameter(286.7, symbol="R", unit="J/(kg K)", source="B.2", held=True)
     heat_capacity_ratio: Scalar = parameter(1.396, symbol="gamma", unit="1", source="B.2", held=True)

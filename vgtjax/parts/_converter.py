@@ -1,22 +1,20 @@
 """The electro-pneumatic pressure converter: magnetic force, plunger, and its two orifices [2.7-2.12, B.1-B.3]."""
 
 import dataclasses
-from typing import Any
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
-from ..parameters import parameter
+from ..parameters import Part, parameter
 from ._air import Air, Scalar, orifice_flow
 from .magnetic_force._base import AbstractMagneticForce
 from .magnetic_force._static import StaticForce
 
 GENTLE_OPENING = 1e-5
 """m of lift over which the atmosphere's orifice opens where derivatives are taken; see [`without_chatter`][]."""
-REST_ITERATIONS = 30
-"""Each brings a plunger nearer its rest by the ratio of magnetic to spring stiffness, which is below one."""
 
 
 class Plunger(eqx.Module):
@@ -33,8 +31,21 @@ class Flow(eqx.Module):
     temperature: Scalar
 
 
-class Converter(eqx.Module):
+class ConverterState(eqx.Module):
+    """State of the converter: its plunger, and what the magnetic force remembers."""
+
+    plunger: Plunger
+    magnet: PyTree[Array]
+
+
+def _as_force(given: Any) -> AbstractMagneticForce:
+    return given if isinstance(given, AbstractMagneticForce) else StaticForce(given)
+
+
+class Converter(Part):
     """Solenoid pressure converter. A plunger above zero opens the atmosphere, below zero the reservoir."""
+
+    place: ClassVar[str] = "converter"
 
     plunger_mass: Scalar = parameter(0.01, symbol="m_p", unit="kg", source="B.1", held=True)
     membrane_stiffness: Scalar = parameter(2000.0, symbol="k_mem", unit="N/m", source="B.1")
@@ -43,13 +54,8 @@ class Converter(eqx.Module):
     actuator_area: Scalar = parameter(1.7425e-4, symbol="A_act", unit="m2", source="B.1", held=True)
     atmosphere_area: Scalar = parameter(1.7652e-4, symbol="A_atm", unit="m2", source="B.1", held=True)
     reservoir_area: Scalar = parameter(3.1416e-6, symbol="A_res", unit="m2", source="B.1", held=True)
-    magnetic_force: Float[Array, " 5"] | AbstractMagneticForce = parameter(
-        (0.021731, 0.0022634, 0.0039, -3.5733e-5, 9.1355e-8),
-        symbol="c",
-        unit=("N", "N/%", "N/%^2", "N/%^3", "N/%^4"),
-        source="B.1",
-        positive=False,
-    )
+    magnetic_force: AbstractMagneticForce = eqx.field(default_factory=StaticForce, converter=_as_force)
+    """Coefficients of the static quartic may be given instead."""
     reservoir_orifice_slope: Scalar = parameter(0.360e-3, symbol="dA/dx", unit="m", source="B.2")
     reservoir_orifice_saturation: Scalar = parameter(2.5e-3, symbol="x_sat", unit="m", source="B.2")
     atmosphere_orifice: Float[Array, " 3"] = parameter(
@@ -62,11 +68,35 @@ class Converter(eqx.Module):
     lies above zero: one across zero opens both orifices at once.
     """
 
-    @property
-    def magnet(self) -> AbstractMagneticForce:
-        """The static quartic of the coefficients `magnetic_force` [2.9], or the coil that stands in their place."""
-        given = self.magnetic_force
-        return given if isinstance(given, AbstractMagneticForce) else StaticForce(given)
+    def start(self, pwm: Scalar, ambient: Scalar, reservoir: Scalar, pressure: Scalar) -> ConverterState:
+        """State at rest at a chamber pressure in Pa absolute, after a duty in percent has been held for long."""
+        lift = self.rest_position(pwm, ambient, reservoir, pressure)
+        return ConverterState(Plunger(lift, jnp.zeros_like(lift)), self.magnetic_force.initial_state(pwm))
+
+    def rates(
+        self, state: ConverterState, pwm: Scalar, ambient: Scalar, reservoir: Scalar, pressure: Scalar
+    ) -> ConverterState:
+        """Time derivative of the state [2.7] under a duty in percent and the pressure that the converter feels."""
+        plunger = state.plunger
+        pull, magnet_rate = self.magnetic_force(pwm, plunger.position, plunger.velocity, state.magnet)
+        acceleration = self.acceleration(plunger, pull, ambient, reservoir, pressure)
+        return ConverterState(Plunger(plunger.velocity, acceleration), magnet_rate)
+
+    def relaxation(self, state: ConverterState) -> ConverterState:
+        """Rates in 1/s at which damping stops the plunger, the fastest of the model, and the magnet forgets."""
+        damping = self.plunger_damping / self.plunger_mass
+        return ConverterState(
+            Plunger(None, damping), self.magnetic_force.relaxation(state.plunger.position, state.magnet)
+        )
+
+    def signals(self, state: ConverterState) -> dict[str, Array]:
+        """Plunger `x_p` in m and `v_p` in m/s, and what the magnetic force shows."""
+        plunger = state.plunger
+        return {"x_p": plunger.position, "v_p": plunger.velocity, **self.magnetic_force.signals(state.magnet)}
+
+    def typical_state(self) -> ConverterState:
+        """Millimetres, tenths of metres a second."""
+        return ConverterState(Plunger(1e-3, 0.1), self.magnetic_force.typical_state())
 
     def static_force(self, pull: Scalar, ambient: Scalar, reservoir: Scalar, pressure: Scalar) -> Scalar:
         """Force in N on a closed plunger at rest: pressures (Pa absolute) on its three areas, and the magnet's pull."""
@@ -91,9 +121,8 @@ class Converter(eqx.Module):
     def rest_position(self, pwm: Scalar, ambient: Scalar, reservoir: Scalar, pressure: Scalar) -> Scalar:
         """Position in m at which [2.7] balances at rest."""
         position = jnp.zeros_like(pressure)
-        # A magnet whose pull depends on the position needs repetition; the quartic is done after the first.
-        for _ in range(REST_ITERATIONS if isinstance(self.magnetic_force, AbstractMagneticForce) else 1):
-            pull = self.magnet.steady_pull(pwm, position)
+        for _ in range(self.magnetic_force.rest_iterations):
+            pull = self.magnetic_force.steady_pull(pwm, position)
             force = self.static_force(pull, ambient, reservoir, pressure)
             stiffness = self.membrane_stiffness + jnp.where(force > 0, self.return_spring_stiffness, 0.0)
             position = force / stiffness
@@ -101,13 +130,9 @@ class Converter(eqx.Module):
 
     def working_pressure(self, pwm: Scalar, ambient: Scalar, reservoir: Scalar) -> Scalar:
         """Chamber pressure in Pa at which the plunger rests closed, between reservoir and atmosphere [2.8]."""
-        pull = self.magnet.steady_pull(pwm, jnp.zeros_like(pwm))
+        pull = self.magnetic_force.steady_pull(pwm, jnp.zeros_like(pwm))
         balance = self.static_force(pull, ambient, reservoir, jnp.zeros_like(pwm)) / self.actuator_area
         return jnp.clip(balance, reservoir, ambient)
-
-    def damping_rate(self) -> Scalar:
-        """Rate in 1/s at which damping alone stops the plunger, the fastest of the model."""
-        return self.plunger_damping / self.plunger_mass
 
     def orifice_area(self, position: Scalar) -> Scalar:
         """Area in m2 of the one orifice that is open at a plunger position in m [B.2, B.3]."""

@@ -1,9 +1,11 @@
 """Diaphragm, rod and end stops [2.34]."""
 
+from typing import ClassVar
+
 import equinox as eqx
 import jax.numpy as jnp
 
-from ..parameters import parameter
+from ..parameters import Part, parameter
 from ..traces import Start
 from ._air import Scalar
 
@@ -15,13 +17,15 @@ class Body(eqx.Module):
     velocity: Scalar
 
 
-class Diaphragm(eqx.Module):
+class Diaphragm(Part):
     """Spring-loaded diaphragm between two end stops at 0 and `travel`.
 
     The stops are not in the thesis but on the bench; their contact law is Hunt and Crossley's (1975), whose
     force is continuous at contact. With an infinite `travel` there are none at all, at zero neither: an axis that moves
     freely both ways.
     """
+
+    place: ClassVar[str] = "diaphragm"
 
     mass: Scalar = parameter(0.63, symbol="m_d", unit="kg", source="B.2")
     area: Scalar = parameter(2.9224e-3, symbol="A_d", unit="m2", source="B.2", held=True)
@@ -30,7 +34,7 @@ class Diaphragm(eqx.Module):
     damping: Scalar = parameter(
         0.0, symbol="b_d", unit="N s/m", source="erratum 11", positive=False, lower=0.0, held=True
     )
-    travel: Scalar = parameter(10.13e-3, symbol="x_max", unit="m", source="3.6")
+    travel: Scalar = parameter(10.13e-3, symbol="x_max", unit="m", source="3.6", infinite=True)
     stop_stiffness: Scalar = parameter(1e6, symbol="k_stop", unit="N/m", source="assumed", assumed=True)
     stop_damping: Scalar = parameter(20.0, symbol="d", unit="s/m", source="assumed", assumed=True)
 
@@ -54,6 +58,10 @@ class Diaphragm(eqx.Module):
     def damping_rate(self, friction_damping: Scalar) -> Scalar:
         """Rate in 1/s at which damping and friction stop the rod."""
         return (self.damping + friction_damping) / self.mass
+
+    def drive_force(self, ambient: Scalar, pressure: Scalar) -> Scalar:
+        """Force in N along +x of pressures in Pa absolute, `(p_atm - p_act) A_d` [2.34]."""
+        return (ambient - pressure) * self.area
 
     def balance_force(self, position: Scalar) -> Scalar:
         """Drive in N that holds the rod at a position in m between the stops."""

@@ -1,12 +1,16 @@
 """Tables over turbine pressure and crank angle (section 3.4.2)."""
 
+import abc
+import dataclasses
+from typing import Any, Self
+
 import equinox as eqx
-import jax.core
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._errors import InputError
+from .._errors import InputError, is_traced
 from ._air import Scalar
 from ._tables import bilinear
 from ._vanes import Crank, Vanes
@@ -15,18 +19,44 @@ Table = Float[Array, " knots"]
 """A row of crank angles for every turbine pressure, one row after the other."""
 
 
-class Knots(eqx.Module):
-    """Where tables have their values: increasing turbine pressures in Pa gauge above zero, increasing angles in deg.
+class AbstractGasTables(eqx.Module):
+    """A component with tables over turbine pressure and crank angle.
 
     Without gas every table is zero; it is linear from there to its first row, linear between knots, held beyond them.
+
+    **Raises:** `InputError` for knots that don't increase, or a table that has not one value for each.
     """
 
-    turbine_pressure: Float[Array, " pressures"]
-    crank_angle: Float[Array, " angles"]
-    crank: Crank
+    place: eqx.AbstractClassVar[str]
+    turbine_pressure: eqx.AbstractVar[Float[Array, " pressures"]]
+    """Knots in Pa gauge, increasing, above zero."""
+    crank_angle: eqx.AbstractVar[Float[Array, " angles"]]
+    """Knots in deg, increasing."""
+    crank: eqx.AbstractVar[Crank]
+
+    @property
+    @abc.abstractmethod
+    def tables(self) -> dict[str, Table]:
+        """Tables by the names of their fields."""
+
+    def __check_init__(self) -> None:
+        if is_traced(self.turbine_pressure, self.crank_angle):
+            return
+        owner = self.place
+        above_zero = np.concatenate([[0.0], self.turbine_pressure])
+        _check_increasing(f"{owner}.turbine_pressure", above_zero, "Pa gauge from above zero")
+        _check_increasing(f"{owner}.crank_angle", np.asarray(self.crank_angle), "deg")
+        pressures, angles = self.turbine_pressure.size, self.crank_angle.size
+        for name, table in self.tables.items():
+            if table.size != pressures * angles:
+                raise InputError(
+                    f"{owner}.{name} needs {pressures * angles} numbers, one for each turbine pressure and crank "
+                    f"angle, but it has {table.size}; give {pressures} rows of {angles}",
+                    "values",
+                )
 
     def read(self, table: Table, vanes: Vanes) -> Scalar:
-        """Value of a table for vanes under gas."""
+        """Value of one of its tables for vanes under gas."""
         rows = table.reshape(-1, self.crank_angle.shape[-1])
         return bilinear(
             jnp.concatenate([jnp.zeros_like(self.turbine_pressure[:1]), self.turbine_pressure]),
@@ -36,34 +66,26 @@ class Knots(eqx.Module):
             self.crank.angle(vanes.opening),
         )
 
-    def reread(self, table: Table, other: "Knots") -> Float[np.ndarray, " others"]:
-        """The same table at other knots."""
-        pressures, angles = np.meshgrid(other.turbine_pressure, other.crank_angle, indexing="ij")
-        vanes = Vanes(self.crank.opening(angles.ravel()), pressures.ravel())
-        return np.asarray(jax.vmap(lambda at: self.read(table, at))(vanes))
-
-    def check(self, owner: str, tables: dict[str, Table]) -> None:
-        """Whether knots increase and tables have a value for each; values under tracing pass.
-
-        **Raises:** `InputError` otherwise.
-        """
-        if isinstance(self.turbine_pressure, jax.core.Tracer) or isinstance(self.crank_angle, jax.core.Tracer):
-            return
-        above_zero = np.concatenate([[0.0], self.turbine_pressure])
-        _check_increasing(f"{owner}.turbine_pressure", above_zero, "Pa gauge from above zero")
-        _check_increasing(f"{owner}.crank_angle", np.asarray(self.crank_angle), "deg")
-        pressures, angles = self.turbine_pressure.size, self.crank_angle.size
-        for name, table in tables.items():
-            if table.size != pressures * angles:
-                raise InputError(
-                    f"{owner}.{name} needs {pressures * angles} numbers, one for each turbine pressure and crank "
-                    f"angle, but it has {table.size}; give {pressures} rows of {angles}"
-                )
+    def on_knots(
+        self,
+        turbine_pressure: Float[Array, " pressures"] | None = None,
+        crank_angle: Float[Array, " angles"] | None = None,
+    ) -> Self:
+        """The same component, its tables read at other knots (Pa gauge, deg); those that are not given stay."""
+        pressure = self.turbine_pressure if turbine_pressure is None else jnp.asarray(turbine_pressure, float)
+        angle = self.crank_angle if crank_angle is None else jnp.asarray(crank_angle, float)
+        pressures, angles = (each.ravel() for each in np.meshgrid(pressure, angle, indexing="ij"))
+        vanes = Vanes(self.crank.opening(angles), pressures)
+        tables: dict[str, Any] = {
+            name: jax.vmap(lambda at, table=table: self.read(table, at))(vanes) for name, table in self.tables.items()
+        }
+        return dataclasses.replace(self, turbine_pressure=pressure, crank_angle=angle, **tables)
 
 
 def _check_increasing(name: str, knots: Float[np.ndarray, " knots"], unit: str) -> None:
     if len(knots) < 2 or not np.all(np.diff(knots) > 0):
         raise InputError(
             f"{name} must be at least two knots that increase, in {unit}, but it is {[float(k) for k in knots]}; sort "
-            "them and remove repeated ones"
+            "them and remove repeated ones",
+            "values",
         )

@@ -3,7 +3,7 @@
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from ..parameters import parameter
+from ..parameters import Part, parameter
 from ._air import Scalar
 
 
@@ -16,7 +16,7 @@ class Vanes(eqx.Module):
     """Pressure at the turbine inlet in Pa gauge."""
 
 
-class Crank(eqx.Module):
+class Crank(Part):
     """Linkage between rod and vanes: crank angle in degrees, smallest with the vanes closed [3.14]."""
 
     ratio: Scalar = parameter(3120.0, symbol="psi", unit="deg/m", source="3.14", held=True)

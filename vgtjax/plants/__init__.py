@@ -1,17 +1,19 @@
 """Parts put together: models of the actuator with their states and vector fields."""
 
-from ._actuator import Actuator as Actuator, ActuatorState as ActuatorState
+from ._actuator import Actuator as Actuator
+from ._air_path import AbstractAirPath as AbstractAirPath, AirPath as AirPath, AirPathState as AirPathState
 from ._base import AbstractModel as AbstractModel, State as State
 from ._knots import on_given_knots as on_given_knots
 from ._mechanical import MechanicalActuator as MechanicalActuator
+from ._plant import AbstractPlant as AbstractPlant, Plant as Plant, PlantState as PlantState, assemble as assemble
 from ._pneumatic import PneumaticActuator as PneumaticActuator
+from ._rod import Rod as Rod, RodState as RodState
 from .reduced import (
     FLOW_MAPS as FLOW_MAPS,
-    Capsule as Capsule,
-    CapsuleState as CapsuleState,
     FlowMapFit as FlowMapFit,
+    FlowMapPath as FlowMapPath,
+    LiftMapPath as LiftMapPath,
     PlungerMapActuator as PlungerMapActuator,
-    PlungerMapState as PlungerMapState,
     StaticMapActuator as StaticMapActuator,
     fit_flow_map as fit_flow_map,
     judge as judge,

@@ -31,7 +31,7 @@ class AbstractModel(eqx.Module):
 
     @abc.abstractmethod
     def relaxation(self, time: Scalar, state: Any, drive: Drive) -> Any:
-        """Rate in 1/s at which each state forgets itself, shaped like the state, `None` where it is slow."""
+        """Relaxation rate in 1/s of each state, shaped like the state, `None` where it is slow."""
 
     @abc.abstractmethod
     def observe(self, state: Any, drive: Drive) -> tuple[Scalar, Scalar]:

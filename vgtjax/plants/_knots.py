@@ -1,14 +1,14 @@
 """Models whose tables stand on other knots than the printed ones."""
 
-import operator
 from typing import Any
 
-import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 
-from ..parts import AdaptiveLuGre, HysteresisMap
+from ..parts import AbstractGasTables
 from ._base import AbstractModel
+from ._plant import assemble
+
+KNOTS = ("turbine_pressure", "crank_angle")
 
 
 def on_given_knots(model: AbstractModel, values: dict[str, Any]) -> Any:
@@ -21,11 +21,9 @@ def on_given_knots(model: AbstractModel, values: dict[str, Any]) -> Any:
     """
     for part in ("vane_force", "friction"):
         component = getattr(model, part, None)
-        if not isinstance(component, HysteresisMap | AdaptiveLuGre):
-            continue
-        given = [values.get(f"{part}.{knots}") for knots in ("turbine_pressure", "crank_angle")]
-        if any(np.ndim(knots) for knots in given if knots is not None):
-            old = (component.turbine_pressure, component.crank_angle)
-            new = [o if g is None else jnp.asarray(g, float) for o, g in zip(old, given, strict=True)]
-            model = eqx.tree_at(operator.attrgetter(part), model, component.on_knots(*new))
+        if isinstance(component, AbstractGasTables):
+            stated = {knots: values.get(f"{part}.{knots}") for knots in KNOTS}
+            given = {knots: value for knots, value in stated.items() if value is not None and np.ndim(value)}
+            if given:
+                model = assemble(model, **{part: component.on_knots(**given)})
     return model

@@ -3,23 +3,50 @@
 import math
 from typing import Any
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..parts import AbstractFriction, AbstractVaneForce, Air, Diaphragm, LuGre, NoVaneForce, Scalar
+from ..parameters import nested
+from ..parts import AbstractFriction, AbstractVaneForce, Air, Diaphragm, Scalar
 from ..traces import Drive, Start
+from ._air_path import ambient_pressure
 from ._base import AbstractModel
+from ._plant import assemble
 from ._rod import Rod, RodState
 
 
 class MechanicalActuator(AbstractModel):
     """Diaphragm, friction and vanes, moved by the measured chamber pressure or a measured force [2.34]."""
 
-    diaphragm: Diaphragm = eqx.field(default_factory=Diaphragm)
-    friction: AbstractFriction = eqx.field(default_factory=LuGre)
-    vane_force: AbstractVaneForce = eqx.field(default_factory=NoVaneForce)
-    air: Air = eqx.field(default_factory=Air)
+    rod: Rod = nested()
+    air: Air
+
+    def __init__(
+        self,
+        diaphragm: Diaphragm | None = None,
+        friction: AbstractFriction | None = None,
+        vane_force: AbstractVaneForce | None = None,
+        air: Air | None = None,
+        *,
+        rod: Rod | None = None,
+    ):
+        self.rod = assemble(rod or Rod(), diaphragm=diaphragm, friction=friction, vane_force=vane_force)
+        self.air = air or Air()
+
+    @property
+    def diaphragm(self) -> Diaphragm:
+        """The rod's."""
+        return self.rod.diaphragm
+
+    @property
+    def friction(self) -> AbstractFriction:
+        """The rod's."""
+        return self.rod.friction
+
+    @property
+    def vane_force(self) -> AbstractVaneForce:
+        """The rod's."""
+        return self.rod.vane_force
 
     @property
     def needs(self) -> tuple[str, ...]:
@@ -28,15 +55,15 @@ class MechanicalActuator(AbstractModel):
 
     def start(self, start: Start, drive: Drive) -> RodState:
         """At rest in static balance, or at the mean position of the first 50 ms."""
-        return self._rod.start(start, self._drive_force(0.0, drive))
+        return self.rod.start(start, self._drive_force(0.0, drive))
 
     def vector_field(self, time: Scalar, state: RodState, drive: Drive) -> RodState:
         """Time derivative of the state [2.34]."""
-        return self._rod.rates(state, self._drive_force(time, drive), drive.turbine(time))
+        return self.rod.rates(state, self._drive_force(time, drive), drive.turbine(time))
 
     def relaxation(self, time: Scalar, state: RodState, drive: Drive) -> RodState:
         """Rates of the rod, friction and vanes."""
-        return self._rod.relaxation(state, drive.turbine(time))
+        return self.rod.relaxation(state, drive.turbine(time))
 
     @property
     def longest_step(self) -> float:
@@ -53,19 +80,14 @@ class MechanicalActuator(AbstractModel):
         source = {} if drive.chamber is None else {"p_act": drive.chamber(0.0)}
         if drive.force is not None:
             source = {"f_drive": drive.force(0.0)}
-        return {**self._rod.signals(state, drive.turbine(0.0)), **source}
+        return {**self.rod.signals(state, drive.turbine(0.0)), **source}
 
     def typical_state(self) -> Any:
         """That of the rod."""
-        return self._rod.typical_state()
-
-    @property
-    def _rod(self) -> Rod:
-        return Rod(self.diaphragm, self.friction, self.vane_force)
+        return self.rod.typical_state()
 
     def _drive_force(self, time: Scalar | float, drive: Drive) -> Scalar:
         if drive.force is not None:
             return drive.force(time)
         assert drive.chamber is not None
-        ambient = self.air.pressure + drive.ambient_shift
-        return (ambient - drive.chamber(time)) * self.diaphragm.area
+        return self.rod.diaphragm.drive_force(ambient_pressure(self.air, drive), drive.chamber(time))

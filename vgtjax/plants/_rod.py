@@ -3,7 +3,7 @@
 import equinox as eqx
 from jaxtyping import Array, PyTree
 
-from ..parts import AbstractFriction, AbstractVaneForce, Body, Contact, Diaphragm, Scalar, Vanes
+from ..parts import AbstractFriction, AbstractVaneForce, Body, Contact, Diaphragm, LuGre, NoVaneForce, Scalar, Vanes
 from ..traces import Start
 
 
@@ -18,9 +18,9 @@ class RodState(eqx.Module):
 class Rod(eqx.Module):
     """Diaphragm, friction and vane force, put together."""
 
-    diaphragm: Diaphragm
-    friction: AbstractFriction
-    vane_force: AbstractVaneForce
+    diaphragm: Diaphragm = eqx.field(default_factory=Diaphragm)
+    friction: AbstractFriction = eqx.field(default_factory=LuGre)
+    vane_force: AbstractVaneForce = eqx.field(default_factory=NoVaneForce)
 
     def start(self, start: Start, drive_force: Scalar) -> RodState:
         """At rest where the trace says, or else in static balance with the drive in N along +x."""

@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -17,7 +16,7 @@ from .._devices import bring_home, share_out
 from .._errors import InputError
 from ..experiments import AbstractExperiment, Output, stack_runs
 from ..plants import AbstractModel
-from ..simulation import FixedStep, march
+from ..simulation import FixedMarch, FixedStep, march
 from ..traces import Drive, Start, cast, require
 from ._factors import Factors
 
@@ -47,7 +46,7 @@ class _Bench(eqx.Module):
     experiment: AbstractExperiment
     drive: Drive
     start: Start
-    substeps: int = eqx.field(static=True)
+    plan: FixedMarch
 
 
 class Evaluator:
@@ -91,14 +90,13 @@ class Evaluator:
         self._model = jax.tree.map(lambda leaf: np.asarray(leaf, self._dtype), model)
         self._factors = factors
         self._benches = tuple(self._prepare(model, experiment, stepping) for experiment in experiments)
-        self._stepping = stepping
 
     def _prepare(self, model: AbstractModel, experiment: AbstractExperiment, stepping: FixedStep) -> _Bench:
         for trace in experiment.traces:
             require(trace, model.needs)
         drive, start = cast(stack_runs(experiment.traces), self._dtype)
         fixed = jax.tree.map(lambda leaf: np.asarray(leaf, self._dtype), experiment)
-        return _Bench(fixed, drive, start, stepping.substeps(model, experiment.traces[0].longest_interval))
+        return _Bench(fixed, drive, start, stepping.plan_intervals(model, experiment.traces[0].longest_interval))
 
     @functools.cached_property
     def columns(self) -> tuple[str, ...]:
@@ -117,7 +115,7 @@ class Evaluator:
 
     def _chunk(self, values: np.ndarray) -> Results:
         found, finite = bring_home(
-            _evaluate(self._model, self._factors, self._benches, self._stepping, self._lay_out(values, self.lanes))
+            _evaluate(self._model, self._factors, self._benches, self._lay_out(values, self.lanes))
         )
         failed = ~np.asarray(finite)[: len(values)]
         outputs = np.asarray(found, np.float64)[: len(values)]
@@ -136,7 +134,6 @@ class Evaluator:
                 self._model,
                 self._factors,
                 self._benches,
-                self._stepping,
                 self._lay_out(points[here], lanes),
                 self._lay_out(directions[here], lanes),
             )
@@ -151,9 +148,9 @@ class Evaluator:
 
 @eqx.filter_jit
 def _evaluate(
-    model: AbstractModel, factors: Factors, benches: tuple[_Bench, ...], stepping: FixedStep, values: Array
+    model: AbstractModel, factors: Factors, benches: tuple[_Bench, ...], values: Array
 ) -> tuple[Float[Array, "lanes columns"], Bool[Array, " lanes"]]:
-    return jax.vmap(lambda row: _run(factors.unpack(model, row), benches, stepping))(values)
+    return jax.vmap(lambda row: _run(factors.unpack(model, row), benches))(values)
 
 
 @eqx.filter_jit
@@ -161,12 +158,11 @@ def _slopes(
     model: AbstractModel,
     factors: Factors,
     benches: tuple[_Bench, ...],
-    stepping: FixedStep,
     values: Array,
     directions: Array,
 ) -> Float[Array, "lanes columns"]:
     def columns(row: Array) -> Array:
-        found, finite = _run(factors.unpack(model, row), benches, stepping)
+        found, finite = _run(factors.unpack(model, row), benches)
         return jnp.where(finite, found, jnp.nan)
 
     def slope(row: Array, direction: Array) -> Array:
@@ -177,20 +173,18 @@ def _slopes(
     return jax.vmap(slope)(values, directions)
 
 
-def _run(model: AbstractModel, benches: tuple[_Bench, ...], stepping: FixedStep) -> tuple[Array, Array]:
+def _run(model: AbstractModel, benches: tuple[_Bench, ...]) -> tuple[Array, Array]:
     """All readings of one actuator as one vector, and whether its simulations stayed finite."""
     columns, finite = [], jnp.asarray(True)
     for bench in benches:
-        x_d, p_act = jax.lax.map(
-            lambda run, bench=bench: _observe(model, run, bench, stepping), (bench.drive, bench.start)
-        )
+        x_d, p_act = jax.lax.map(lambda run, bench=bench: _observe(model, run, bench), (bench.drive, bench.start))
         readings = bench.experiment.read(x_d, p_act, model.air.pressure)
         columns += [jnp.reshape(readings[output.name], (-1,)) for output in bench.experiment.outputs]
         finite &= jnp.all(jnp.isfinite(x_d)) & jnp.all(jnp.isfinite(p_act))
     return jnp.concatenate(columns), finite
 
 
-def _observe(model: AbstractModel, run: tuple[Drive, Start], bench: _Bench, stepping: FixedStep) -> tuple[Array, Array]:
+def _observe(model: AbstractModel, run: tuple[Drive, Start], bench: _Bench) -> tuple[Array, Array]:
     drive, start = run
-    states = march(model, drive, start, stepping, bench.substeps, diffrax.ForwardMode())
+    states, _ = march(model, drive, start, bench.plan)
     return jax.vmap(model.observe)(states, drive)

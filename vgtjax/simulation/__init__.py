@@ -1,17 +1,14 @@
 """Where time advances."""
 
 from ._heun import StabilisedHeun as StabilisedHeun
-from ._simulate import (
-    RESULTS as RESULTS,
-    Solution as Solution,
-    march as march,
-    model_dtype as model_dtype,
-    simulate as simulate,
-)
+from ._results import RESULTS as RESULTS, check_result as check_result, judge as judge
+from ._simulate import Solution as Solution, march as march, model_dtype as model_dtype, simulate as simulate
 from ._stepping import (
     UNROLL as UNROLL,
+    AbstractMarch as AbstractMarch,
     AbstractStepping as AbstractStepping,
     AdaptiveStep as AdaptiveStep,
+    FixedMarch as FixedMarch,
     FixedStep as FixedStep,
     scan_in_blocks as scan_in_blocks,
 )

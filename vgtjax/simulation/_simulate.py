@@ -5,20 +5,13 @@ from typing import Any
 import diffrax
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from ..plants import AbstractModel, State
 from ..traces import Drive, Start, Trace, cast, require
-from ._stepping import AbstractStepping, FixedStep
-
-
-class RESULTS(eqx.Enumeration):
-    """How a simulation ended; each member is the advice that goes with it."""
-
-    successful = ""
-    diverged = "The simulation left the finite numbers: check that the parameters are physical, then lower max_step."
+from ._results import RESULTS, check_result
+from ._stepping import AbstractMarch, AbstractStepping, FixedStep
 
 
 class Solution(eqx.Module):
@@ -66,22 +59,21 @@ def simulate(
     - `trace`: gives inputs and sample times.
     - `stepping`: [`FixedStep`][] by default; tighten with `FixedStep(max_step=1e-4)`.
     - `adjoint`: `diffrax.ForwardMode()` by default; `diffrax.RecursiveCheckpointAdjoint()` for reverse mode.
-    - `throw`: whether a simulation that leaves the finite numbers raises; when false, look at `solution.result`.
+    - `throw`: whether a simulation that fails raises; when false, look at `solution.result`.
       A batch under `jax.vmap` wants `throw=False`, or one bad lane raises for all.
 
     Under `jax.jit`, close over the trace: `jax.jit(lambda model: simulate(model, trace).x_d)`.
 
-    **Raises:** `InputError` when the trace lacks a column that the model needs; with `throw`, a `RuntimeError` of
-    equinox with the advice of `RESULTS` when the simulation leaves the finite numbers.
+    **Raises:** `InputError` when the trace lacks a column that the model needs; with `throw`, `SimulationError` with
+    the advice of [`RESULTS`][] when the simulation fails (inside of `jit` a `RuntimeError` of equinox).
     """
     require(trace, model.needs)
     stepping = FixedStep() if stepping is None else stepping
     adjoint = diffrax.ForwardMode() if adjoint is None else adjoint
     dtype = model_dtype(model)
     drive, start = cast(trace.drive(), dtype), cast(trace.start(), dtype)
-    substeps = stepping.substeps(model, trace.longest_interval) if isinstance(stepping, FixedStep) else 1
-    time, jumps = trace.time.astype(dtype), trace.jumps()
-    return _simulate(model, drive, start, time, jumps, stepping, substeps, adjoint, throw)
+    solution = _simulate(model, drive, start, trace.time.astype(dtype), stepping.plan(model, trace), adjoint)
+    return check_result(solution, solution.result, f"the simulation of trace '{trace.name}'") if throw else solution
 
 
 @eqx.filter_jit
@@ -90,29 +82,23 @@ def _simulate(
     drive: Drive,
     start: Start,
     time: Array,
-    jumps: Array,
-    stepping: AbstractStepping,
-    substeps: int,
+    plan: AbstractMarch,
     adjoint: diffrax.AbstractAdjoint,
-    throw: bool,
 ) -> Solution:
-    states = march(model, drive, start, stepping, substeps, adjoint, jumps)
-    signals = jax.vmap(model.signals)(states, drive)
-    finite = jnp.all(jnp.stack([jnp.all(jnp.isfinite(leaf)) for leaf in jax.tree.leaves(states)]))
-    result = RESULTS.where(finite, RESULTS.successful, RESULTS.diverged)
-    solution = Solution(time, states, signals, result)
-    return result.error_if(solution, result != RESULTS.successful) if throw else solution
+    states, result = march(model, drive, start, plan, adjoint)
+    return Solution(time, states, jax.vmap(model.signals)(states, drive), result)
 
 
 def march(
     model: AbstractModel,
     drive: Drive,
     start: Start,
-    stepping: AbstractStepping,
-    substeps: int,
-    adjoint: diffrax.AbstractAdjoint,
-    jumps: Array | None = None,
-) -> State:
-    """States at the start of every interval of `drive` (leading axis of each leaf)."""
+    plan: AbstractMarch,
+    adjoint: diffrax.AbstractAdjoint | None = None,
+) -> tuple[State, RESULTS]:
+    """States at the start of every interval of `drive` (leading axis of each leaf), and how the march ended.
+
+    `adjoint` is `diffrax.ForwardMode()` by default.
+    """
     first = jax.tree.map(lambda leaf: leaf[0], drive)
-    return stepping.run(model, model.start(start, first), drive, substeps, adjoint, jumps)
+    return plan(model, model.start(start, first), drive, diffrax.ForwardMode() if adjoint is None else adjoint)

@@ -10,32 +10,86 @@ import equinox as eqx
 import equinox.internal as eqxi
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Int
+import numpy as np
+from jaxtyping import Array, Bool
 
 from .._errors import InputError
 from ..plants import AbstractModel, State
-from ..traces import Drive
+from ..traces import Drive, Trace
 from ._heun import StabilisedHeun
+from ._results import RESULTS, from_diffrax, judge
+
+
+class AbstractMarch(eqx.Module):
+    """A plan to step a model along a trace, made by [`AbstractStepping.plan`][]."""
+
+    @abc.abstractmethod
+    def __call__(
+        self, model: AbstractModel, state: State, drive: Drive, adjoint: diffrax.AbstractAdjoint
+    ) -> tuple[State, RESULTS]:
+        """States at the start of every interval of `drive`, beginning with `state`, and how the march ended.
+
+        **Raises:** `InputError` for an adjoint that it can't serve.
+        """
 
 
 class AbstractStepping(eqx.Module):
     """How time is stepped."""
 
     @abc.abstractmethod
-    def run(
-        self,
-        model: AbstractModel,
-        state: State,
-        drive: Drive,
-        substeps: int,
-        adjoint: diffrax.AbstractAdjoint,
-        jumps: Int[Array, " jumps"] | None = None,
-    ) -> State:
-        """States at the start of every interval of `drive`, beginning with `state`.
+    def plan(self, model: AbstractModel, trace: Trace) -> AbstractMarch:
+        """The plan for a model along a trace."""
 
-        `substeps` is how often fixed steps divide an interval; `jumps` are the intervals at whose start the duty jumps,
-        any of them where it is `None`.
+    @abc.abstractmethod
+    def plan_intervals(self, model: AbstractModel, longest_interval: float) -> "FixedMarch":
+        """The plan for intervals of at most so many seconds, which can be advanced one by one.
+
+        **Raises:** `InputError` for steps that don't keep to intervals.
         """
+
+
+class FixedMarch(AbstractMarch):
+    """`substeps` equal steps of a solver over every interval; by default of [`StabilisedHeun`][]."""
+
+    substeps: int = eqx.field(static=True)
+    solver: diffrax.AbstractSolver | None = None
+
+    def advance(
+        self, model: AbstractModel, state: State, drive: Drive, unroll: int = 1
+    ) -> tuple[State, Bool[Array, ""]]:
+        """State at the end of one interval, and whether the solver has found every root that it looked for.
+
+        `unroll` steps are compiled side by side, see `jax.lax.scan`.
+        """
+        solver = StabilisedHeun(model.relaxation) if self.solver is None else self.solver
+        term = diffrax.ODETerm(model.vector_field)
+        step = drive.duration / self.substeps
+        memory = solver.init(term, jnp.zeros_like(step), step, state, drive)
+
+        def one(carry, index):
+            y, memory, solved = carry
+            begin = index * step
+            y, _, _, memory, result = solver.step(term, begin, begin + step, y, drive, memory, made_jump=False)
+            return (y, memory, solved & (result == diffrax.RESULTS.successful)), None
+
+        first = (state, memory, jnp.asarray(True))
+        (state, _, solved), _ = jax.lax.scan(
+            one, first, jnp.arange(self.substeps, dtype=step.dtype), unroll=min(unroll, self.substeps)
+        )
+        return state, solved
+
+    def __call__(
+        self, model: AbstractModel, state: State, drive: Drive, adjoint: diffrax.AbstractAdjoint
+    ) -> tuple[State, RESULTS]:
+        """See the base class. Reverse mode checkpoints the march over intervals."""
+
+        def interval(carry, inputs):
+            y, solved = carry
+            onward, found = self.advance(model, y, inputs, unroll=UNROLL)
+            return (onward, solved & found), y
+
+        (_, solved), states = scan_in_blocks(interval, (state, jnp.asarray(True)), drive, adjoint)
+        return states, judge(states, RESULTS.where(solved, RESULTS.successful, RESULTS.root_not_found))
 
 
 class FixedStep(AbstractStepping):
@@ -53,48 +107,20 @@ class FixedStep(AbstractStepping):
         if not 0 < self.max_step < math.inf:
             raise InputError(f"max_step must be a positive number of seconds, but it is {self.max_step}; use e.g. 5e-4")
 
-    def substeps(self, model: AbstractModel, longest_interval: float) -> int:
-        """Steps an interval, such that the longest interval is cut finely enough, also for the model."""
+    def plan(self, model: AbstractModel, trace: Trace) -> FixedMarch:
+        """Steps such that the longest interval of the trace is cut finely enough."""
+        return self.plan_intervals(model, trace.longest_interval)
+
+    def plan_intervals(self, model: AbstractModel, longest_interval: float) -> FixedMarch:
+        """Steps such that the longest interval is cut finely enough, also for the model."""
         step = min(self.max_step, model.longest_step)
-        return max(1, math.ceil(longest_interval / step * (1 - 1e-9)))
-
-    def advance(self, model: AbstractModel, state: State, drive: Drive, substeps: int, unroll: int = 1) -> State:
-        """State at the end of one interval; `unroll` steps are compiled side by side, see `jax.lax.scan`."""
-        solver = StabilisedHeun(model.relaxation) if self.solver is None else self.solver
-        term = diffrax.ODETerm(model.vector_field)
-        step = drive.duration / substeps
-        memory = solver.init(term, jnp.zeros_like(step), step, state, drive)
-
-        def one(carry, index):
-            y, memory = carry
-            begin = index * step
-            y, _, _, memory, result = solver.step(term, begin, begin + step, y, drive, memory, made_jump=False)
-            # An implicit solver that did not find its root has failed, however finite its answer is.
-            solved = result == diffrax.RESULTS.successful
-            return (jax.tree.map(lambda leaf: jnp.where(solved, leaf, jnp.nan), y), memory), None
-
-        (state, _), _ = jax.lax.scan(one, (state, memory), jnp.arange(substeps, dtype=step.dtype), unroll=unroll)
-        return state
-
-    def run(
-        self,
-        model: AbstractModel,
-        state: State,
-        drive: Drive,
-        substeps: int,
-        adjoint: diffrax.AbstractAdjoint,
-        jumps: Int[Array, " jumps"] | None = None,
-    ) -> State:
-        """See the base class. Reverse mode checkpoints the march over intervals."""
-
-        def interval(y, inputs):
-            return self.advance(model, y, inputs, substeps, unroll=UNROLL), y
-
-        return scan_in_blocks(interval, state, drive, adjoint)
+        return FixedMarch(max(1, math.ceil(longest_interval / step * (1 - 1e-9))), self.solver)
 
 
-def scan_in_blocks(step: Callable[[Any, Any], Any], carry: Any, inputs: Any, adjoint: diffrax.AbstractAdjoint) -> Any:
-    """What `jax.lax.scan(step, carry, inputs)` yields, the intervals of a march in blocks of `BLOCK`.
+def scan_in_blocks(
+    step: Callable[[Any, Any], Any], carry: Any, inputs: Any, adjoint: diffrax.AbstractAdjoint
+) -> tuple[Any, Any]:
+    """`jax.lax.scan(step, carry, inputs)`, the intervals of a march in blocks of `BLOCK`.
 
     In reverse mode (`RecursiveCheckpointAdjoint`) only what begins some of the blocks is kept.
 
@@ -113,12 +139,12 @@ def scan_in_blocks(step: Callable[[Any, Any], Any], carry: Any, inputs: Any, adj
     blocks = jax.tree.map(split, inputs)
     match adjoint:
         case diffrax.ForwardMode() | diffrax.DirectAdjoint():
-            found = jax.lax.scan(block, carry, blocks)[1]
+            carry, found = jax.lax.scan(block, carry, blocks)
         case diffrax.RecursiveCheckpointAdjoint(checkpoints=checkpoints):
-            found = eqxi.scan(block, carry, blocks, kind="checkpointed", checkpoints=checkpoints)[1]
+            carry, found = eqxi.scan(block, carry, blocks, kind="checkpointed", checkpoints=checkpoints)
         case _:
             raise _unsuitable(adjoint)
-    return jax.tree.map(lambda leaf: leaf.reshape(-1, *leaf.shape[2:])[:count], found)
+    return carry, jax.tree.map(lambda leaf: leaf.reshape(-1, *leaf.shape[2:])[:count], found)
 
 
 BLOCK = 20
@@ -135,26 +161,22 @@ def _unsuitable(adjoint: diffrax.AbstractAdjoint) -> InputError:
     )
 
 
-class AdaptiveStep(AbstractStepping):
-    """Error-controlled steps over the whole trace by `diffrax.diffeqsolve`, told of every jump of the duty.
+class AdaptiveMarch(AbstractMarch):
+    """Error-controlled steps over a whole trace, told of every jump of the duty.
 
-    The independent check of [`FixedStep`][], which is faster. `atol` is relative to the usual size of each state.
+    `jumps` marks the intervals at whose start the duty jumps; one mark for each, so that the number of jumps compiles
+    nothing anew.
     """
 
-    rtol: float = 1e-6
-    atol: float = 1e-8
-    solver: diffrax.AbstractSolver = eqx.field(default_factory=diffrax.Tsit5)
-    max_steps: int = eqx.field(static=True, default=1_000_000)
+    rtol: float
+    atol: float
+    solver: diffrax.AbstractSolver
+    max_steps: int = eqx.field(static=True)
+    jumps: Bool[np.ndarray, " time"]
 
-    def run(
-        self,
-        model: AbstractModel,
-        state: State,
-        drive: Drive,
-        substeps: int,
-        adjoint: diffrax.AbstractAdjoint,
-        jumps: Int[Array, " jumps"] | None = None,
-    ) -> State:
+    def __call__(
+        self, model: AbstractModel, state: State, drive: Drive, adjoint: diffrax.AbstractAdjoint
+    ) -> tuple[State, RESULTS]:
         """See the base class."""
         starts = jnp.concatenate([jnp.zeros(1, drive.duration.dtype), jnp.cumsum(drive.duration)[:-1]])
         # A controller's tolerances are one number for all states, so each state counts in its own usual size.
@@ -167,11 +189,8 @@ class AdaptiveStep(AbstractStepping):
             state = jax.tree.map(jnp.multiply, scaled, size)
             return jax.tree.map(jnp.divide, model.vector_field(time - starts[index], state, here), size)
 
-        controller = diffrax.ClipStepSizeController(
-            diffrax.PIDController(rtol=self.rtol, atol=self.atol),
-            # An empty array of jumps is an error to the controller, which has no such thing as none of them.
-            jump_ts=starts[1:-1] if jumps is None else starts[jumps] if len(jumps) else None,
-        )
+        # The controller never comes to an infinite time.
+        jump_ts = jnp.sort(jnp.where(self.jumps, starts, jnp.inf))
         solution = diffrax.diffeqsolve(
             diffrax.ODETerm(vector_field),
             self.solver,
@@ -181,10 +200,37 @@ class AdaptiveStep(AbstractStepping):
             y0=jax.tree.map(jnp.divide, state, size),
             args=(drive, model, size),
             saveat=diffrax.SaveAt(ts=starts),
-            stepsize_controller=controller,
+            stepsize_controller=diffrax.ClipStepSizeController(
+                diffrax.PIDController(rtol=self.rtol, atol=self.atol), jump_ts=jump_ts
+            ),
             adjoint=adjoint,
             max_steps=self.max_steps,
             throw=False,
         )
-        failed = solution.result != diffrax.RESULTS.successful
-        return jax.tree.map(lambda leaf, s: jnp.where(failed, jnp.nan, leaf * s), solution.ys, size)
+        states = jax.tree.map(jnp.multiply, solution.ys, size)
+        return states, judge(states, from_diffrax(solution.result))
+
+
+class AdaptiveStep(AbstractStepping):
+    """Error-controlled steps over the whole trace by `diffrax.diffeqsolve`, told of every jump of the duty.
+
+    The independent check of [`FixedStep`][], which is faster. `atol` is relative to the usual size of each state.
+    """
+
+    rtol: float = 1e-6
+    atol: float = 1e-8
+    solver: diffrax.AbstractSolver = eqx.field(default_factory=diffrax.Tsit5)
+    max_steps: int = eqx.field(static=True, default=1_000_000)
+
+    def plan(self, model: AbstractModel, trace: Trace) -> AdaptiveMarch:
+        """Steps that end at every jump of the trace's duty."""
+        jumps = np.zeros(len(trace.time), bool)
+        jumps[trace.jumps()] = True
+        return AdaptiveMarch(self.rtol, self.atol, self.solver, self.max_steps, jumps)
+
+    def plan_intervals(self, model: AbstractModel, longest_interval: float) -> FixedMarch:
+        """Refused: these steps don't keep to intervals."""
+        raise InputError(
+            f"exact Jacobians and sampled controllers need fixed steps, but stepping is {type(self).__name__}; use "
+            "FixedStep(max_step=...)"
+        )

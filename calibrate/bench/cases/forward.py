@@ -79,7 +79,7 @@ def _seen(solution: vgtjax.Solution) -> tuple[jax.Array, jax.Array]:
 
 
 def _fixed_steps(trace: vgtjax.Trace) -> str:
-    substeps = vgtjax.FixedStep().substeps(vgtjax.Actuator(), trace.longest_interval)
+    substeps = vgtjax.FixedStep().plan(vgtjax.Actuator(), trace).substeps
     return f"{(len(trace.time) - 1) * substeps:,} steps"
 
 

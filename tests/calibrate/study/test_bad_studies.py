@@ -100,6 +100,7 @@ MODELS = [
         f'{TRACE}[components]\nvane_force = "map"\n[parameters]\n"vane_force.crank_angle" = {{value = [4, 3]}}\n',
         "vane_force.crank_angle must be at least two knots that increase, in deg, but it is [4.0, 3.0]; sort them and "
         "remove repeated ones",
+        "[parameters]",
     ),
     bad(
         "a table of another size",

@@ -76,7 +76,9 @@ def test_start_values_and_bounds(whole):
     unit = whole.units[0]
     assert float(unit.model.diaphragm.stiffness) == 11500.0
     np.testing.assert_array_equal(unit.model.converter.atmosphere_orifice, [1e-8, 1e-4, 0.3])
-    np.testing.assert_allclose(unit.model.converter.magnetic_force, [0.021731, 0.0022634, 0.0039, -4e-5, 9.1355e-8])
+    np.testing.assert_allclose(
+        unit.model.converter.magnetic_force.coefficients, [0.021731, 0.0022634, 0.0039, -4e-5, 9.1355e-8]
+    )
     assert unit.bounds == {
         "diaphragm.stiffness": (8000.0, 16000.0),
         "converter.atmosphere_orifice[0]": (0.0, None),

@@ -136,7 +136,7 @@ def test_magnetic_force_from_a_ramp(ramp):
 def test_few_duties_only_adjust_the_models_quartic():
     found = identify_magnetic_force(PRINTED, [record(duty_trace((0, 0.2), (80, 2.2), p_res=2.0e4))])
     values = found.values["converter.magnetic_force"]
-    truth, printed = TRUTH["converter.magnetic_force"], np.asarray(PRINTED.converter.magnetic_force)
+    truth, printed = TRUTH["converter.magnetic_force"], np.asarray(PRINTED.converter.magnetic_force.coefficients)
     assert curve(values, 80.0) == pytest.approx(curve(truth, 80.0), abs=3e-3)
     np.testing.assert_allclose(values / printed, values[0] / printed[0])
     assert np.all(np.isnan(found.std_errors["converter.magnetic_force"]))

@@ -93,7 +93,7 @@ def test_nothing_is_singular_where_friction_passes_through_zero():
             {"load": [1.0] * 9},
             "friction.load needs 10 numbers, one for each turbine pressure and crank angle, but it has 9; give 2 rows",
         ),
-        ({"load": [-1.0] * 10}, "friction.load must not be negative, but it is -1; use 0 or more"),
+        ({"load": [-1.0] * 10}, "'friction.load' must be finite and not negative, but it is -1; correct it"),
         (
             {"crank_angle": [4.0, 12.0, 12.0, 28.0, 36.0]},
             r"friction.crank_angle must be at least two knots that increase, in deg, but it is \[4.0, 12.0, 12.0,",

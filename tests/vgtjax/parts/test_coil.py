@@ -12,7 +12,7 @@ from vgtjax.parts import StaticForce
 
 COIL = Coil()
 MODEL = Actuator(converter=Converter(magnetic_force=COIL))
-QUARTIC = Converter().magnet
+QUARTIC = Converter().magnetic_force
 DUTIES = np.linspace(0.0, 100.0, 1001)
 POSITIONS = np.array([-2.4e-3, -1e-3, 0.0, 1e-3, 4e-3])
 

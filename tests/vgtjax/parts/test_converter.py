@@ -16,7 +16,7 @@ CONVERTER = Converter()
 def test_magnetic_force_is_the_printed_quartic():
     duty = 60.0
     expected = 0.021731 + 0.0022634 * duty + 0.0039 * duty**2 - 3.5733e-5 * duty**3 + 9.1355e-8 * duty**4
-    assert CONVERTER.magnet.steady_pull(duty, 0.0) == pytest.approx(expected, rel=1e-14)
+    assert CONVERTER.magnetic_force.steady_pull(duty, 0.0) == pytest.approx(expected, rel=1e-14)
 
 
 def acceleration(position):
@@ -36,7 +36,7 @@ def test_rest_position_balances_the_forces_on_both_sides():
     for duty in (0.0, 40.0, 100.0):
         args = (jnp.asarray(duty), 101013.0, 2.0e4, 7.0e4)
         position = CONVERTER.rest_position(*args)
-        pull = CONVERTER.magnet.steady_pull(args[0], position)
+        pull = CONVERTER.magnetic_force.steady_pull(args[0], position)
         left = CONVERTER.acceleration(Plunger(position, jnp.asarray(0.0)), pull, *args[1:])
         assert abs(left) < 1e-9  # m/s2, against 1e3 of each force
 

@@ -145,7 +145,7 @@ def test_mass_in_line_and_chamber_is_what_flowed_in():
     gas = run.p_act * model.chamber.gas_volume(2.9224e-3 * run.x_d) / (286.7 * run.T_act)
     net = np.asarray(run.m_dot_in - run.m_dot_out)
     flowed = np.concatenate([[0.0], np.cumsum(0.5 * (net[1:] + net[:-1]) * 1e-4)])
-    both = np.asarray(gas + model.line.stored_mass(AIR, run.states.line))
+    both = np.asarray(gas + model.line.stored_mass(AIR, run.states.air_path.line))
     assert rms(both - both[0] - flowed) < 2e-4 * np.ptp(both)
     assert rms(gas - gas[0] - flowed) > 2e-2 * np.ptp(both), "the line would not matter"
 
@@ -244,7 +244,7 @@ def test_flow_reverses_when_the_reservoir_loses_its_vacuum(kind):
 def test_a_wide_open_valve_between_equal_pressures_does_not_chatter():
     """Flow answers pressure there ten times more steeply than the line: explicit coupling ripples by 200 Pa."""
     run = simulate(Actuator(line=WaveLine()), duty_trace((0, 0.05), (100, 0.6), p_res=6.0e4))
-    port = np.asarray(run.states.line.pressures[0])[450:]
+    port = np.asarray(run.states.air_path.line.pressures[0])[450:]
     assert abs(np.diff(port, 2)).max() < 1
 
 

@@ -103,9 +103,9 @@ def test_the_bound_is_sharp():
 
 
 def test_the_default_is_the_printed_friction():
-    lugre = PassiveLuGre().lugre
+    ours = PassiveLuGre()
     for name, value in vgtjax.parameter_table(LuGre()).items():
-        assert getattr(lugre, name) == pytest.approx(value.default, rel=1e-14)
+        assert getattr(ours, name) == pytest.approx(value.default, rel=1e-14)
     trace = duty_trace((0, 0.03), (80, 0.1), (20, 0.1), p_res=2.0e4)
     ours = vgtjax.simulate(vgtjax.Actuator(friction=PassiveLuGre()), trace)
     printed = vgtjax.simulate(vgtjax.Actuator(), trace)
@@ -114,15 +114,17 @@ def test_the_default_is_the_printed_friction():
 
 def test_both_ends_of_its_domain_are_reached_and_none_is_passed():
     end = PassiveLuGre(stribeck_drop=0.0, excess_damping=0.0)
-    assert end.lugre.viscous_damping == 0.0
+    assert end.viscous_damping == 0.0
     table = vgtjax.parameter_table(end)
     for name in ("stribeck_drop", "excess_damping"):
         assert not table[name].positive
         assert table[name].lower == 0.0
-        with pytest.raises(vgtjax.InputError, match=rf"friction.{name} must not be negative, but it is -1; use 0"):
+        with pytest.raises(
+            vgtjax.InputError, match=rf"'friction.{name}' must be finite and not negative, but it is -1; correct it"
+        ):
             PassiveLuGre(**{name: -1.0})
 
 
 def test_it_can_be_built_in_a_batch_and_while_tracing():
     batch = eqx.filter_vmap(lambda excess: PassiveLuGre(excess_damping=excess))(jnp.asarray([0.0, 1.0]))
-    np.testing.assert_allclose(batch.lugre.viscous_damping, BOUND + np.array([0.0, 1.0]), rtol=1e-12)
+    np.testing.assert_allclose(batch.viscous_damping, BOUND + np.array([0.0, 1.0]), rtol=1e-12)

@@ -54,7 +54,9 @@ def test_unpack_puts_back_what_pack_took():
 def test_a_vector_varies_as_a_whole_and_an_entry_by_its_value():
     factors = Factors((MAGNET, "converter.atmosphere_orifice[1]", "diaphragm.area"))
     other = factors.unpack(ACTUATOR, np.array([1.1, 2e-4, 3e-3]))
-    np.testing.assert_allclose(other.converter.magnetic_force, 1.1 * ACTUATOR.converter.magnetic_force, rtol=1e-15)
+    np.testing.assert_allclose(
+        vgtjax.get_parameter(other, MAGNET), 1.1 * vgtjax.get_parameter(ACTUATOR, MAGNET), rtol=1e-15
+    )
     np.testing.assert_array_equal(other.converter.atmosphere_orifice, [2.299e-8, 2e-4, 0.342])
     assert other.diaphragm.area == 3e-3
     assert factors.units(ACTUATOR) == ["1", "m", "m2"]
@@ -235,7 +237,7 @@ def test_fitted_units_give_mean_spread_and_correlation_back(fleet):
     found = fitted_population(fleet, ENTRIES)
     assert found.factors.entries == (ENTRIES[0], ENTRIES[2], ENTRIES[3])  # the area does not vary
     assert found.model.diaphragm.area == pytest.approx(TRUTH[1], rel=1e-14)
-    assert found.model.converter.magnetic_force[1] == ACTUATOR.converter.magnetic_force[1]
+    assert vgtjax.get_parameter(found.model, MAGNET)[1] == vgtjax.get_parameter(ACTUATOR, MAGNET)[1]
     count, errors = len(fleet), 4.0  # four standard errors each, of a mean, a deviation and a correlation
     spread = np.array([SPREAD[0], SPREAD[2], SPREAD[3] * TRUTH[3]])
     truth = np.array([TRUTH[0], TRUTH[2], TRUTH[3]])
@@ -274,7 +276,7 @@ def test_few_units_span_their_samples():
 def test_levels_are_one_factor_a_curve(fleet):
     """Curves that are multiples of the nominal one by known factors."""
     levels = np.array([0.9, 1.0, 1.04, 1.1])
-    force = np.asarray(ACTUATOR.converter.magnetic_force)
+    force = np.asarray(vgtjax.get_parameter(ACTUATOR, MAGNET))
     stiffness = 12000 * np.array([0.95, 1.0, 1.1, 1.0])
     units = [
         replace_parameters(ACTUATOR, {MAGNET: level * force, "diaphragm.stiffness": k})

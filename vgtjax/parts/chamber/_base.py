@@ -1,11 +1,13 @@
 """What every model of the gas in the chamber answers."""
 
 import abc
+from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ...parameters import Part
 from .._air import Air, Scalar
 from .._converter import Flow
 
@@ -17,8 +19,10 @@ class Gas(eqx.Module):
     temperature: Scalar
 
 
-class AbstractChamber(eqx.Module):
+class AbstractChamber(Part):
     """Gas in the volume that the diaphragm leaves; mass is an output, `p V / (R T)`, never a state of its own."""
+
+    place: ClassVar[str] = "chamber"
 
     volume: eqx.AbstractVar[Scalar]
     """Volume in m3 with the diaphragm at its open stop."""

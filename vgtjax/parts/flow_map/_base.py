@@ -6,6 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from ...parameters import Part
 from .._air import Scalar
 from ._roots import falling_root
 
@@ -15,7 +16,7 @@ FULL_DUTY = 100.0
 """Percent."""
 
 
-class AbstractLiftMap(eqx.Module):
+class AbstractLiftMap(Part):
     """Mass flow into the chamber over plunger position and chamber pressure [5.1]."""
 
     ambient: eqx.AbstractVar[Scalar]
@@ -29,7 +30,7 @@ class AbstractLiftMap(eqx.Module):
         """
 
 
-class AbstractFlowMap(eqx.Module):
+class AbstractFlowMap(Part):
     """Mass flow into the chamber over duty and chamber pressure [5.3], falling with both where it is valid.
 
     Arguments may be scalars or arrays of one shape: `duty` in percent, `pressure` in Pa absolute, `ambient` in Pa,

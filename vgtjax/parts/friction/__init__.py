@@ -2,8 +2,9 @@
 
 from ._adaptive import AdaptiveLuGre as AdaptiveLuGre
 from ._base import AbstractFriction as AbstractFriction, Contact as Contact
+from ._bristles import AbstractLuGre as AbstractLuGre, Bristle as Bristle
 from ._coulomb import Coulomb as Coulomb
 from ._dahl import Dahl as Dahl
 from ._karnopp import Karnopp as Karnopp
-from ._lugre import Bristle as Bristle, LuGre as LuGre, PassivityWarning as PassivityWarning
+from ._lugre import LuGre as LuGre, PassivityWarning as PassivityWarning
 from ._passive import PassiveLuGre as PassiveLuGre

@@ -1,18 +1,15 @@
 """LuGre friction that grows with the exhaust gas on the vanes [3.18-3.20]."""
 
-import dataclasses
-
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...parameters import parameter
 from .._air import Scalar
-from .._gas_table import Knots, Table
+from .._gas_table import AbstractGasTables, Table
 from .._vanes import Crank, Vanes
-from ._base import AbstractFriction, Contact
-from ._lugre import SMALLEST_FORCE, Bristle, LuGre
-from ._passive import check_not_negative
+from ._bristles import SMALLEST_FORCE, AbstractLuGre
+from ._lugre import warn_unless_passive
 
 PRESSURES = (1.5e5, 3.0e5)
 """Pa gauge; the thesis's two operating points besides none (section 3.4.2)."""
@@ -20,7 +17,7 @@ ANGLES = (4.0, 12.0, 20.0, 28.0, 36.0)
 """deg; from the closed stop to the open one of a travel of about 10 mm."""
 
 
-class AdaptiveLuGre(AbstractFriction):
+class AdaptiveLuGre(AbstractLuGre, AbstractGasTables):
     """`F_f = theta F_LuGre` with `theta = 1 + load(p_trb, C_r) / F_c` [3.18-3.20].
 
     (3.19) and (3.20) print `theta = 1 + F_aero / F_f`, which is singular wherever friction passes through zero, and has
@@ -61,64 +58,18 @@ class AdaptiveLuGre(AbstractFriction):
     """As in [`LuGre`][]."""
 
     def __check_init__(self) -> None:
-        _ = self._cold  # its own rules
-        self._knots.check("friction", {"load": self.load})
-        check_not_negative("load", self.load)
+        warn_unless_passive(self)
 
-    def on_knots(
-        self, turbine_pressure: Float[Array, " pressures"], crank_angle: Float[Array, " angles"]
-    ) -> "AdaptiveLuGre":
-        """The same friction, its load read at other knots (Pa gauge, deg)."""
-        other = Knots(jnp.asarray(turbine_pressure), jnp.asarray(crank_angle), self.crank)
-        return dataclasses.replace(
-            self,
-            load=self._knots.reread(self.load, other),
-            turbine_pressure=other.turbine_pressure,
-            crank_angle=other.crank_angle,
-        )
+    @property
+    def tables(self) -> dict[str, Table]:
+        """`load`."""
+        return {"load": self.load}
+
+    def passivity_margin(self) -> Scalar:
+        """`sigma_2` beyond its bound; while the load changes, friction may store and give back what it changes."""
+        return self.viscous_damping - self.passivity_bound()
 
     def theta(self, vanes: Vanes) -> Scalar:
         """How many times its friction without exhaust gas the contact has; one at zero gauge pressure [3.20]."""
-        load = self._knots.read(self.load, vanes)
+        load = self.read(self.load, vanes)
         return 1 + load / jnp.maximum(self.coulomb_force, SMALLEST_FORCE)
-
-    def initial_state(self) -> Bristle:
-        """A relaxed bristle."""
-        return Bristle(jnp.zeros_like(self.static_force))
-
-    def relaxation(self, contact: Contact, state: Bristle) -> Bristle:
-        """That of LuGre: the load stiffens the bristles and raises the force they slip at alike."""
-        return self._cold.relaxation(contact, state)
-
-    def damping(self, contact: Contact) -> Scalar:
-        """`theta (sigma_1 + sigma_2)`."""
-        return self.theta(contact.vanes) * self._cold.damping(contact)
-
-    def __call__(self, contact: Contact, state: Bristle, applied_force: Scalar) -> tuple[Scalar, Bristle]:
-        """Force [3.18]; the applied force plays no part."""
-        force, rate = self._cold(contact, state, applied_force)
-        return self.theta(contact.vanes) * force, rate
-
-    def signals(self, state: Bristle) -> dict[str, Array]:
-        """The deflection `z` in m."""
-        return self._cold.signals(state)
-
-    def typical_state(self) -> Bristle:
-        """The deflection at break-away."""
-        return self._cold.typical_state()
-
-    @property
-    def _knots(self) -> Knots:
-        return Knots(self.turbine_pressure, self.crank_angle, self.crank)
-
-    @property
-    def _cold(self) -> LuGre:
-        return LuGre(
-            self.static_force,
-            self.coulomb_force,
-            self.bristle_stiffness,
-            self.bristle_damping,
-            self.viscous_damping,
-            self.stribeck_velocity,
-            self.stribeck_exponent,
-        )

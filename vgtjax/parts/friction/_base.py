@@ -1,11 +1,12 @@
 """What every friction model answers."""
 
 import abc
-from typing import Any
+from typing import Any, ClassVar
 
 import equinox as eqx
 from jaxtyping import Array, PyTree
 
+from ...parameters import Part
 from .._air import Scalar
 from .._vanes import Vanes
 
@@ -21,11 +22,13 @@ class Contact(eqx.Module):
     """Exhaust gas loads the bearings of the vanes."""
 
 
-class AbstractFriction(eqx.Module):
+class AbstractFriction(Part):
     """Friction between rod and guide; the force opposes positive velocity.
 
     The state is a PyTree of scalars, `None` where a model has none.
     """
+
+    place: ClassVar[str] = "friction"
 
     @abc.abstractmethod
     def initial_state(self) -> PyTree[Scalar]:
@@ -40,11 +43,22 @@ class AbstractFriction(eqx.Module):
 
     @abc.abstractmethod
     def relaxation(self, contact: Contact, state: Any) -> PyTree[Scalar]:
-        """Rate in 1/s, one for each state, at which it forgets itself: `-d(state')/d(state)`."""
+        """Relaxation rate in 1/s of each state, `-d(state')/d(state)`."""
 
     @abc.abstractmethod
     def damping(self, contact: Contact) -> Scalar:
         """The largest slope of the force over velocity in N s/m."""
+
+    @abc.abstractmethod
+    def steady_force(self, contact: Contact) -> Scalar:
+        """Force in N of a rod that slides steadily at the contact's velocity."""
+
+    @abc.abstractmethod
+    def passivity_margin(self) -> Scalar | None:
+        """Viscous damping in N s/m beyond the least with which friction never gives out energy, negative where it can.
+
+        `None` for friction that can't whatever its parameters are.
+        """
 
     @abc.abstractmethod
     def signals(self, state: Any) -> dict[str, Array]:

@@ -10,7 +10,7 @@ from ..._errors import InputError
 from ...parameters import parameter
 from .._air import Scalar
 from ._base import AbstractFriction, Contact
-from ._lugre import SMALLEST_FORCE
+from ._bristles import SMALLEST_FORCE
 
 
 class Coulomb(AbstractFriction):
@@ -43,19 +43,18 @@ class Coulomb(AbstractFriction):
 
     def damping(self, contact: Contact) -> Scalar:
         """`m / stick_time` at velocities at which a rod may stick, `sigma_2` from twice those on."""
-        stuck = jnp.maximum(contact.mass / self.stick_time, self.viscous_damping)
-        # A load below F_c stops the rod from 2 F_c stick_time / m at most. The larger damping at any velocity would be
-        # as stable, but a step five times stick_time was then off by 54 um instead of 1.4 on a 3 Hz sweep of 3 mm.
-        reach = 2 * jnp.maximum(self.coulomb_force, SMALLEST_FORCE) * self.stick_time
-        slow = jnp.clip(2.0 - contact.mass * jnp.abs(contact.velocity) / reach, 0.0, 1.0)
-        return self.viscous_damping + (stuck - self.viscous_damping) * slow
+        return sticking_damping(self.coulomb_force, self.viscous_damping, self.stick_time, contact)
 
     def __call__(self, contact: Contact, state: None, applied_force: Scalar) -> tuple[Scalar, None]:
         """Force in N under an applied force in N."""
-        viscous = self.viscous_damping * contact.velocity
-        # The viscous part is taken out before clipping and comes back after it: stuck, the two cancel exactly.
-        holding = applied_force - viscous + contact.mass * contact.velocity / self.stick_time
-        return jnp.clip(holding, -self.coulomb_force, self.coulomb_force) + viscous, None
+        return sticking_force(self.coulomb_force, self.viscous_damping, self.stick_time, contact, applied_force), None
+
+    def steady_force(self, contact: Contact) -> Scalar:
+        """`F_c sign(v) + sigma_2 v`."""
+        return self.coulomb_force * jnp.sign(contact.velocity) + self.viscous_damping * contact.velocity
+
+    def passivity_margin(self) -> None:
+        """It can't give out energy."""
 
     def signals(self, state: None) -> dict[str, Array]:
         """Nothing to show."""
@@ -63,6 +62,26 @@ class Coulomb(AbstractFriction):
 
     def typical_state(self) -> None:
         """No state, no size."""
+
+
+def sticking_damping(limit: Scalar, viscous: Scalar, stick_time: float, contact: Contact) -> Scalar:
+    """Damping in N s/m of dry friction up to `limit` in N that stops a rod within `stick_time` in s."""
+    stuck = jnp.maximum(contact.mass / stick_time, viscous)
+    # A load below F_c stops the rod from 2 F_c stick_time / m at most. The larger damping at any velocity would be
+    # as stable, but a step five times stick_time was then off by 54 um instead of 1.4 on a 3 Hz sweep of 3 mm.
+    reach = 2 * jnp.maximum(limit, SMALLEST_FORCE) * stick_time
+    slow = jnp.clip(2.0 - contact.mass * jnp.abs(contact.velocity) / reach, 0.0, 1.0)
+    return viscous + (stuck - viscous) * slow
+
+
+def sticking_force(
+    limit: Scalar, viscous: Scalar, stick_time: float, contact: Contact, applied_force: Scalar
+) -> Scalar:
+    """Force in N of the same friction with a viscous part, under an applied force in N."""
+    slowing = viscous * contact.velocity
+    # The viscous part is taken out before clipping and comes back after it: stuck, the two cancel exactly.
+    holding = applied_force - slowing + contact.mass * contact.velocity / stick_time
+    return jnp.clip(holding, -limit, limit) + slowing
 
 
 def check_width(name: str, value: float, unit: str, example: float) -> None:

@@ -10,7 +10,7 @@ from ..._errors import InputError
 from ...parameters import parameter
 from .._air import Scalar
 from ._base import AbstractFriction, Contact
-from ._lugre import SMALLEST_FORCE, Bristle
+from ._bristles import SMALLEST_FORCE, Bristle
 
 
 class Dahl(AbstractFriction):
@@ -60,6 +60,13 @@ class Dahl(AbstractFriction):
             left = self._left(contact, state)
             rate = velocity * left * self._power(left)
         return self.bristle_stiffness * state.deflection + self.viscous_damping * velocity, Bristle(rate)
+
+    def steady_force(self, contact: Contact) -> Scalar:
+        """`F_c sign(v) + sigma_2 v`."""
+        return self._limit * jnp.sign(contact.velocity) + self.viscous_damping * contact.velocity
+
+    def passivity_margin(self) -> None:
+        """It can't give out energy."""
 
     def signals(self, state: Bristle) -> dict[str, Array]:
         """The deflection `z` in m."""

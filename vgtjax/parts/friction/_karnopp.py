@@ -7,7 +7,7 @@ from jaxtyping import Array
 from ...parameters import parameter
 from .._air import Scalar
 from ._base import AbstractFriction, Contact
-from ._coulomb import Coulomb, check_width
+from ._coulomb import check_width, sticking_damping, sticking_force
 
 
 class Karnopp(AbstractFriction):
@@ -43,11 +43,20 @@ class Karnopp(AbstractFriction):
 
     def damping(self, contact: Contact) -> Scalar:
         """That of [`Coulomb`][]; in the band's flank the force falls with velocity, which no damping does."""
-        return self._at(contact.velocity).damping(contact)
+        return sticking_damping(self.limit(contact.velocity), self.viscous_damping, self.stick_time, contact)
 
     def __call__(self, contact: Contact, state: None, applied_force: Scalar) -> tuple[Scalar, None]:
         """Force in N under an applied force in N."""
-        return self._at(contact.velocity)(contact, state, applied_force)
+        limit = self.limit(contact.velocity)
+        return sticking_force(limit, self.viscous_damping, self.stick_time, contact, applied_force), None
+
+    def steady_force(self, contact: Contact) -> Scalar:
+        """`F(v) sign(v) + sigma_2 v` with the limit `F(v)`."""
+        velocity = contact.velocity
+        return self.limit(velocity) * jnp.sign(velocity) + self.viscous_damping * velocity
+
+    def passivity_margin(self) -> None:
+        """It can't give out energy."""
 
     def signals(self, state: None) -> dict[str, Array]:
         """Nothing to show."""
@@ -55,6 +64,3 @@ class Karnopp(AbstractFriction):
 
     def typical_state(self) -> None:
         """No state, no size."""
-
-    def _at(self, velocity: Scalar) -> Coulomb:
-        return Coulomb(self.limit(velocity), self.viscous_damping, self.stick_time)

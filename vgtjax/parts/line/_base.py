@@ -2,18 +2,20 @@
 
 import abc
 from collections.abc import Callable
-from typing import Any
+from typing import Any, ClassVar
 
-import equinox as eqx
 from jaxtyping import Array, PyTree
 
+from ...parameters import Part
 from .._air import Air, Scalar
 from .._converter import Flow
 from ..chamber._base import Gas
 
 
-class AbstractLine(eqx.Module):
+class AbstractLine(Part):
     """A line that carries flow from the converter to the chamber; its state is a PyTree, `None` for no line."""
+
+    place: ClassVar[str] = "line"
 
     @abc.abstractmethod
     def initial_state(self, air: Air, gas: Gas) -> PyTree[Scalar]:

@@ -1,16 +1,23 @@
 """What every model of the magnetic force answers."""
 
 import abc
-from typing import Any
+from typing import Any, ClassVar
 
 import equinox as eqx
 from jaxtyping import Array, PyTree
 
+from ...parameters import Part
 from .._air import Scalar
 
 
-class AbstractMagneticForce(eqx.Module):
+class AbstractMagneticForce(Part):
     """Pull of the solenoid on the plunger, positive downwards; its state is a PyTree of scalars, `None` for none."""
+
+    place: ClassVar[str] = "converter.magnetic_force"
+
+    rest_iterations: eqx.AbstractClassVar[int]
+    """How often the balance of a plunger at rest is solved, which a pull that depends on its position needs more of:
+    each brings it nearer by the ratio of magnetic to spring stiffness, which is below one."""
 
     @abc.abstractmethod
     def initial_state(self, pwm: Scalar) -> PyTree[Scalar]:

@@ -1,6 +1,7 @@
 """Magnetic force from the electrical circuit [2.1-2.6]."""
 
 import math
+from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -54,6 +55,7 @@ class Coil(AbstractMagneticForce):
         positive=False,
         assumed=True,
     )
+    rest_iterations: ClassVar[int] = 30
     nearest: float = eqx.field(static=True, default=-2.5e-3)
     """Plunger position in m below which inductance goes on along its tangent, where the orifice has long saturated.
 

@@ -1,7 +1,10 @@
 """Magnetic force as a static function of the duty [2.9, B.1]."""
 
+from typing import ClassVar
+
 from jaxtyping import Array, Float
 
+from ...parameters import parameter
 from .._air import Scalar
 from ._base import AbstractMagneticForce
 
@@ -9,8 +12,17 @@ from ._base import AbstractMagneticForce
 class StaticForce(AbstractMagneticForce):
     """Quartic in the duty, whatever the plunger's position, without a state."""
 
-    coefficients: Float[Array, " 5"]
-    """`c0..c4` in N/%^k."""
+    coefficients: Float[Array, " 5"] = parameter(
+        (0.021731, 0.0022634, 0.0039, -3.5733e-5, 9.1355e-8),
+        symbol="c",
+        unit=("N", "N/%", "N/%^2", "N/%^3", "N/%^4"),
+        source="B.1",
+        positive=False,
+        anonymous=True,
+    )
+    """`c0..c4`."""
+
+    rest_iterations: ClassVar[int] = 1
 
     def initial_state(self, pwm: Scalar) -> None:
         """Nothing to remember."""

@@ -1,17 +1,19 @@
 """What every model of the exhaust gas force on the vanes answers."""
 
 import abc
-from typing import Any
+from typing import Any, ClassVar
 
-import equinox as eqx
 from jaxtyping import Array, PyTree
 
+from ...parameters import Part
 from .._air import Scalar
 from .._vanes import Vanes
 
 
-class AbstractVaneForce(eqx.Module):
+class AbstractVaneForce(Part):
     """Force of the exhaust gas on the rod, positive against +x; its state is a PyTree of scalars, `None` for none."""
+
+    place: ClassVar[str] = "vane_force"
 
     @abc.abstractmethod
     def initial_state(self) -> PyTree[Scalar]:

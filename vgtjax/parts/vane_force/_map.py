@@ -1,14 +1,12 @@
 """The hysteresis map: force from what loops at several turbine pressures differ by [3.16-3.17]."""
 
-import dataclasses
-
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...parameters import parameter
 from .._air import Scalar
-from .._gas_table import Knots, Table
+from .._gas_table import AbstractGasTables, Table
 from .._vanes import Crank, Vanes
 from ._base import AbstractVaneForce
 
@@ -24,7 +22,7 @@ class Direction(eqx.Module):
     sign: Scalar
 
 
-class HysteresisMap(AbstractVaneForce):
+class HysteresisMap(AbstractVaneForce, AbstractGasTables):
     """Two tables over turbine pressure and crank angle, one for closing vanes and one for opening ones.
 
     The tables hold the whole force with its sign, positive against closing [3.16]; they are not multiplied by
@@ -54,21 +52,10 @@ class HysteresisMap(AbstractVaneForce):
     reversal_distance: Scalar = parameter(65e-6, symbol="x_rev", unit="m", source="assumed", assumed=True)
     crank: Crank = eqx.field(default_factory=Crank)
 
-    def __check_init__(self) -> None:
-        self._knots.check("vane_force", {"closing": self.closing, "opening": self.opening})
-
-    def on_knots(
-        self, turbine_pressure: Float[Array, " pressures"], crank_angle: Float[Array, " angles"]
-    ) -> "HysteresisMap":
-        """The same force read at other knots (Pa gauge, deg)."""
-        other = Knots(jnp.asarray(turbine_pressure), jnp.asarray(crank_angle), self.crank)
-        return dataclasses.replace(
-            self,
-            closing=self._knots.reread(self.closing, other),
-            opening=self._knots.reread(self.opening, other),
-            turbine_pressure=other.turbine_pressure,
-            crank_angle=other.crank_angle,
-        )
+    @property
+    def tables(self) -> dict[str, Table]:
+        """`closing` and `opening`."""
+        return {"closing": self.closing, "opening": self.opening}
 
     def initial_state(self) -> Direction:
         """Between the directions."""
@@ -76,7 +63,7 @@ class HysteresisMap(AbstractVaneForce):
 
     def force(self, vanes: Vanes, direction: Scalar) -> Scalar:
         """Force in N while the vanes close (direction 1), open (-1), or reverse (between)."""
-        closing, opening = self._knots.read(self.closing, vanes), self._knots.read(self.opening, vanes)
+        closing, opening = self.read(self.closing, vanes), self.read(self.opening, vanes)
         return 0.5 * (closing + opening) + 0.5 * direction * (closing - opening)
 
     def __call__(self, vanes: Vanes, velocity: Scalar, state: Direction) -> tuple[Scalar, Direction]:
@@ -95,7 +82,3 @@ class HysteresisMap(AbstractVaneForce):
     def typical_state(self) -> Direction:
         """One."""
         return Direction(jnp.ones_like(self.reversal_distance))
-
-    @property
-    def _knots(self) -> Knots:
-        return Knots(self.turbine_pressure, self.crank_angle, self.crank)

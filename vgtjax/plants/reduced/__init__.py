@@ -1,7 +1,6 @@
 """Models for control: fewer states, and the flow into the chamber as a map [5.2, 5.4]."""
 
 from ._build import reduce_to_plunger_map as reduce_to_plunger_map, reduce_to_static_map as reduce_to_static_map
-from ._capsule import Capsule as Capsule, CapsuleState as CapsuleState
 from ._fitting import (
     FLOW_MAPS as FLOW_MAPS,
     FlowMapFit as FlowMapFit,
@@ -10,5 +9,5 @@ from ._fitting import (
     steady_flow as steady_flow,
 )
 from ._least_squares import least_squares as least_squares
-from ._plunger_map import PlungerMapActuator as PlungerMapActuator, PlungerMapState as PlungerMapState
-from ._static_map import StaticMapActuator as StaticMapActuator
+from ._plunger_map import LiftMapPath as LiftMapPath, PlungerMapActuator as PlungerMapActuator
+from ._static_map import FlowMapPath as FlowMapPath, StaticMapActuator as StaticMapActuator

@@ -208,7 +208,7 @@ def _equilibrium(samples: _Samples) -> Float[np.ndarray, " 5"]:
     """`p_eq(u)` in Pa, where the plunger closes, as a quartic (exact for the static magnetic force)."""
     converter, ambient = samples.model.converter, samples.model.air.pressure
     duty = jnp.asarray(samples.duty[:, 0])
-    pull = converter.magnet.steady_pull(duty, jnp.zeros_like(duty))
+    pull = converter.magnetic_force.steady_pull(duty, jnp.zeros_like(duty))
     closed = converter.static_force(pull, ambient, samples.reservoir, jnp.zeros_like(duty)) / converter.actuator_area
     return np.polynomial.Polynomial.fit(samples.duty[:, 0], np.asarray(closed), 4).convert().coef
 

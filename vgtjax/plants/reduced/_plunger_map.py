@@ -5,36 +5,27 @@ from typing import Any
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
-from jaxtyping import Array, PyTree
+from jaxtyping import Array
 
+from ...parameters import nested
 from ...parts import (
     AbstractFriction,
     AbstractLiftMap,
     AbstractVaneForce,
     Air,
     Converter,
+    ConverterState,
     Diaphragm,
     IsothermalChamber,
-    LuGre,
-    NoVaneForce,
-    Plunger,
     Scalar,
 )
-from ...traces import Drive, Start
+from ...traces import Drive
 from .._actuator import Actuator
-from .._base import AbstractModel
+from .._air_path import AbstractAirPath, ambient_pressure, reservoir_pressure
+from .._plant import AbstractPlant, assemble
 from .._rod import Rod
-from ._capsule import Capsule, CapsuleState
 from ._fitting import fit_flow_map
-
-
-class PlungerMapState(eqx.Module):
-    """State of the model, one scalar a leaf (SI units): six with LuGre friction and the static magnetic force."""
-
-    plunger: Plunger
-    magnet: PyTree[Array]
-    capsule: CapsuleState
+from ._gas import flow_signals, pressure_rate
 
 
 def _printed_actuators() -> Any:
@@ -42,87 +33,112 @@ def _printed_actuators() -> Any:
         return fit_flow_map(Actuator(), "lift-table").flow_map
 
 
-class PlungerMapActuator(AbstractModel):
-    """Plunger, flow map, isothermal chamber, diaphragm, friction and vanes [5.2, with the signs of 2.7].
+class LiftMapState(eqx.Module):
+    """State of the converter, and chamber pressure in Pa absolute."""
+
+    converter: ConverterState
+    pressure: Scalar
+
+
+class LiftMapPath(AbstractAirPath):
+    """Plunger, a map of flow over its position, and an isothermal chamber [5.2, with the signs of 2.7].
 
     [5.2] counts the plunger's position the other way (erratum 7). Of the converter only the plunger and the magnetic
-    force count: the map takes the place of both orifices, whose parameters then do nothing. [`reduce_to_plunger_map`][]
-    makes one from a full actuator; without arguments it is that of the printed one.
+    force count: the map takes the place of both orifices, whose parameters then do nothing.
     """
 
     flow_map: AbstractLiftMap = eqx.field(default_factory=_printed_actuators)
     converter: Converter = eqx.field(default_factory=Converter)
     chamber: IsothermalChamber = eqx.field(default_factory=IsothermalChamber)
-    diaphragm: Diaphragm = eqx.field(default_factory=Diaphragm)
-    friction: AbstractFriction = eqx.field(default_factory=LuGre)
-    vane_force: AbstractVaneForce = eqx.field(default_factory=NoVaneForce)
-    air: Air = eqx.field(default_factory=Air)
 
-    @property
-    def needs(self) -> tuple[str, ...]:
-        """A duty."""
-        return ("pwm",)
+    def working_pressure(self, air: Air, drive: Drive) -> Scalar:
+        """That of the converter."""
+        return self.converter.working_pressure(drive.pwm, ambient_pressure(air, drive), reservoir_pressure(0.0, drive))
 
-    def start(self, start: Start, drive: Drive) -> PlungerMapState:
-        """State at rest, as the full model has it."""
-        ambient, reservoir = self._capsule.ambient(drive), self._reservoir(0.0, drive)
-        working = self.converter.working_pressure(drive.pwm, ambient, reservoir)
-        capsule = self._capsule.start(start, drive, working)
-        lift = self.converter.rest_position(drive.pwm, ambient, reservoir, capsule.pressure)
-        return PlungerMapState(
-            Plunger(lift, jnp.zeros_like(lift)), self.converter.magnet.initial_state(drive.pwm), capsule
+    def start(self, air: Air, pressure: Scalar, drive: Drive) -> LiftMapState:
+        """The plunger balanced."""
+        reservoir = reservoir_pressure(0.0, drive)
+        return LiftMapState(
+            self.converter.start(drive.pwm, ambient_pressure(air, drive), reservoir, pressure), pressure
         )
 
-    def vector_field(self, time: Scalar, state: PlungerMapState, drive: Drive) -> PlungerMapState:
+    def pressure(self, state: LiftMapState) -> Scalar:
+        """A state of its own."""
+        return state.pressure
+
+    def rates(
+        self, air: Air, time: Scalar, state: LiftMapState, drive: Drive, displaced: Scalar, displacement_rate: Scalar
+    ) -> LiftMapState:
         """Time derivative of the state [5.2]."""
-        plunger, ambient = state.plunger, self._capsule.ambient(drive)
-        pull, magnet_rate = self.converter.magnet(drive.pwm, plunger.position, plunger.velocity, state.magnet)
-        lift_rate = self.converter.acceleration(
-            plunger, pull, ambient, self._reservoir(time, drive), state.capsule.pressure
-        )
-        return PlungerMapState(
-            Plunger(plunger.velocity, lift_rate),
-            magnet_rate,
-            self._capsule.rates(time, state.capsule, self._flow(state, drive), drive),
+        ambient, reservoir = ambient_pressure(air, drive), reservoir_pressure(time, drive)
+        flow = self._flow(air, state, drive)
+        return LiftMapState(
+            self.converter.rates(state.converter, drive.pwm, ambient, reservoir, state.pressure),
+            pressure_rate(air, self.chamber, state.pressure, flow, displaced, displacement_rate),
         )
 
-    def relaxation(self, time: Scalar, state: PlungerMapState, drive: Drive) -> PlungerMapState:
-        """Rates of the plunger, the coil, and the rod with its friction and vanes."""
-        return PlungerMapState(
-            Plunger(None, self.converter.damping_rate()),
-            self.converter.magnet.relaxation(state.plunger.position, state.magnet),
-            self._capsule.relaxation(time, state.capsule, drive),
-        )
+    def relaxation(self, air: Air, state: LiftMapState, displaced: Scalar) -> LiftMapState:
+        """Rates of the plunger and the magnet; the gas is slow."""
+        return LiftMapState(self.converter.relaxation(state.converter), None)
+
+    def signals(self, air: Air, state: LiftMapState, drive: Drive) -> dict[str, Array]:
+        """States and flow."""
+        return {
+            **self.converter.signals(state.converter),
+            **flow_signals(state.pressure, self._flow(air, state, drive)),
+        }
+
+    def typical_state(self, air: Air) -> Any:
+        """That of the converter, and ambient pressure."""
+        return LiftMapState(self.converter.typical_state(), air.pressure)
 
     @property
     def longest_step(self) -> float:
         """The default resolves it."""
         return math.inf
 
-    def observe(self, state: PlungerMapState, drive: Drive) -> tuple[Scalar, Scalar]:
-        """Position and chamber pressure."""
-        return state.capsule.rod.body.position, state.capsule.pressure
+    def _flow(self, air: Air, state: LiftMapState, drive: Drive) -> Scalar:
+        return self.flow_map(state.converter.plunger.position, state.pressure, ambient_pressure(air, drive))
 
-    def signals(self, state: PlungerMapState, drive: Drive) -> dict[str, Array]:
-        """States and flow."""
-        return {
-            "x_p": state.plunger.position,
-            "v_p": state.plunger.velocity,
-            **self.converter.magnet.signals(state.magnet),
-            **self._capsule.signals(state.capsule, self._flow(state, drive), drive),
-        }
 
-    def typical_state(self) -> Any:
-        """Millimetres, tenths of metres a second, and that of the capsule."""
-        return PlungerMapState(Plunger(1e-3, 0.1), self.converter.magnet.typical_state(), self._capsule.typical_state())
+class PlungerMapActuator(AbstractPlant):
+    """Plunger, flow map, isothermal chamber, diaphragm, friction and vanes [5.2].
+
+    Six states with LuGre friction and the static magnetic force. [`reduce_to_plunger_map`][] makes one from a full
+    actuator; without arguments it is that of the printed one.
+
+    **Arguments:** any of its parts; or an air path and a rod, of which those parts are then replaced.
+    """
+
+    air_path: LiftMapPath = nested()
+    rod: Rod = nested()
+    air: Air
+
+    def __init__(
+        self,
+        flow_map: AbstractLiftMap | None = None,
+        converter: Converter | None = None,
+        chamber: IsothermalChamber | None = None,
+        diaphragm: Diaphragm | None = None,
+        friction: AbstractFriction | None = None,
+        vane_force: AbstractVaneForce | None = None,
+        air: Air | None = None,
+        *,
+        air_path: LiftMapPath | None = None,
+        rod: Rod | None = None,
+    ):
+        # A map that is given is not fitted first.
+        path = air_path or (LiftMapPath() if flow_map is None else LiftMapPath(flow_map))
+        self.air_path = assemble(path, flow_map=flow_map, converter=converter, chamber=chamber)
+        self.rod = assemble(rod or Rod(), diaphragm=diaphragm, friction=friction, vane_force=vane_force)
+        self.air = air or Air()
 
     @property
-    def _capsule(self) -> Capsule:
-        return Capsule(self.chamber, Rod(self.diaphragm, self.friction, self.vane_force), self.air)
+    def flow_map(self) -> AbstractLiftMap:
+        """The air path's."""
+        return self.air_path.flow_map
 
-    def _flow(self, state: PlungerMapState, drive: Drive) -> Scalar:
-        return self.flow_map(state.plunger.position, state.capsule.pressure, self._capsule.ambient(drive))
-
-    def _reservoir(self, time: Scalar | float, drive: Drive) -> Scalar:
-        assert drive.reservoir is not None, "a trace without one gets the assumed pressure"
-        return drive.reservoir(time)
+    @property
+    def converter(self) -> Converter:
+        """The air path's."""
+        return self.air_path.converter

@@ -7,6 +7,7 @@ import equinox as eqx
 import jax
 from jaxtyping import Array
 
+from ...parameters import nested
 from ...parts import (
     AbstractFlowMap,
     AbstractFriction,
@@ -14,16 +15,15 @@ from ...parts import (
     Air,
     Diaphragm,
     IsothermalChamber,
-    LuGre,
-    NoVaneForce,
     Scalar,
 )
-from ...traces import Drive, Start
+from ...traces import Drive
 from .._actuator import Actuator
-from .._base import AbstractModel
+from .._air_path import AbstractAirPath, ambient_pressure
+from .._plant import AbstractPlant, assemble
 from .._rod import Rod
-from ._capsule import Capsule, CapsuleState
 from ._fitting import fit_flow_map
+from ._gas import flow_signals, pressure_rate
 
 
 def _printed_actuators() -> Any:
@@ -31,59 +31,87 @@ def _printed_actuators() -> Any:
         return fit_flow_map(Actuator()).flow_map
 
 
-class StaticMapActuator(AbstractModel):
-    """Flow map, isothermal chamber, diaphragm, friction and vanes [5.4]; the plunger follows at once.
+class FlowMapPath(AbstractAirPath):
+    """A map of flow over duty and pressure, and an isothermal chamber [5.4]; the plunger follows at once.
 
-    Position, velocity, bristles and pressure are four states with LuGre friction; other friction and vane forces bring
-    their own. The reservoir's pressure is that of the map, whatever a trace says. [`reduce_to_static_map`][] makes one
-    from a full actuator; without arguments it is that of the printed one.
+    Its state is the chamber pressure. The reservoir's pressure is that of the map, whatever a trace says.
     """
 
     flow_map: AbstractFlowMap = eqx.field(default_factory=_printed_actuators)
     chamber: IsothermalChamber = eqx.field(default_factory=IsothermalChamber)
-    diaphragm: Diaphragm = eqx.field(default_factory=Diaphragm)
-    friction: AbstractFriction = eqx.field(default_factory=LuGre)
-    vane_force: AbstractVaneForce = eqx.field(default_factory=NoVaneForce)
-    air: Air = eqx.field(default_factory=Air)
 
-    @property
-    def needs(self) -> tuple[str, ...]:
-        """A duty."""
-        return ("pwm",)
+    def working_pressure(self, air: Air, drive: Drive) -> Scalar:
+        """That of the map."""
+        return self.flow_map.working_pressure(drive.pwm, ambient_pressure(air, drive))
 
-    def start(self, start: Start, drive: Drive) -> CapsuleState:
-        """State at rest, as the full model has it, with the working pressure of the map."""
-        capsule = self._capsule
-        return capsule.start(start, drive, self.flow_map.working_pressure(drive.pwm, capsule.ambient(drive)))
+    def start(self, air: Air, pressure: Scalar, drive: Drive) -> Scalar:
+        """The pressure."""
+        return pressure
 
-    def vector_field(self, time: Scalar, state: CapsuleState, drive: Drive) -> CapsuleState:
-        """Time derivative of the state [5.4]."""
-        return self._capsule.rates(time, state, self._flow(state, drive), drive)
+    def pressure(self, state: Scalar) -> Scalar:
+        """The state."""
+        return state
 
-    def relaxation(self, time: Scalar, state: CapsuleState, drive: Drive) -> CapsuleState:
-        """Rates of the rod and its friction and vanes."""
-        return self._capsule.relaxation(time, state, drive)
+    def rates(
+        self, air: Air, time: Scalar, state: Scalar, drive: Drive, displaced: Scalar, displacement_rate: Scalar
+    ) -> Scalar:
+        """Time derivative of the pressure in Pa/s [5.4]."""
+        flow = self._flow(air, state, drive)
+        return pressure_rate(air, self.chamber, state, flow, displaced, displacement_rate)
+
+    def relaxation(self, air: Air, state: Scalar, displaced: Scalar) -> None:
+        """The gas is slow."""
+
+    def signals(self, air: Air, state: Scalar, drive: Drive) -> dict[str, Array]:
+        """Pressure and flow."""
+        return flow_signals(state, self._flow(air, state, drive))
+
+    def typical_state(self, air: Air) -> Any:
+        """Ambient pressure."""
+        return air.pressure
 
     @property
     def longest_step(self) -> float:
         """The default resolves it."""
         return math.inf
 
-    def observe(self, state: CapsuleState, drive: Drive) -> tuple[Scalar, Scalar]:
-        """Position and chamber pressure."""
-        return state.rod.body.position, state.pressure
+    def _flow(self, air: Air, pressure: Scalar, drive: Drive) -> Scalar:
+        return self.flow_map(drive.pwm, pressure, ambient_pressure(air, drive))
 
-    def signals(self, state: CapsuleState, drive: Drive) -> dict[str, Array]:
-        """States and flow."""
-        return self._capsule.signals(state, self._flow(state, drive), drive)
 
-    def typical_state(self) -> Any:
-        """That of the capsule."""
-        return self._capsule.typical_state()
+class StaticMapActuator(AbstractPlant):
+    """Flow map, isothermal chamber, diaphragm, friction and vanes [5.4].
+
+    Position, velocity, bristles and pressure are four states with LuGre friction; other friction and vane forces bring
+    their own. [`reduce_to_static_map`][] makes one from a full actuator; without arguments it is that of the printed
+    one.
+
+    **Arguments:** any of its parts; or an air path and a rod, of which those parts are then replaced.
+    """
+
+    air_path: FlowMapPath = nested()
+    rod: Rod = nested()
+    air: Air
+
+    def __init__(
+        self,
+        flow_map: AbstractFlowMap | None = None,
+        chamber: IsothermalChamber | None = None,
+        diaphragm: Diaphragm | None = None,
+        friction: AbstractFriction | None = None,
+        vane_force: AbstractVaneForce | None = None,
+        air: Air | None = None,
+        *,
+        air_path: FlowMapPath | None = None,
+        rod: Rod | None = None,
+    ):
+        # A map that is given is not fitted first.
+        path = air_path or (FlowMapPath() if flow_map is None else FlowMapPath(flow_map))
+        self.air_path = assemble(path, flow_map=flow_map, chamber=chamber)
+        self.rod = assemble(rod or Rod(), diaphragm=diaphragm, friction=friction, vane_force=vane_force)
+        self.air = air or Air()
 
     @property
-    def _capsule(self) -> Capsule:
-        return Capsule(self.chamber, Rod(self.diaphragm, self.friction, self.vane_force), self.air)
-
-    def _flow(self, state: CapsuleState, drive: Drive) -> Scalar:
-        return self.flow_map(drive.pwm, state.pressure, self._capsule.ambient(drive))
+    def flow_map(self) -> AbstractFlowMap:
+        """The air path's."""
+        return self.air_path.flow_map

@@ -1,0 +1,104 @@
+"""The law of LuGre friction, for every choice of parameters [3.6-3.7] (Canudas de Wit et al., 1995)."""
+
+import abc
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ..._errors import InputError
+from .._air import Scalar
+from .._vanes import Vanes
+from ._base import AbstractFriction, Contact
+
+SMALLEST_FORCE = 1e-9
+"""N. A rod without friction has bristles all the same: they give way at once, but not at zero over zero."""
+
+
+class Bristle(eqx.Module):
+    """State of LuGre friction: mean deflection of the bristles in m."""
+
+    deflection: Scalar
+
+
+class AbstractLuGre(AbstractFriction):
+    """`z' = v - sigma_0 |v| z / g(v)`, `F_f = theta (sigma_0 z + sigma_1 z' + sigma_2 v)` [3.6, 3.18].
+
+    The right side is continuous with a kink at `v = 0`; nothing is smoothed.
+    """
+
+    static_force: eqx.AbstractVar[Scalar]
+    coulomb_force: eqx.AbstractVar[Scalar]
+    bristle_stiffness: eqx.AbstractVar[Scalar]
+    bristle_damping: eqx.AbstractVar[Scalar]
+    viscous_damping: eqx.AbstractVar[Scalar]
+    stribeck_velocity: eqx.AbstractVar[Scalar]
+    stribeck_exponent: eqx.AbstractVar[int]
+
+    def __check_init__(self) -> None:
+        if self.stribeck_exponent not in (1, 2):
+            raise InputError(
+                f"stribeck_exponent must be 1 [3.7] or 2 [5.62], but it is {self.stribeck_exponent}; use one of these"
+            )
+
+    @abc.abstractmethod
+    def theta(self, vanes: Vanes) -> Scalar | float:
+        """How many times its friction without exhaust gas the contact has."""
+
+    def passivity_bound(self) -> Scalar:
+        """The least viscous damping in N s/m with which friction never generates energy, `sigma_1 (F_s - F_c) / F_c`.
+
+        Bristles stretched by stiction that a sudden slip unloads push with `sigma_1 z'`. With `sigma_0 z^2 / 2` stored,
+        the loss at `v > 0` is at least `(sigma_1 + sigma_2 - sigma_1 sigma_0 z / g) v^2`; `sigma_0 z / g` is at most
+        the larger of `F_s` and `F_c` over the smaller. A constant `theta` scales both sides.
+        """
+        return least_damping(self.static_force, self.coulomb_force, self.bristle_damping)
+
+    def initial_state(self) -> Bristle:
+        """A relaxed bristle."""
+        return Bristle(jnp.zeros_like(self.coulomb_force))
+
+    def stribeck(self, velocity: Scalar) -> Scalar:
+        """Steady sliding force without its viscous part in N: `F_c + (F_s - F_c) exp(-(|v|/v_s)^n)` [3.7, 5.62]."""
+        ratio = jnp.abs(velocity) / self.stribeck_velocity
+        falling = jnp.exp(-ratio if self.stribeck_exponent == 1 else -ratio * ratio)
+        force = self.coulomb_force + (self.static_force - self.coulomb_force) * falling
+        return jnp.maximum(force, SMALLEST_FORCE)
+
+    def steady_force(self, contact: Contact) -> Scalar:
+        """`theta (g(v) sign(v) + sigma_2 v)`."""
+        velocity = contact.velocity
+        sliding = self.stribeck(velocity) * jnp.sign(velocity) + self.viscous_damping * velocity
+        return self.theta(contact.vanes) * sliding
+
+    def relaxation(self, contact: Contact, state: Bristle) -> Bristle:
+        """`sigma_0 |v| / g(v)`; a load stiffens the bristles and raises the force at which they slip alike."""
+        return Bristle(self.bristle_stiffness * jnp.abs(contact.velocity) / self.stribeck(contact.velocity))
+
+    def damping(self, contact: Contact) -> Scalar:
+        """`theta (sigma_1 + sigma_2)`, the slope while the bristles stick."""
+        return self.theta(contact.vanes) * (self.bristle_damping + self.viscous_damping)
+
+    def __call__(self, contact: Contact, state: Bristle, applied_force: Scalar) -> tuple[Scalar, Bristle]:
+        """Force [3.6, 3.18]; the applied force plays no part."""
+        velocity = contact.velocity
+        sliding = self.bristle_stiffness * jnp.abs(velocity) * state.deflection / self.stribeck(velocity)
+        rate = velocity - sliding
+        force = (
+            self.bristle_stiffness * state.deflection + self.bristle_damping * rate + self.viscous_damping * velocity
+        )
+        return self.theta(contact.vanes) * force, Bristle(rate)
+
+    def signals(self, state: Bristle) -> dict[str, Array]:
+        """The deflection `z` in m."""
+        return {"z": state.deflection}
+
+    def typical_state(self) -> Bristle:
+        """The deflection at break-away."""
+        return Bristle(self.static_force / self.bristle_stiffness)
+
+
+def least_damping(static_force: Scalar, coulomb_force: Scalar, bristle_damping: Scalar) -> Scalar:
+    """The bound of [`AbstractLuGre.passivity_bound`][] in N s/m."""
+    smaller = jnp.maximum(jnp.minimum(static_force, coulomb_force), SMALLEST_FORCE)
+    return bristle_damping * abs(static_force - coulomb_force) / smaller

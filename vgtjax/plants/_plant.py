@@ -1,0 +1,122 @@
+"""A plant: an air path whose pressure moves a rod [2.58]."""
+
+import dataclasses
+from typing import Any
+
+import equinox as eqx
+from jaxtyping import Array, PyTree
+
+from ..parameters import nested
+from ..parts import AbstractChamber, AbstractFriction, AbstractVaneForce, Air, Diaphragm, Scalar
+from ..traces import Drive, Start
+from ._air_path import AbstractAirPath, AirPath, ambient_pressure
+from ._base import AbstractModel
+from ._rod import Rod, RodState
+
+
+class PlantState(eqx.Module):
+    """State of air path and rod, one scalar a leaf (SI units)."""
+
+    air_path: PyTree[Array]
+    rod: RodState
+
+
+class AbstractPlant(AbstractModel):
+    """Duty in, chamber pressure and position out: an air path and a rod, coupled by the diaphragm."""
+
+    air_path: eqx.AbstractVar[AbstractAirPath]
+    rod: eqx.AbstractVar[Rod]
+
+    @property
+    def chamber(self) -> AbstractChamber:
+        """The air path's."""
+        return self.air_path.chamber
+
+    @property
+    def diaphragm(self) -> Diaphragm:
+        """The rod's."""
+        return self.rod.diaphragm
+
+    @property
+    def friction(self) -> AbstractFriction:
+        """The rod's."""
+        return self.rod.friction
+
+    @property
+    def vane_force(self) -> AbstractVaneForce:
+        """The rod's."""
+        return self.rod.vane_force
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """A duty."""
+        return ("pwm",)
+
+    def start(self, start: Start, drive: Drive) -> PlantState:
+        """State at rest: ambient pressure and static balance, or the means of the first 50 ms.
+
+        Pressures and positions that a trace does not tell are those of static balance.
+        """
+        ambient, diaphragm = ambient_pressure(self.air, drive), self.rod.diaphragm
+        balanced = ambient - diaphragm.balance_force(start.position) / diaphragm.area
+        working = self.air_path.working_pressure(self.air, drive)
+        pressure = start.chamber_pressure(ambient, balanced, working)
+        return PlantState(
+            self.air_path.start(self.air, pressure, drive),
+            self.rod.start(start, diaphragm.drive_force(ambient, pressure)),
+        )
+
+    def vector_field(self, time: Scalar, state: PlantState, drive: Drive) -> PlantState:
+        """Time derivative of the state [2.58]."""
+        body, diaphragm = state.rod.body, self.rod.diaphragm
+        air_path = self.air_path.rates(
+            self.air,
+            time,
+            state.air_path,
+            drive,
+            diaphragm.displaced_volume(body.position),
+            diaphragm.displaced_volume(body.velocity),
+        )
+        force = diaphragm.drive_force(ambient_pressure(self.air, drive), self.air_path.pressure(state.air_path))
+        return PlantState(air_path, self.rod.rates(state.rod, force, drive.turbine(time)))
+
+    def relaxation(self, time: Scalar, state: PlantState, drive: Drive) -> PlantState:
+        """Rates of the air path, and of the rod with its friction and vanes."""
+        displaced = self.rod.diaphragm.displaced_volume(state.rod.body.position)
+        return PlantState(
+            self.air_path.relaxation(self.air, state.air_path, displaced),
+            self.rod.relaxation(state.rod, drive.turbine(time)),
+        )
+
+    @property
+    def longest_step(self) -> float:
+        """That of the air path; the rod is resolved by the default."""
+        return self.air_path.longest_step
+
+    def observe(self, state: PlantState, drive: Drive) -> tuple[Scalar, Scalar]:
+        """Position and chamber pressure."""
+        return state.rod.body.position, self.air_path.pressure(state.air_path)
+
+    def signals(self, state: PlantState, drive: Drive) -> dict[str, Array]:
+        """All of the air path and the rod."""
+        return {
+            **self.air_path.signals(self.air, state.air_path, drive),
+            **self.rod.signals(state.rod, drive.turbine(0.0)),
+        }
+
+    def typical_state(self) -> Any:
+        """Those of air path and rod."""
+        return PlantState(self.air_path.typical_state(self.air), self.rod.typical_state())
+
+
+class Plant(AbstractPlant):
+    """Any air path with any rod; parameters have the names of the parts, for instance `diaphragm.stiffness`."""
+
+    air_path: AbstractAirPath = nested(default_factory=AirPath)
+    rod: Rod = nested(default_factory=Rod)
+    air: Air = eqx.field(default_factory=Air)
+
+
+def assemble(whole: Any, **parts: Any) -> Any:
+    """`whole` with those of its parts replaced that are given."""
+    return dataclasses.replace(whole, **{name: part for name, part in parts.items() if part is not None})

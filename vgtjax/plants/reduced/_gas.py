@@ -1,0 +1,23 @@
+"""Gas at ambient temperature, whose pressure is the one state: what both reduced models have in common [5.2, 5.4]."""
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ...parts import Air, Flow, Gas, IsothermalChamber, Scalar
+
+
+def pressure_rate(
+    air: Air, chamber: IsothermalChamber, pressure: Scalar, flow: Scalar, displaced: Scalar, displacement_rate: Scalar
+) -> Scalar:
+    """`p' = (R T_atm m' + p A_d v) / V` in Pa/s, the last line of [5.2] and [5.4].
+
+    **Arguments:** `pressure` in Pa absolute, `flow` in kg/s into the chamber, the volume that the diaphragm has swept
+    in m3 and its rate in m3/s.
+    """
+    entering = Flow(flow, air.temperature)
+    return chamber.rates(air, Gas(pressure, air.temperature), entering, displaced, displacement_rate).pressure
+
+
+def flow_signals(pressure: Scalar, flow: Scalar) -> dict[str, Array]:
+    """Pressure in Pa absolute, and a flow in kg/s into the chamber by its direction."""
+    return {"p_act": pressure, "m_dot_in": jnp.maximum(flow, 0.0), "m_dot_out": jnp.maximum(-flow, 0.0)}

@@ -1,0 +1,53 @@
+"""How a simulation ended."""
+
+from typing import Any
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from .._errors import SimulationError, is_traced
+from ..plants import State
+
+
+class RESULTS(eqx.Enumeration):
+    """How a simulation ended; each member is the advice that goes with it."""
+
+    successful = ""
+    diverged = "The simulation left the finite numbers: check that the parameters are physical, then lower max_step."
+    max_steps_reached = "The solver took max_steps steps before the end: raise max_steps, or loosen rtol and atol."
+    root_not_found = "The implicit solver did not find the root of a step: lower max_step, or loosen its root finder."
+
+
+def judge(states: State, result: RESULTS) -> RESULTS:
+    """`result`, or that the states of a solve without other fault have left the finite numbers."""
+    finite = jnp.all(jnp.stack([jnp.all(jnp.isfinite(leaf)) for leaf in jax.tree.leaves(states)]))
+    return RESULTS.where((result == RESULTS.successful) & ~finite, RESULTS.diverged, result)
+
+
+def from_diffrax(result: diffrax.RESULTS) -> RESULTS:
+    """The cause that a solver of diffrax names."""
+    ours = RESULTS.where(result == diffrax.RESULTS.successful, RESULTS.successful, RESULTS.diverged)
+    ours = RESULTS.where(result == diffrax.RESULTS.max_steps_reached, RESULTS.max_steps_reached, ours)
+    roots = (
+        diffrax.RESULTS.nonlinear_divergence,
+        diffrax.RESULTS.nonlinear_max_steps_reached,
+        diffrax.RESULTS.max_steps_rejected,
+    )
+    for root in roots:
+        ours = RESULTS.where(result == root, RESULTS.root_not_found, ours)
+    return ours
+
+
+def check_result(answer: Any, result: RESULTS, what: str = "the simulation") -> Any:
+    """`answer`, if it may be used.
+
+    **Raises:** `SimulationError` otherwise; inside of `jit`, where the result is not known yet, a `RuntimeError` of
+    equinox with the same advice when the compiled function runs.
+    """
+    if is_traced(result):
+        return result.error_if(answer, result != RESULTS.successful)
+    if result != RESULTS.successful:
+        raise SimulationError(f"{what} failed: {RESULTS[result]}")  # type: ignore[misc]  # mypy: of the metaclass
+    return answer
