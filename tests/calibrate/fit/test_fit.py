@@ -193,9 +193,10 @@ def test_what_is_wrong_with_a_fit_is_part_of_its_answer(calibration):
     assert far.task.selection.entries[3] == "friction.viscous_damping"
     assert far.ran_away == ("friction.viscous_damping",)
     assert not far.converged
-    assert far.verdict.startswith(
-        "the simulation of step_80 with the fitted values left the finite numbers; fitted values "
-    )
+    failed, away = far.troubles
+    assert failed == "the simulation of step_80 with the fitted values left the finite numbers"
+    assert away.startswith("fitted values must stay within a factor 100000 of their start values, but friction.viscous")
+    assert far.verdict == f"{failed}; {away}"
     assert repr(far).startswith("Calibration: NOT converged after ")
     assert re.search(rf"{re.escape(far.task.selection.entries[0])} .* not determined", repr(far))
 

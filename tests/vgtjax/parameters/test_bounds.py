@@ -33,7 +33,7 @@ def test_the_later_of_two_bounds_counts(model):
 
 def test_bounds_of_nothing_are_refused_with_the_argument_at_fault(model):
     with pytest.raises(
-        vgtjax.InputError, match="'diaphragm.mas' matches nothing; did you mean 'diaphragm.mass'"
+        vgtjax.InputError, match=r"'diaphragm\.mas' matches nothing; did you mean 'diaphragm\.mass'"
     ) as error:
         bounds_by_entry(model, {"diaphragm.mas": (0, 1)})
     assert error.value.argument == "bounds"
