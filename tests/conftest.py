@@ -1,10 +1,13 @@
-"""One JAX for all tests: double precision, two CPU devices, strict shapes, and a compilation cache between runs."""
+"""One JAX for all tests: double precision, two CPU devices, strict shapes, annotations that are checked."""
 
 import jax
 import platformdirs
 import pytest
+from jaxtyping import install_import_hook
 
-import vgtjax
+ROOMS = ("parameters", "parts", "plants", "simulation")
+with install_import_hook([f"vgtjax.{room}" for room in ROOMS], "typechecker.checked"):
+    import vgtjax
 
 vgtjax.configure(cpu_devices=2, cache=platformdirs.user_cache_path("vgtjax") / "tests")
 jax.config.update("jax_numpy_rank_promotion", "raise")

@@ -1,5 +1,21 @@
 """Differentiable model of an electro-pneumatic actuator for variable geometry turbochargers."""
 
+import importlib.metadata
+
+from . import (
+    control as control,
+    estimation as estimation,
+    experiments as experiments,
+    identification as identification,
+    parameters as parameters,
+    parts as parts,
+    plants as plants,
+    population as population,
+    sensitivity as sensitivity,
+    simulation as simulation,
+    traces as traces,
+    tuning as tuning,
+)
 from ._errors import InputError as InputError, SimulationError as SimulationError
 from ._runtime import configure as configure
 from .estimation import Calibration as Calibration, jacobian as jacobian
@@ -40,8 +56,14 @@ from .parts import (
     PassivityWarning as PassivityWarning,
     WallChamber as WallChamber,
     WaveLine as WaveLine,
+    chamber as chamber,
     flow_function as flow_function,
+    flow_map as flow_map,
+    friction as friction,
+    line as line,
+    magnetic_force as magnetic_force,
     orifice_flow as orifice_flow,
+    vane_force as vane_force,
 )
 from .plants import (
     AbstractModel as AbstractModel,
@@ -65,3 +87,5 @@ from .simulation import (
     simulate as simulate,
 )
 from .traces import Trace as Trace, load_trace as load_trace
+
+__version__ = importlib.metadata.version("vgtjax")

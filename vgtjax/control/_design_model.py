@@ -1,6 +1,6 @@
 """The model that the backstepping controllers are designed on: four states and a flow map [5.4]."""
 
-from typing import Any, Self
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -61,7 +61,7 @@ class DesignModel(eqx.Module):
     stop_margin: Scalar = parameter(2e-5, symbol="x_s", unit="m", source="assumed", assumed=True, held=True)
 
     @classmethod
-    def of(cls, model: Any, flow_map: AbstractFlowMap, **settings: Any) -> Self:
+    def of(cls, model: Any, flow_map: AbstractFlowMap, **settings: Any) -> "DesignModel":
         """That of a model with LuGre friction, for instance an [`Actuator`][], with a map of its flow."""
         chamber = IsothermalChamber(volume=model.chamber.volume)
         return cls(flow_map, chamber, model.diaphragm, model.friction, model.vane_force, model.air, **settings)

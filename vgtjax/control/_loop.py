@@ -21,6 +21,7 @@ from ..simulation import (
     FixedStep,
     Solution,
     check_result,
+    choose,
     judge,
     model_dtype,
     scan_in_blocks,
@@ -181,7 +182,7 @@ def _close_loop(
     (_, _, solved), run = scan_in_blocks(sample, (state, memory, jnp.asarray(True)), inputs, adjoint)
 
     signals = jax.vmap(plant.signals)(run.state, dataclasses.replace(drive, pwm=run.duty))
-    result = judge((run.state, run.command), RESULTS.where(solved, RESULTS.successful, RESULTS.root_not_found))
+    result = judge((run.state, run.command), choose(solved, RESULTS.successful, RESULTS.root_not_found))
     solution = Solution(time, run.state, signals, result)
     return ClosedLoop(solution, run.measured, reference, run.command, run.duty, run.log)
 

@@ -1,6 +1,7 @@
 """Traces laid out for batched simulation and for the segment-parallel Jacobian."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import equinox as eqx
 import jax

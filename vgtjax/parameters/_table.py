@@ -10,6 +10,7 @@ a module with one `anonymous` parameter gives it its own name.
 
 import dataclasses
 import difflib
+import inspect
 import math
 from collections.abc import Iterable, Iterator
 from typing import Any, ClassVar
@@ -29,8 +30,8 @@ class Parameter:
     `positive` says that the domain is `(0, inf)`, so that a fit moves the logarithm; a value that is held may also be
     zero, which switches off what it multiplies. `lower` is the end of the domain of one that is not positive, and may
     be reached. `infinite` says that infinity is a value too. `default` is the printed value. `held` parameters are
-    measured, or can't be told apart from others; a fit leaves them alone unless they are freed by name. `assumed` marks
-    values that no source states. `anonymous` parameters have the name of the module that they belong to.
+    measured, or can't be distinguished from others; a fit leaves them alone unless they are freed by name. `assumed`
+    marks values that no source states. `anonymous` parameters have the name of the module that they belong to.
     """
 
     symbol: str
@@ -70,12 +71,30 @@ class Part(eqx.Module):
     place: ClassVar[str] = ""
     """What its parameters' names begin with in a usual model, for messages."""
 
+    def __init_subclass__(cls, **settings: Any) -> None:
+        super().__init_subclass__(**settings)
+        rows = [_describe(name, field) for name, field in vars(cls).items() if _is_parameter(field)]
+        if rows:
+            cls.__doc__ = "\n\n".join([inspect.cleandoc(cls.__doc__ or ""), "**Parameters:**", "\n".join(rows)])
+
     def __check_init__(self) -> None:
         owner = self.place or type(self).__name__
         for field in dataclasses.fields(self):
             if "parameter" in field.metadata:
                 row = field.metadata["parameter"]
                 row.check(getattr(self, field.name), owner if row.anonymous else f"{owner}.{field.name}")
+
+
+def _is_parameter(field: Any) -> bool:
+    return isinstance(field, dataclasses.Field) and "parameter" in field.metadata
+
+
+def _describe(name: str, field: dataclasses.Field) -> str:
+    """A parameter in one line of its class's documentation."""
+    row: Parameter = field.metadata["parameter"]
+    unit = row.unit if isinstance(row.unit, str) else ", ".join(row.unit)
+    marks = [row.source, *(["assumed"] if row.assumed and row.source != "assumed" else []), *(["held"] * row.held)]
+    return f"- `{name}`: {row.symbol} in {unit}, {row.default} [{', '.join(marks)}]"
 
 
 def as_float_array(value: Any) -> Array:

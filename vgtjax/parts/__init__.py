@@ -1,6 +1,7 @@
 """Physical parts, each an equinox module with its equations."""
 
-from ._air import Air as Air, Scalar as Scalar, flow_function as flow_function, orifice_flow as orifice_flow
+from .._types import Scalar as Scalar
+from ._air import Air as Air, flow_function as flow_function, orifice_flow as orifice_flow
 from ._converter import (
     GENTLE_OPENING as GENTLE_OPENING,
     Converter as Converter,

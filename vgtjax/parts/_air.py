@@ -4,11 +4,9 @@ from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
+from .._types import Scalar, Values
 from ..parameters import Part, parameter
-
-Scalar = Float[Array, ""]
 
 
 class Air(Part):
@@ -23,13 +21,13 @@ class Air(Part):
     linear_above: float = eqx.field(static=True, default=0.9999)
     """Pressure ratio above which the flow function is a straight line to zero; a numerical setting."""
 
-    def critical_ratio(self) -> Scalar:
+    def critical_ratio(self) -> Values:
         """Pressure ratio below which the flow is choked, `(2/(gamma+1))^(gamma/(gamma-1))` [2.15]."""
         gamma = self.heat_capacity_ratio
         return jnp.exp(gamma / (gamma - 1) * jnp.log(2 / (gamma + 1)))
 
 
-def _choked_or_smooth(air: Air, ratio: Scalar) -> Scalar:
+def _choked_or_smooth(air: Air, ratio: Values) -> Values:
     """`Phi^2` [2.15], held constant below the critical ratio and above `air.linear_above`.
 
     With `q = r^(1/gamma)` it is `2/(gamma-1) q (q - r)`: one logarithm and one exponential.
@@ -39,12 +37,12 @@ def _choked_or_smooth(air: Air, ratio: Scalar) -> Scalar:
     return 2 / (air.heat_capacity_ratio - 1) * root * (root - clipped)
 
 
-def _chord(air: Air, ratio: Scalar) -> Scalar:
+def _chord(air: Air, ratio: Values) -> Values:
     """One up to `air.linear_above`, then straight to zero at equal pressures."""
     return jnp.minimum((1 - ratio) * (1 / (1 - air.linear_above)), 1.0)
 
 
-def flow_function(air: Air, ratio: Scalar) -> Scalar:
+def flow_function(air: Air, ratio: Values) -> Values:
     """`Phi(p_down / p_up)` [2.15, with `2/(gamma-1)` under the root], dimensionless.
 
     Constant when choked. Its slope is infinite at `ratio = 1`, so above `air.linear_above` it is the chord to
@@ -54,8 +52,8 @@ def flow_function(air: Air, ratio: Scalar) -> Scalar:
 
 
 def orifice_flow(
-    air: Air, area: Scalar, source_pressure: Scalar, pressure: Scalar, temperature: Scalar
-) -> tuple[Scalar, Scalar]:
+    air: Air, area: Values, source_pressure: Values, pressure: Values, temperature: Values
+) -> tuple[Values, Values]:
     """Mass flow from a source through an orifice into a volume [2.13-2.14, A.29], either way.
 
     Upstream is whichever pressure is larger. Gas that enters has the ambient temperature, gas that leaves has

@@ -8,8 +8,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
+from .._types import Scalar, StateLeaf, Values
 from ..parameters import Part, parameter
-from ._air import Air, Scalar, orifice_flow
+from ._air import Air, orifice_flow
 from .magnetic_force._base import AbstractMagneticForce
 from .magnetic_force._static import StaticForce
 
@@ -20,22 +21,22 @@ GENTLE_OPENING = 1e-5
 class Plunger(eqx.Module):
     """State of the plunger: position in m (up, towards open atmosphere, is positive) and velocity in m/s."""
 
-    position: Scalar
-    velocity: Scalar
+    position: StateLeaf
+    velocity: StateLeaf
 
 
 class Flow(eqx.Module):
     """Mass flow in kg/s into a volume, and the temperature in K of the gas that flows."""
 
-    mass_flow: Scalar
-    temperature: Scalar
+    mass_flow: Values
+    temperature: Values
 
 
 class ConverterState(eqx.Module):
     """State of the converter: its plunger, and what the magnetic force remembers."""
 
     plunger: Plunger
-    magnet: PyTree[Array]
+    magnet: PyTree[StateLeaf]
 
 
 def _as_force(given: Any) -> AbstractMagneticForce:
@@ -68,13 +69,13 @@ class Converter(Part):
     lies above zero: one across zero opens both orifices at once.
     """
 
-    def start(self, pwm: Scalar, ambient: Scalar, reservoir: Scalar, pressure: Scalar) -> ConverterState:
+    def start(self, pwm: Values, ambient: Values, reservoir: Values, pressure: Values) -> ConverterState:
         """State at rest at a chamber pressure in Pa absolute, after a duty in percent has been held for long."""
         lift = self.rest_position(pwm, ambient, reservoir, pressure)
         return ConverterState(Plunger(lift, jnp.zeros_like(lift)), self.magnetic_force.initial_state(pwm))
 
     def rates(
-        self, state: ConverterState, pwm: Scalar, ambient: Scalar, reservoir: Scalar, pressure: Scalar
+        self, state: ConverterState, pwm: Values, ambient: Values, reservoir: Values, pressure: Values
     ) -> ConverterState:
         """Time derivative of the state [2.7] under a duty in percent and the pressure that the converter feels."""
         plunger = state.plunger
@@ -83,7 +84,7 @@ class Converter(Part):
         return ConverterState(Plunger(plunger.velocity, acceleration), magnet_rate)
 
     def relaxation(self, state: ConverterState) -> ConverterState:
-        """Rates in 1/s at which damping stops the plunger, the fastest of the model, and the magnet forgets."""
+        """Relaxation rates in 1/s of the plunger's velocity, the fastest of the model, and of the magnet."""
         damping = self.plunger_damping / self.plunger_mass
         return ConverterState(
             Plunger(None, damping), self.magnetic_force.relaxation(state.plunger.position, state.magnet)
@@ -98,13 +99,13 @@ class Converter(Part):
         """Millimetres, tenths of metres a second."""
         return ConverterState(Plunger(1e-3, 0.1), self.magnetic_force.typical_state())
 
-    def static_force(self, pull: Scalar, ambient: Scalar, reservoir: Scalar, pressure: Scalar) -> Scalar:
+    def static_force(self, pull: Values, ambient: Values, reservoir: Values, pressure: Values) -> Values:
         """Force in N on a closed plunger at rest: pressures (Pa absolute) on its three areas, and the magnet's pull."""
         return ambient * self.atmosphere_area - reservoir * self.reservoir_area - pull - pressure * self.actuator_area
 
     def acceleration(
-        self, plunger: Plunger, pull: Scalar, ambient: Scalar, reservoir: Scalar, pressure: Scalar
-    ) -> Scalar:
+        self, plunger: Plunger, pull: Values, ambient: Values, reservoir: Values, pressure: Values
+    ) -> Values:
         """Acceleration of the plunger in m/s2 [2.7] under the magnet's pull in N.
 
         The return spring acts only above zero (erratum 6).
@@ -118,7 +119,7 @@ class Converter(Part):
         )
         return force / self.plunger_mass
 
-    def rest_position(self, pwm: Scalar, ambient: Scalar, reservoir: Scalar, pressure: Scalar) -> Scalar:
+    def rest_position(self, pwm: Values, ambient: Values, reservoir: Values, pressure: Values) -> Values:
         """Position in m at which [2.7] balances at rest."""
         position = jnp.zeros_like(pressure)
         for _ in range(self.magnetic_force.rest_iterations):
@@ -128,13 +129,13 @@ class Converter(Part):
             position = force / stiffness
         return position
 
-    def working_pressure(self, pwm: Scalar, ambient: Scalar, reservoir: Scalar) -> Scalar:
+    def working_pressure(self, pwm: Values, ambient: Values, reservoir: Values) -> Values:
         """Chamber pressure in Pa at which the plunger rests closed, between reservoir and atmosphere [2.8]."""
         pull = self.magnetic_force.steady_pull(pwm, jnp.zeros_like(pwm))
         balance = self.static_force(pull, ambient, reservoir, jnp.zeros_like(pwm)) / self.actuator_area
         return jnp.clip(balance, reservoir, ambient)
 
-    def orifice_area(self, position: Scalar) -> Scalar:
+    def orifice_area(self, position: Values) -> Values:
         """Area in m2 of the one orifice that is open at a plunger position in m [B.2, B.3]."""
         c0, c1, c2 = (self.atmosphere_orifice[k] for k in range(3))
         opened = jnp.minimum(position * (1 / self.opening_width), 1.0)
@@ -145,11 +146,11 @@ class Converter(Part):
     def flow(
         self,
         air: Air,
-        position: Scalar,
-        ambient: Scalar,
-        reservoir: Scalar,
-        pressure: Scalar,
-        temperature: Scalar,
+        position: Values,
+        ambient: Values,
+        reservoir: Values,
+        pressure: Values,
+        temperature: Values,
     ) -> Flow:
         """Flow into a volume at `pressure` (Pa absolute) and `temperature` (K) behind the converter.
 

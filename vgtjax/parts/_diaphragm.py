@@ -5,16 +5,16 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 
+from .._types import Scalar, StateLeaf, Values
 from ..parameters import Part, parameter
 from ..traces import Start
-from ._air import Scalar
 
 
 class Body(eqx.Module):
     """State of the diaphragm and its rod: position in m (pulled in, vanes closing, is positive), velocity in m/s."""
 
-    position: Scalar
-    velocity: Scalar
+    position: StateLeaf
+    velocity: StateLeaf
 
 
 class Diaphragm(Part):
@@ -38,14 +38,14 @@ class Diaphragm(Part):
     stop_stiffness: Scalar = parameter(1e6, symbol="k_stop", unit="N/m", source="assumed", assumed=True)
     stop_damping: Scalar = parameter(20.0, symbol="d", unit="s/m", source="assumed", assumed=True)
 
-    def stop_force(self, body: Body) -> Scalar:
+    def stop_force(self, body: Body) -> Values:
         """Force of the end stops in N, positive against the open one."""
         into_open = jnp.maximum(-body.position, 0.0) * jnp.maximum(1 - self.stop_damping * body.velocity, 0.0)
         past_travel = jnp.maximum(body.position - self.travel, 0.0)
         into_closed = past_travel * jnp.maximum(1 + self.stop_damping * body.velocity, 0.0)
         return self._contact_stiffness() * (into_open - into_closed)
 
-    def applied_force(self, body: Body, drive_force: Scalar) -> Scalar:
+    def applied_force(self, body: Body, drive_force: Values) -> Values:
         """All forces on the rod but friction in N along +x [2.34], under a drive in N along +x."""
         return (
             drive_force
@@ -55,26 +55,26 @@ class Diaphragm(Part):
             + self.stop_force(body)
         )
 
-    def damping_rate(self, friction_damping: Scalar) -> Scalar:
+    def damping_rate(self, friction_damping: Values) -> Values:
         """Rate in 1/s at which damping and friction stop the rod."""
         return (self.damping + friction_damping) / self.mass
 
-    def drive_force(self, ambient: Scalar, pressure: Scalar) -> Scalar:
+    def drive_force(self, ambient: Values, pressure: Values) -> Values:
         """Force in N along +x of pressures in Pa absolute, `(p_atm - p_act) A_d` [2.34]."""
         return (ambient - pressure) * self.area
 
-    def balance_force(self, position: Scalar) -> Scalar:
+    def balance_force(self, position: Values) -> Values:
         """Drive in N that holds the rod at a position in m between the stops."""
         return self.preload + self.stiffness * position
 
-    def start(self, start: Start, drive_force: Scalar) -> Body:
+    def start(self, start: Start, drive_force: Values) -> Body:
         """At rest where the trace says, or else in static balance with the drive (N along +x)."""
         balanced = self.rest_position(drive_force)
         measured = start.position_known & ~start.at_rest
         position = jnp.where(measured, start.position, balanced)
         return Body(position, jnp.zeros_like(position))
 
-    def rest_position(self, drive_force: Scalar) -> Scalar:
+    def rest_position(self, drive_force: Values) -> Values:
         """Position in m at which the spring and the stops balance a drive along +x in N, without friction."""
         force = drive_force - self.preload
         closed = jnp.where(jnp.isfinite(self.travel), self.travel, 0.0)
@@ -84,15 +84,15 @@ class Diaphragm(Part):
         free = force * _reciprocal(self.stiffness)
         return jnp.where(force < 0, force * stopped, jnp.where(reaches, past, free))
 
-    def _contact_stiffness(self) -> Scalar:
+    def _contact_stiffness(self) -> Values:
         return jnp.where(jnp.isfinite(self.travel), self.stop_stiffness, 0.0)
 
-    def displaced_volume(self, position: Scalar) -> Scalar:
+    def displaced_volume(self, position: Values) -> Values:
         """Volume in m3 that the diaphragm takes from the chamber, `A_d x_d` [2.39]."""
         return self.area * position
 
 
-def _reciprocal(stiffness: Scalar) -> Scalar:
+def _reciprocal(stiffness: Values) -> Values:
     """Compliance in m/N, zero for an axis without a spring, whose rest position is then taken as zero."""
     present = stiffness > 0
     return jnp.where(present, 1 / jnp.where(present, stiffness, 1.0), 0.0)

@@ -2,7 +2,7 @@
 
 import abc
 import dataclasses
-from typing import Any, Self
+from typing import Any, TypeVar
 
 import equinox as eqx
 import jax
@@ -11,12 +11,13 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError, is_traced
-from ._air import Scalar
+from .._types import Values
 from ._tables import bilinear
 from ._vanes import Crank, Vanes
 
 Table = Float[Array, " knots"]
 """A row of crank angles for every turbine pressure, one row after the other."""
+GasTables = TypeVar("GasTables", bound="AbstractGasTables")
 
 
 class AbstractGasTables(eqx.Module):
@@ -55,7 +56,7 @@ class AbstractGasTables(eqx.Module):
                     "values",
                 )
 
-    def read(self, table: Table, vanes: Vanes) -> Scalar:
+    def read(self, table: Table, vanes: Vanes) -> Values:
         """Value of one of its tables for vanes under gas."""
         rows = table.reshape(-1, self.crank_angle.shape[-1])
         return bilinear(
@@ -67,10 +68,10 @@ class AbstractGasTables(eqx.Module):
         )
 
     def on_knots(
-        self,
+        self: GasTables,
         turbine_pressure: Float[Array, " pressures"] | None = None,
         crank_angle: Float[Array, " angles"] | None = None,
-    ) -> Self:
+    ) -> GasTables:
         """The same component, its tables read at other knots (Pa gauge, deg); those that are not given stay."""
         pressure = self.turbine_pressure if turbine_pressure is None else jnp.asarray(turbine_pressure, float)
         angle = self.crank_angle if crank_angle is None else jnp.asarray(crank_angle, float)

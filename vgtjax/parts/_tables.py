@@ -5,16 +5,16 @@ from collections.abc import Sequence
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ._air import Scalar
+from .._types import Values
 
 
-def _ramps(knots: Float[Array, " knots"], at: Scalar) -> list[Scalar]:
+def _ramps(knots: Float[Array, " knots"], at: Values) -> list[Values]:
     """How far `at` has crossed each interval of increasing `knots`, from 0 to 1."""
     count = knots.shape[0]
     return [jnp.clip((at - knots[k]) / (knots[k + 1] - knots[k]), 0.0, 1.0) for k in range(count - 1)]
 
 
-def _along(values: Sequence[Scalar], ramps: Sequence[Scalar]) -> Scalar:
+def _along(values: Sequence[Values], ramps: Sequence[Values]) -> Values:
     total = values[0]
     for low, high, ramp in zip(values[:-1], values[1:], ramps, strict=True):
         total = total + (high - low) * ramp
@@ -25,9 +25,9 @@ def bilinear(
     rows: Float[Array, " rows"],
     columns: Float[Array, " columns"],
     values: Float[Array, "rows columns"],
-    row: Scalar,
-    column: Scalar,
-) -> Scalar:
+    row: Values,
+    column: Values,
+) -> Values:
     """Value of a table at `(row, column)`, linear between its increasing knots and held beyond them.
 
     Continuous, with kinks at the knots.

@@ -1,18 +1,17 @@
 """The vanes and the crank that turns them [3.14]."""
 
 import equinox as eqx
-from jaxtyping import Array, Float
 
+from .._types import Scalar, Values
 from ..parameters import Part, parameter
-from ._air import Scalar
 
 
 class Vanes(eqx.Module):
     """Where the vanes are and what blows at them."""
 
-    opening: Scalar
+    opening: Values
     """Distance of the rod from its closed end of travel, `travel - x_d`, in m."""
-    turbine_pressure: Scalar
+    turbine_pressure: Values
     """Pressure at the turbine inlet in Pa gauge."""
 
 
@@ -22,10 +21,10 @@ class Crank(Part):
     ratio: Scalar = parameter(3120.0, symbol="psi", unit="deg/m", source="3.14", held=True)
     offset: Scalar = parameter(4.0, symbol="theta_offset", unit="deg", source="3.14", positive=False, held=True)
 
-    def angle(self, opening: Float[Array, "..."]) -> Float[Array, "..."]:
+    def angle(self, opening: Values) -> Values:
         """Crank angle `C_r` in degrees at an opening in m."""
         return opening * self.ratio + self.offset
 
-    def opening(self, angle: Float[Array, "..."]) -> Float[Array, "..."]:
+    def opening(self, angle: Values) -> Values:
         """Opening in m at a crank angle in degrees, the inverse of `angle`."""
         return (angle - self.offset) / self.ratio

@@ -7,6 +7,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
+from .._types import StateLeaf, Values
 from ..parts import (
     AbstractChamber,
     AbstractLine,
@@ -17,17 +18,16 @@ from ..parts import (
     Flow,
     Gas,
     NoLine,
-    Scalar,
 )
 from ..traces import Drive
 
 
-def ambient_pressure(air: Air, drive: Drive) -> Scalar:
+def ambient_pressure(air: Air, drive: Drive) -> Values:
     """Pressure of the atmosphere in Pa, as a trace has it."""
     return air.pressure + drive.ambient_shift
 
 
-def reservoir_pressure(time: Scalar | float, drive: Drive) -> Scalar:
+def reservoir_pressure(time: Values, drive: Drive) -> Values:
     """Pressure of the reservoir in Pa absolute, `time` seconds after the start of the interval."""
     assert drive.reservoir is not None, "a trace without one gets the assumed pressure"
     return drive.reservoir(time)
@@ -43,25 +43,25 @@ class AbstractAirPath(eqx.Module):
     chamber: eqx.AbstractVar[AbstractChamber]
 
     @abc.abstractmethod
-    def working_pressure(self, air: Air, drive: Drive) -> Scalar:
+    def working_pressure(self, air: Air, drive: Drive) -> Values:
         """Chamber pressure in Pa absolute at which nothing flows under the duty of `drive` [2.8]."""
 
     @abc.abstractmethod
-    def start(self, air: Air, pressure: Scalar, drive: Drive) -> PyTree[Scalar]:
+    def start(self, air: Air, pressure: Values, drive: Drive) -> PyTree[StateLeaf]:
         """State at rest at a chamber pressure in Pa absolute."""
 
     @abc.abstractmethod
-    def pressure(self, state: Any) -> Scalar:
+    def pressure(self, state: Any) -> Values:
         """Chamber pressure in Pa absolute."""
 
     @abc.abstractmethod
     def rates(
-        self, air: Air, time: Scalar, state: Any, drive: Drive, displaced: Scalar, displacement_rate: Scalar
-    ) -> PyTree[Scalar]:
+        self, air: Air, time: Values, state: Any, drive: Drive, displaced: Values, displacement_rate: Values
+    ) -> PyTree[StateLeaf]:
         """Time derivative of the state."""
 
     @abc.abstractmethod
-    def relaxation(self, air: Air, state: Any, displaced: Scalar) -> PyTree[Scalar]:
+    def relaxation(self, air: Air, state: Any, displaced: Values) -> PyTree[StateLeaf]:
         """Relaxation rate in 1/s of each state, `None` where it is slow."""
 
     @abc.abstractmethod
@@ -82,7 +82,7 @@ class AirPathState(eqx.Module):
     """State of converter, line and chamber, one scalar a leaf (SI units)."""
 
     converter: ConverterState
-    line: PyTree[Array]
+    line: PyTree[StateLeaf]
     gas: Gas
 
 
@@ -93,23 +93,23 @@ class AirPath(AbstractAirPath):
     line: AbstractLine = eqx.field(default_factory=NoLine)
     chamber: AbstractChamber = eqx.field(default_factory=AdiabaticChamber)
 
-    def working_pressure(self, air: Air, drive: Drive) -> Scalar:
+    def working_pressure(self, air: Air, drive: Drive) -> Values:
         """That of the converter."""
         return self.converter.working_pressure(drive.pwm, ambient_pressure(air, drive), reservoir_pressure(0.0, drive))
 
-    def start(self, air: Air, pressure: Scalar, drive: Drive) -> AirPathState:
+    def start(self, air: Air, pressure: Values, drive: Drive) -> AirPathState:
         """The plunger balanced, the line filled, air of ambient temperature."""
         gas = Gas(pressure, jnp.broadcast_to(air.temperature, jnp.shape(pressure)))
         reservoir = reservoir_pressure(0.0, drive)
         converter = self.converter.start(drive.pwm, ambient_pressure(air, drive), reservoir, pressure)
         return AirPathState(converter, self.line.initial_state(air, gas), gas)
 
-    def pressure(self, state: AirPathState) -> Scalar:
+    def pressure(self, state: AirPathState) -> Values:
         """That of the gas in the chamber."""
         return state.gas.pressure
 
     def rates(
-        self, air: Air, time: Scalar, state: AirPathState, drive: Drive, displaced: Scalar, displacement_rate: Scalar
+        self, air: Air, time: Values, state: AirPathState, drive: Drive, displaced: Values, displacement_rate: Values
     ) -> AirPathState:
         """Time derivative of the state [2.58]."""
         ambient, reservoir = ambient_pressure(air, drive), reservoir_pressure(time, drive)
@@ -121,7 +121,7 @@ class AirPath(AbstractAirPath):
             self.chamber.rates(air, state.gas, inflow, displaced, displacement_rate),
         )
 
-    def relaxation(self, air: Air, state: AirPathState, displaced: Scalar) -> AirPathState:
+    def relaxation(self, air: Air, state: AirPathState, displaced: Values) -> AirPathState:
         """Rates of plunger, magnet, line and gas."""
         return AirPathState(
             self.converter.relaxation(state.converter),
@@ -153,7 +153,7 @@ class AirPath(AbstractAirPath):
         """What the line resolves; everything else is resolved by the default."""
         return self.line.longest_step
 
-    def _port(self, air: Air, state: AirPathState, ambient: Scalar, reservoir: Scalar) -> tuple[Gas, Flow]:
+    def _port(self, air: Air, state: AirPathState, ambient: Values, reservoir: Values) -> tuple[Gas, Flow]:
         """What the converter sees, and the flow that leaves it."""
 
         def flow(into: Gas) -> Flow:

@@ -6,7 +6,8 @@ from typing import Any
 import equinox as eqx
 from jaxtyping import Array, Float, PyTree
 
-from ..parts import Air, Scalar
+from .._types import Values
+from ..parts import Air
 from ..traces import Drive, Start
 
 State = PyTree[Float[Array, "..."]]
@@ -26,15 +27,15 @@ class AbstractModel(eqx.Module):
         """State at the first sample; `drive` is the first interval."""
 
     @abc.abstractmethod
-    def vector_field(self, time: Scalar, state: Any, drive: Drive) -> State:
+    def vector_field(self, time: Values, state: Any, drive: Drive) -> State:
         """Time derivative of the state, `time` seconds after the start of the interval `drive`."""
 
     @abc.abstractmethod
-    def relaxation(self, time: Scalar, state: Any, drive: Drive) -> Any:
+    def relaxation(self, time: Values, state: Any, drive: Drive) -> Any:
         """Relaxation rate in 1/s of each state, shaped like the state, `None` where it is slow."""
 
     @abc.abstractmethod
-    def observe(self, state: Any, drive: Drive) -> tuple[Scalar, Scalar]:
+    def observe(self, state: Any, drive: Drive) -> tuple[Values, Values]:
         """What sensors see at the start of `drive`: position in m and chamber pressure in Pa absolute."""
 
     @abc.abstractmethod

@@ -6,8 +6,9 @@ from typing import Any
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from .._types import Values
 from ..parameters import nested
-from ..parts import AbstractFriction, AbstractVaneForce, Air, Diaphragm, Scalar
+from ..parts import AbstractFriction, AbstractVaneForce, Air, Diaphragm
 from ..traces import Drive, Start
 from ._air_path import ambient_pressure
 from ._base import AbstractModel
@@ -57,11 +58,11 @@ class MechanicalActuator(AbstractModel):
         """At rest in static balance, or at the mean position of the first 50 ms."""
         return self.rod.start(start, self._drive_force(0.0, drive))
 
-    def vector_field(self, time: Scalar, state: RodState, drive: Drive) -> RodState:
+    def vector_field(self, time: Values, state: RodState, drive: Drive) -> RodState:
         """Time derivative of the state [2.34]."""
         return self.rod.rates(state, self._drive_force(time, drive), drive.turbine(time))
 
-    def relaxation(self, time: Scalar, state: RodState, drive: Drive) -> RodState:
+    def relaxation(self, time: Values, state: RodState, drive: Drive) -> RodState:
         """Rates of the rod, friction and vanes."""
         return self.rod.relaxation(state, drive.turbine(time))
 
@@ -70,7 +71,7 @@ class MechanicalActuator(AbstractModel):
         """The default resolves it."""
         return math.inf
 
-    def observe(self, state: RodState, drive: Drive) -> tuple[Scalar, Scalar]:
+    def observe(self, state: RodState, drive: Drive) -> tuple[Values, Values]:
         """Position, and the pressure that was put in (zero gauge where a force was)."""
         pressure = self.air.pressure if drive.chamber is None else drive.chamber(0.0)
         return state.body.position, jnp.broadcast_to(pressure, jnp.shape(state.body.position))
@@ -86,7 +87,7 @@ class MechanicalActuator(AbstractModel):
         """That of the rod."""
         return self.rod.typical_state()
 
-    def _drive_force(self, time: Scalar | float, drive: Drive) -> Scalar:
+    def _drive_force(self, time: Values, drive: Drive) -> Values:
         if drive.force is not None:
             return drive.force(time)
         assert drive.chamber is not None

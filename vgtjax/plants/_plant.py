@@ -6,8 +6,9 @@ from typing import Any
 import equinox as eqx
 from jaxtyping import Array, PyTree
 
+from .._types import StateLeaf, Values
 from ..parameters import nested
-from ..parts import AbstractChamber, AbstractFriction, AbstractVaneForce, Air, Diaphragm, Scalar
+from ..parts import AbstractChamber, AbstractFriction, AbstractVaneForce, Air, Diaphragm
 from ..traces import Drive, Start
 from ._air_path import AbstractAirPath, AirPath, ambient_pressure
 from ._base import AbstractModel
@@ -17,7 +18,7 @@ from ._rod import Rod, RodState
 class PlantState(eqx.Module):
     """State of air path and rod, one scalar a leaf (SI units)."""
 
-    air_path: PyTree[Array]
+    air_path: PyTree[StateLeaf]
     rod: RodState
 
 
@@ -55,7 +56,7 @@ class AbstractPlant(AbstractModel):
     def start(self, start: Start, drive: Drive) -> PlantState:
         """State at rest: ambient pressure and static balance, or the means of the first 50 ms.
 
-        Pressures and positions that a trace does not tell are those of static balance.
+        Pressures and positions that a trace has no channel for are those of static balance.
         """
         ambient, diaphragm = ambient_pressure(self.air, drive), self.rod.diaphragm
         balanced = ambient - diaphragm.balance_force(start.position) / diaphragm.area
@@ -66,7 +67,7 @@ class AbstractPlant(AbstractModel):
             self.rod.start(start, diaphragm.drive_force(ambient, pressure)),
         )
 
-    def vector_field(self, time: Scalar, state: PlantState, drive: Drive) -> PlantState:
+    def vector_field(self, time: Values, state: PlantState, drive: Drive) -> PlantState:
         """Time derivative of the state [2.58]."""
         body, diaphragm = state.rod.body, self.rod.diaphragm
         air_path = self.air_path.rates(
@@ -80,7 +81,7 @@ class AbstractPlant(AbstractModel):
         force = diaphragm.drive_force(ambient_pressure(self.air, drive), self.air_path.pressure(state.air_path))
         return PlantState(air_path, self.rod.rates(state.rod, force, drive.turbine(time)))
 
-    def relaxation(self, time: Scalar, state: PlantState, drive: Drive) -> PlantState:
+    def relaxation(self, time: Values, state: PlantState, drive: Drive) -> PlantState:
         """Rates of the air path, and of the rod with its friction and vanes."""
         displaced = self.rod.diaphragm.displaced_volume(state.rod.body.position)
         return PlantState(
@@ -93,7 +94,7 @@ class AbstractPlant(AbstractModel):
         """That of the air path; the rod is resolved by the default."""
         return self.air_path.longest_step
 
-    def observe(self, state: PlantState, drive: Drive) -> tuple[Scalar, Scalar]:
+    def observe(self, state: PlantState, drive: Drive) -> tuple[Values, Values]:
         """Position and chamber pressure."""
         return state.rod.body.position, self.air_path.pressure(state.air_path)
 

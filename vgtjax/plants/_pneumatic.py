@@ -6,8 +6,9 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from .._types import Values
 from ..parameters import nested
-from ..parts import AbstractChamber, AbstractLine, Air, Converter, Diaphragm, Scalar
+from ..parts import AbstractChamber, AbstractLine, Air, Converter, Diaphragm
 from ..traces import Drive, Start
 from ._air_path import AirPath, AirPathState, ambient_pressure
 from ._base import AbstractModel
@@ -17,8 +18,8 @@ from ._plant import assemble
 class PneumaticActuator(AbstractModel):
     """Converter, line and chamber, whose volume follows a given position of the diaphragm.
 
-    The counterpart of the mechanical half: friction, springs and vanes have no say, so that what the measured
-    pressure tells is about the pneumatics only. Of the diaphragm only the area counts.
+    The counterpart of the mechanical half: friction, springs and vanes have no say, so that the measured
+    pressure is information about the pneumatics only. Of the diaphragm only the area counts.
     """
 
     air_path: AirPath = nested()
@@ -66,14 +67,14 @@ class PneumaticActuator(AbstractModel):
         pressure = jnp.where(start.at_rest, ambient_pressure(self.air, drive), pressure)
         return self.air_path.start(self.air, pressure, drive)
 
-    def vector_field(self, time: Scalar, state: AirPathState, drive: Drive) -> AirPathState:
+    def vector_field(self, time: Values, state: AirPathState, drive: Drive) -> AirPathState:
         """Time derivative of the state [2.58]."""
         assert drive.position is not None
         displaced = self.diaphragm.displaced_volume(drive.position(time))
         displacement_rate = self.diaphragm.displaced_volume(drive.position.rate)
         return self.air_path.rates(self.air, time, state, drive, displaced, displacement_rate)
 
-    def relaxation(self, time: Scalar, state: AirPathState, drive: Drive) -> AirPathState:
+    def relaxation(self, time: Values, state: AirPathState, drive: Drive) -> AirPathState:
         """Rates of the plunger, and of what else has fast states."""
         assert drive.position is not None
         return self.air_path.relaxation(self.air, state, self.diaphragm.displaced_volume(drive.position(time)))
@@ -83,7 +84,7 @@ class PneumaticActuator(AbstractModel):
         """That of the air path."""
         return self.air_path.longest_step
 
-    def observe(self, state: AirPathState, drive: Drive) -> tuple[Scalar, Scalar]:
+    def observe(self, state: AirPathState, drive: Drive) -> tuple[Values, Values]:
         """The position that was put in, and the chamber pressure."""
         assert drive.position is not None
         return jnp.broadcast_to(drive.position(0.0), jnp.shape(state.gas.pressure)), state.gas.pressure

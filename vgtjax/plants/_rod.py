@@ -3,7 +3,8 @@
 import equinox as eqx
 from jaxtyping import Array, PyTree
 
-from ..parts import AbstractFriction, AbstractVaneForce, Body, Contact, Diaphragm, LuGre, NoVaneForce, Scalar, Vanes
+from .._types import StateLeaf, Values
+from ..parts import AbstractFriction, AbstractVaneForce, Body, Contact, Diaphragm, LuGre, NoVaneForce, Vanes
 from ..traces import Start
 
 
@@ -11,8 +12,8 @@ class RodState(eqx.Module):
     """State of the rod, its friction and the vanes, one scalar a leaf (SI units)."""
 
     body: Body
-    friction: PyTree[Array]
-    vanes: PyTree[Array]
+    friction: PyTree[StateLeaf]
+    vanes: PyTree[StateLeaf]
 
 
 class Rod(eqx.Module):
@@ -22,12 +23,12 @@ class Rod(eqx.Module):
     friction: AbstractFriction = eqx.field(default_factory=LuGre)
     vane_force: AbstractVaneForce = eqx.field(default_factory=NoVaneForce)
 
-    def start(self, start: Start, drive_force: Scalar) -> RodState:
+    def start(self, start: Start, drive_force: Values) -> RodState:
         """At rest where the trace says, or else in static balance with the drive in N along +x."""
         body = self.diaphragm.start(start, drive_force)
         return RodState(body, self.friction.initial_state(), self.vane_force.initial_state())
 
-    def rates(self, state: RodState, drive_force: Scalar, turbine_pressure: Scalar) -> RodState:
+    def rates(self, state: RodState, drive_force: Values, turbine_pressure: Values) -> RodState:
         """Time derivative of the state [2.34].
 
         **Arguments:** `drive_force` in N along +x; `turbine_pressure` in Pa gauge.
@@ -39,8 +40,8 @@ class Rod(eqx.Module):
         friction_force, friction_rate = self.friction(self._contact(body, vanes), state.friction, applied)
         return RodState(Body(body.velocity, (applied - friction_force) / self.diaphragm.mass), friction_rate, vane_rate)
 
-    def relaxation(self, state: RodState, turbine_pressure: Scalar) -> RodState:
-        """Rates in 1/s at which damping stops the rod, and friction and vanes forget themselves."""
+    def relaxation(self, state: RodState, turbine_pressure: Values) -> RodState:
+        """Relaxation rates in 1/s of the rod's velocity, of friction and of the vanes."""
         body = state.body
         vanes = self._vanes(body, turbine_pressure)
         contact = self._contact(body, vanes)
@@ -50,7 +51,7 @@ class Rod(eqx.Module):
             self.vane_force.relaxation(vanes, body.velocity, state.vanes),
         )
 
-    def signals(self, state: RodState, turbine_pressure: Scalar) -> dict[str, Array]:
+    def signals(self, state: RodState, turbine_pressure: Values) -> dict[str, Array]:
         """Position, velocity, and what friction and vanes show."""
         body = state.body
         vanes = self._vanes(body, turbine_pressure)
@@ -65,7 +66,7 @@ class Rod(eqx.Module):
         """A centimetre, a tenth of a metre a second."""
         return RodState(Body(1e-2, 0.1), self.friction.typical_state(), self.vane_force.typical_state())
 
-    def _vanes(self, body: Body, turbine_pressure: Scalar) -> Vanes:
+    def _vanes(self, body: Body, turbine_pressure: Values) -> Vanes:
         return Vanes(self.diaphragm.travel - body.position, turbine_pressure)
 
     def _contact(self, body: Body, vanes: Vanes) -> Contact:

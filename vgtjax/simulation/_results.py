@@ -20,23 +20,28 @@ class RESULTS(eqx.Enumeration):
     root_not_found = "The implicit solver did not find the root of a step: lower max_step, or loosen its root finder."
 
 
+def choose(condition: Any, one: Any, other: Any) -> RESULTS:
+    """`one` where a condition holds, and else `other`."""
+    return RESULTS.where(condition, one, other)
+
+
 def judge(states: State, result: RESULTS) -> RESULTS:
     """`result`, or that the states of a solve without other fault have left the finite numbers."""
     finite = jnp.all(jnp.stack([jnp.all(jnp.isfinite(leaf)) for leaf in jax.tree.leaves(states)]))
-    return RESULTS.where((result == RESULTS.successful) & ~finite, RESULTS.diverged, result)
+    return choose((result == RESULTS.successful) & ~finite, RESULTS.diverged, result)
 
 
 def from_diffrax(result: diffrax.RESULTS) -> RESULTS:
     """The cause that a solver of diffrax names."""
-    ours = RESULTS.where(result == diffrax.RESULTS.successful, RESULTS.successful, RESULTS.diverged)
-    ours = RESULTS.where(result == diffrax.RESULTS.max_steps_reached, RESULTS.max_steps_reached, ours)
+    ours = choose(result == diffrax.RESULTS.successful, RESULTS.successful, RESULTS.diverged)
+    ours = choose(result == diffrax.RESULTS.max_steps_reached, RESULTS.max_steps_reached, ours)
     roots = (
         diffrax.RESULTS.nonlinear_divergence,
         diffrax.RESULTS.nonlinear_max_steps_reached,
         diffrax.RESULTS.max_steps_rejected,
     )
     for root in roots:
-        ours = RESULTS.where(result == root, RESULTS.root_not_found, ours)
+        ours = choose(result == root, RESULTS.root_not_found, ours)
     return ours
 
 

@@ -5,7 +5,9 @@ from typing import Any
 import diffrax
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 from ..plants import AbstractModel, State
@@ -48,7 +50,7 @@ def simulate(
     adjoint: diffrax.AbstractAdjoint | None = None,
     throw: bool = True,
 ) -> Solution:
-    """Simulates a model along a trace, from the start state that the trace tells.
+    """Simulates a model along a trace, from the start state that follows from the trace.
 
     Differentiable with respect to every array leaf of `model`, can be jitted, and vmapped over batches of models.
     The precision is that of the model's parameters.
@@ -81,12 +83,12 @@ def _simulate(
     model: AbstractModel,
     drive: Drive,
     start: Start,
-    time: Array,
+    time: Float[ArrayLike, " time"],
     plan: AbstractMarch,
     adjoint: diffrax.AbstractAdjoint,
 ) -> Solution:
     states, result = march(model, drive, start, plan, adjoint)
-    return Solution(time, states, jax.vmap(model.signals)(states, drive), result)
+    return Solution(jnp.asarray(time), states, jax.vmap(model.signals)(states, drive), result)
 
 
 def march(

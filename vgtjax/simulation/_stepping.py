@@ -17,7 +17,7 @@ from .._errors import InputError
 from ..plants import AbstractModel, State
 from ..traces import Drive, Trace
 from ._heun import StabilisedHeun
-from ._results import RESULTS, from_diffrax, judge
+from ._results import RESULTS, choose, from_diffrax, judge
 
 
 class AbstractMarch(eqx.Module):
@@ -89,7 +89,7 @@ class FixedMarch(AbstractMarch):
             return (onward, solved & found), y
 
         (_, solved), states = scan_in_blocks(interval, (state, jnp.asarray(True)), drive, adjoint)
-        return states, judge(states, RESULTS.where(solved, RESULTS.successful, RESULTS.root_not_found))
+        return states, judge(states, choose(solved, RESULTS.successful, RESULTS.root_not_found))
 
 
 class FixedStep(AbstractStepping):
@@ -162,10 +162,10 @@ def _unsuitable(adjoint: diffrax.AbstractAdjoint) -> InputError:
 
 
 class AdaptiveMarch(AbstractMarch):
-    """Error-controlled steps over a whole trace, told of every jump of the duty.
+    """Error-controlled steps over a whole trace that end at every jump of the duty.
 
-    `jumps` marks the intervals at whose start the duty jumps; one mark for each, so that the number of jumps compiles
-    nothing anew.
+    `jumps` marks the intervals at whose start the duty jumps; one mark for each, so that their number does not
+    change what is compiled.
     """
 
     rtol: float
@@ -212,7 +212,7 @@ class AdaptiveMarch(AbstractMarch):
 
 
 class AdaptiveStep(AbstractStepping):
-    """Error-controlled steps over the whole trace by `diffrax.diffeqsolve`, told of every jump of the duty.
+    """Error-controlled steps over the whole trace by `diffrax.diffeqsolve` that end at every jump of the duty.
 
     The independent check of [`FixedStep`][], which is faster. `atol` is relative to the usual size of each state.
     """

@@ -2,9 +2,8 @@
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
-Values = Float[Array, "..."]
+from .._types import Values
 
 
 class Ramp(eqx.Module):

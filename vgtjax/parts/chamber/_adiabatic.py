@@ -1,12 +1,13 @@
 """A chamber without heat exchange [2.39-2.57]."""
 
+from ..._types import Scalar, Values
 from ...parameters import parameter
-from .._air import Air, Scalar
+from .._air import Air
 from .._converter import Flow
 from ._base import AbstractChamber, Gas
 
 
-def adiabatic_rates(air: Air, gas: Gas, inflow: Flow, volume: Scalar, displacement_rate: Scalar) -> Gas:
+def adiabatic_rates(air: Air, gas: Gas, inflow: Flow, volume: Values, displacement_rate: Values) -> Gas:
     """Time derivatives of pressure (Pa/s) and temperature (K/s) without heat exchange.
 
     [2.57] with the volume term `+ gamma p A_d v / V` (erratum 3), and `T' = T (p'/p + V'/V - m'/m)` with
@@ -28,10 +29,10 @@ class AdiabaticChamber(AbstractChamber):
 
     volume: Scalar = parameter(60e-6, symbol="V_0", unit="m3", source="B.2")
 
-    def rates(self, air: Air, gas: Gas, inflow: Flow, displaced: Scalar, displacement_rate: Scalar) -> Gas:
+    def rates(self, air: Air, gas: Gas, inflow: Flow, displaced: Values, displacement_rate: Values) -> Gas:
         """Time derivatives of pressure (Pa/s) and temperature (K/s) [2.57]."""
         return adiabatic_rates(air, gas, inflow, self.gas_volume(displaced), displacement_rate)
 
-    def relaxation(self, air: Air, gas: Gas, displaced: Scalar) -> Gas:
+    def relaxation(self, air: Air, gas: Gas, displaced: Values) -> Gas:
         """The gas is slow."""
         return Gas(None, None)

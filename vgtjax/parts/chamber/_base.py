@@ -5,18 +5,18 @@ from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
+from ..._types import Scalar, StateLeaf, Values
 from ...parameters import Part
-from .._air import Air, Scalar
+from .._air import Air
 from .._converter import Flow
 
 
 class Gas(eqx.Module):
     """State of the gas in the chamber: pressure in Pa absolute and temperature in K."""
 
-    pressure: Scalar
-    temperature: Scalar
+    pressure: StateLeaf
+    temperature: StateLeaf
 
 
 class AbstractChamber(Part):
@@ -27,7 +27,7 @@ class AbstractChamber(Part):
     volume: eqx.AbstractVar[Scalar]
     """Volume in m3 with the diaphragm at its open stop."""
 
-    def gas_volume(self, displaced: Float[Array, "..."]) -> Float[Array, "..."]:
+    def gas_volume(self, displaced: Values) -> Values:
         """Volume of the gas in m3 when the diaphragm has displaced `displaced` m3 [2.41].
 
         A diaphragm that has swallowed its chamber is a failed simulation, not a negative volume: then it is NaN.
@@ -36,12 +36,12 @@ class AbstractChamber(Part):
         return jnp.where(volume > 0, volume, jnp.nan)
 
     @abc.abstractmethod
-    def rates(self, air: Air, gas: Gas, inflow: Flow, displaced: Scalar, displacement_rate: Scalar) -> Gas:
+    def rates(self, air: Air, gas: Gas, inflow: Flow, displaced: Values, displacement_rate: Values) -> Gas:
         """Time derivatives of pressure (Pa/s) and temperature (K/s).
 
         **Arguments:** `displaced` in m3 and `displacement_rate` in m3/s, the volume swept by the diaphragm.
         """
 
     @abc.abstractmethod
-    def relaxation(self, air: Air, gas: Gas, displaced: Scalar) -> Gas:
-        """Rate in 1/s at which pressure and temperature forget themselves, `None` where that is slow."""
+    def relaxation(self, air: Air, gas: Gas, displaced: Values) -> Gas:
+        """Relaxation rates in 1/s of pressure and temperature, `None` where they are slow."""

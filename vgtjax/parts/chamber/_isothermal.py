@@ -2,8 +2,9 @@
 
 import jax.numpy as jnp
 
+from ..._types import Scalar, Values
 from ...parameters import parameter
-from .._air import Air, Scalar
+from .._air import Air
 from .._converter import Flow
 from ._base import AbstractChamber, Gas
 
@@ -13,7 +14,7 @@ class IsothermalChamber(AbstractChamber):
 
     volume: Scalar = parameter(60e-6, symbol="V_0", unit="m3", source="B.2")
 
-    def rates(self, air: Air, gas: Gas, inflow: Flow, displaced: Scalar, displacement_rate: Scalar) -> Gas:
+    def rates(self, air: Air, gas: Gas, inflow: Flow, displaced: Values, displacement_rate: Values) -> Gas:
         """Time derivatives of pressure (Pa/s) and temperature (zero).
 
         `p' = (R T_atm m' + p A_d v) / V` [5.2]. [3.13] has inflow and outflow swapped (erratum 4), and its equation
@@ -23,6 +24,6 @@ class IsothermalChamber(AbstractChamber):
         pressure_rate = (flow + gas.pressure * displacement_rate) / self.gas_volume(displaced)
         return Gas(pressure_rate, jnp.zeros_like(gas.temperature))
 
-    def relaxation(self, air: Air, gas: Gas, displaced: Scalar) -> Gas:
+    def relaxation(self, air: Air, gas: Gas, displaced: Values) -> Gas:
         """The gas is slow."""
         return Gas(None, None)

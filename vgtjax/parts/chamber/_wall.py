@@ -6,8 +6,9 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from ..._errors import InputError
+from ..._types import Scalar, Values
 from ...parameters import parameter
-from .._air import Air, Scalar
+from .._air import Air
 from .._converter import Flow
 from ._adiabatic import adiabatic_rates
 from ._base import AbstractChamber, Gas
@@ -38,7 +39,7 @@ class WallChamber(AbstractChamber):
                 f"fastest_exchange must be a positive rate in 1/s, but it is {self.fastest_exchange}; use e.g. 3e3"
             )
 
-    def rates(self, air: Air, gas: Gas, inflow: Flow, displaced: Scalar, displacement_rate: Scalar) -> Gas:
+    def rates(self, air: Air, gas: Gas, inflow: Flow, displaced: Values, displacement_rate: Values) -> Gas:
         """Time derivatives of pressure (Pa/s) and temperature (K/s): [2.57] and the wall's heat."""
         isolated = adiabatic_rates(air, gas, inflow, self.gas_volume(displaced), displacement_rate)
         exchange = self._exchange_rate(air, gas, displaced)
@@ -48,11 +49,11 @@ class WallChamber(AbstractChamber):
         heating = gas.pressure * (warming - isolated.temperature) / gas.temperature
         return Gas(isolated.pressure + heating, warming)
 
-    def relaxation(self, air: Air, gas: Gas, displaced: Scalar) -> Gas:
-        """Pressure is slow; temperature forgets itself to the wall."""
+    def relaxation(self, air: Air, gas: Gas, displaced: Values) -> Gas:
+        """Pressure is slow; temperature relaxes to that of the wall."""
         return Gas(None, jnp.minimum(self._exchange_rate(air, gas, displaced), self.fastest_exchange))
 
-    def _exchange_rate(self, air: Air, gas: Gas, displaced: Scalar) -> Scalar:
+    def _exchange_rate(self, air: Air, gas: Gas, displaced: Values) -> Values:
         """`h A / (m c_v)` in 1/s, with `m c_v = p V / ((gamma - 1) T)`."""
         capacity = gas.pressure * self.gas_volume(displaced) / ((air.heat_capacity_ratio - 1) * gas.temperature)
         return self.wall_conductance / capacity

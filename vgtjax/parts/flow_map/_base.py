@@ -4,13 +4,11 @@ import abc
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool
 
+from ..._types import Scalar, Values
 from ...parameters import Part
-from .._air import Scalar
 from ._roots import falling_root
-
-Values = Float[Array, "..."]
 
 FULL_DUTY = 100.0
 """Percent."""
@@ -69,7 +67,7 @@ class AbstractFlowMap(Part):
         return jnp.zeros_like(self.ambient) if ambient is None else ambient - self.ambient
 
 
-# Compiled here once for each kind of map: bisection in plain operations would compile anew at every call.
+# Compiled here once for each kind of map: bisection in plain operations would be compiled at every call.
 @eqx.filter_jit
 def _working_pressure(flow_map: AbstractFlowMap, duty: Values, ambient: Values | None) -> Values:
     around = flow_map.ambient if ambient is None else ambient

@@ -1,14 +1,13 @@
 """Flow over plunger position and pressure as a table [5.1]."""
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..._errors import InputError
+from ..._errors import InputError, is_traced
+from ..._types import Scalar, Values
 from ...parameters import parameter
-from .._air import Scalar
-from ._base import AbstractLiftMap, Values
+from ._base import AbstractLiftMap
 
 
 class LiftTable(AbstractLiftMap):
@@ -34,7 +33,7 @@ class LiftTable(AbstractLiftMap):
     ambient: Scalar = parameter(101013.0, symbol="p_map", unit="Pa", source="B.2", held=True)
 
     def __check_init__(self) -> None:
-        if any(isinstance(values, jax.core.Tracer) for values in (self.position, self.pressure, self.flow)):
+        if is_traced(self.position, self.pressure, self.flow):
             return
         for name, knots, unit in (("position", self.position, "m"), ("pressure", self.pressure, "Pa")):
             if len(knots) < 2 or not np.all(np.diff(knots) > 0):
@@ -54,7 +53,7 @@ class LiftTable(AbstractLiftMap):
         gauged = pressure if ambient is None else pressure - (ambient - self.ambient)
         return jnp.vectorize(self._look_up)(position, gauged)
 
-    def _look_up(self, position: Scalar, pressure: Scalar) -> Scalar:
+    def _look_up(self, position: Values, pressure: Values) -> Values:
         # Gathered, unlike `tables.bilinear`, whose sum over intervals compiles for ten seconds at this size and runs a
         # batch sixteen times slower.
         row, down = _place(self.position, position)
@@ -68,7 +67,7 @@ class LiftTable(AbstractLiftMap):
         return above + down * (below - above)
 
 
-def _place(knots: Float[Array, " knots"], at: Scalar) -> tuple[Int[Array, ""], Scalar]:
+def _place(knots: Float[Array, " knots"], at: Values) -> tuple[Int[Array, ""], Values]:
     """The interval between knots where a value lies, held within the outer ones, and how far across it."""
     within = jnp.clip(at, knots[0], knots[-1])
     index = jnp.clip(jnp.sum(within >= knots) - 1, 0, knots.shape[-1] - 2)

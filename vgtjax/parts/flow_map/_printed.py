@@ -4,9 +4,9 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from ..._types import Scalar, Values
 from ...parameters import parameter
-from .._air import Scalar
-from ._base import FULL_DUTY, AbstractFlowMap, Values, duty_by_bisection
+from ._base import FULL_DUTY, AbstractFlowMap, duty_by_bisection
 from ._roots import polynomial, slope
 
 MBAR = 100.0

@@ -5,9 +5,9 @@ from collections.abc import Callable
 import jax
 import jax.numpy as jnp
 from jax import lax
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
-Values = Float[Array, "..."]
+from ..._types import Values
 
 HALVINGS = 52
 """Leaves 2e-14 of the interval, near the resolution of double precision."""
@@ -20,11 +20,11 @@ def falling_root(function: Callable[[Values], Values], low: Values, high: Values
     """Where a falling function is zero, by bisection; the nearer end where it is not zero between `low` and `high`.
 
     Elementwise. Bisection has no derivative, so one step of Newton's follows whose slope counts as a constant: by the
-    implicit function theorem it has the right first derivative by all that `function` depends on. Where the slope
-    is zero, or so small that rounding alone would lead away from the root, there is no such step.
+    implicit function theorem it has the right first derivative with respect to all that `function` depends on. Where
+    the slope is zero, or so small that rounding alone would lead away from the root, there is no such step.
     """
 
-    def halve(_: int, ends: tuple[Values, Values]) -> tuple[Values, Values]:
+    def halve(_: Int[Array, ""], ends: tuple[Values, Values]) -> tuple[Values, Values]:
         below, above = ends
         middle = 0.5 * (below + above)
         higher = function(middle) > 0

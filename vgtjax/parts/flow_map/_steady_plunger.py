@@ -4,8 +4,9 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from ..._types import Values
 from ...parameters import parameter
-from ._base import FULL_DUTY, AbstractFlowMap, Values, duty_by_bisection
+from ._base import FULL_DUTY, AbstractFlowMap, duty_by_bisection
 from ._lift_table import LiftTable
 from ._roots import polynomial
 

@@ -4,8 +4,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..._types import Scalar, Values
 from ...parameters import parameter
-from .._air import Scalar
 from .._gas_table import AbstractGasTables, Table
 from .._vanes import Crank, Vanes
 from ._bristles import SMALLEST_FORCE, AbstractLuGre
@@ -65,11 +65,11 @@ class AdaptiveLuGre(AbstractLuGre, AbstractGasTables):
         """`load`."""
         return {"load": self.load}
 
-    def passivity_margin(self) -> Scalar:
+    def passivity_margin(self) -> Values:
         """`sigma_2` beyond its bound; while the load changes, friction may store and give back what it changes."""
         return self.viscous_damping - self.passivity_bound()
 
-    def theta(self, vanes: Vanes) -> Scalar:
+    def theta(self, vanes: Vanes) -> Values:
         """How many times its friction without exhaust gas the contact has; one at zero gauge pressure [3.20]."""
         load = self.read(self.load, vanes)
         return 1 + load / jnp.maximum(self.coulomb_force, SMALLEST_FORCE)

@@ -6,17 +6,17 @@ from typing import Any, ClassVar
 import equinox as eqx
 from jaxtyping import Array, PyTree
 
+from ..._types import StateLeaf, Values
 from ...parameters import Part
-from .._air import Scalar
 from .._vanes import Vanes
 
 
 class Contact(eqx.Module):
     """What moves and presses where rod and guide touch."""
 
-    velocity: Scalar
+    velocity: Values
     """Velocity of the rod in m/s."""
-    mass: Scalar
+    mass: Values
     """Mass that friction has to stop, in kg."""
     vanes: Vanes
     """Exhaust gas loads the bearings of the vanes."""
@@ -31,30 +31,30 @@ class AbstractFriction(Part):
     place: ClassVar[str] = "friction"
 
     @abc.abstractmethod
-    def initial_state(self) -> PyTree[Scalar]:
+    def initial_state(self) -> PyTree[StateLeaf]:
         """State at rest with nothing stretched."""
 
     @abc.abstractmethod
-    def __call__(self, contact: Contact, state: Any, applied_force: Scalar) -> tuple[Scalar, PyTree[Scalar]]:
+    def __call__(self, contact: Contact, state: Any, applied_force: Values) -> tuple[Values, PyTree[StateLeaf]]:
         """Friction force in N and the time derivative of the state.
 
         **Arguments:** `applied_force` in N: all other forces on the rod along +x.
         """
 
     @abc.abstractmethod
-    def relaxation(self, contact: Contact, state: Any) -> PyTree[Scalar]:
+    def relaxation(self, contact: Contact, state: Any) -> PyTree[StateLeaf]:
         """Relaxation rate in 1/s of each state, `-d(state')/d(state)`."""
 
     @abc.abstractmethod
-    def damping(self, contact: Contact) -> Scalar:
+    def damping(self, contact: Contact) -> Values:
         """The largest slope of the force over velocity in N s/m."""
 
     @abc.abstractmethod
-    def steady_force(self, contact: Contact) -> Scalar:
+    def steady_force(self, contact: Contact) -> Values:
         """Force in N of a rod that slides steadily at the contact's velocity."""
 
     @abc.abstractmethod
-    def passivity_margin(self) -> Scalar | None:
+    def passivity_margin(self) -> Values | None:
         """Viscous damping in N s/m beyond the least with which friction never gives out energy, negative where it can.
 
         `None` for friction that can't whatever its parameters are.
@@ -65,5 +65,5 @@ class AbstractFriction(Part):
         """The state by the names of the trace columns."""
 
     @abc.abstractmethod
-    def typical_state(self) -> PyTree[Scalar]:
+    def typical_state(self) -> PyTree[StateLeaf]:
         """The usual size of each state, by which an absolute tolerance is scaled."""

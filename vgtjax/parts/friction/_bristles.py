@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..._errors import InputError
-from .._air import Scalar
+from ..._types import Scalar, StateLeaf, Values
 from .._vanes import Vanes
 from ._base import AbstractFriction, Contact
 
@@ -18,7 +18,7 @@ SMALLEST_FORCE = 1e-9
 class Bristle(eqx.Module):
     """State of LuGre friction: mean deflection of the bristles in m."""
 
-    deflection: Scalar
+    deflection: StateLeaf
 
 
 class AbstractLuGre(AbstractFriction):
@@ -42,10 +42,10 @@ class AbstractLuGre(AbstractFriction):
             )
 
     @abc.abstractmethod
-    def theta(self, vanes: Vanes) -> Scalar | float:
+    def theta(self, vanes: Vanes) -> Values | float:
         """How many times its friction without exhaust gas the contact has."""
 
-    def passivity_bound(self) -> Scalar:
+    def passivity_bound(self) -> Values:
         """The least viscous damping in N s/m with which friction never generates energy, `sigma_1 (F_s - F_c) / F_c`.
 
         Bristles stretched by stiction that a sudden slip unloads push with `sigma_1 z'`. With `sigma_0 z^2 / 2` stored,
@@ -58,14 +58,14 @@ class AbstractLuGre(AbstractFriction):
         """A relaxed bristle."""
         return Bristle(jnp.zeros_like(self.coulomb_force))
 
-    def stribeck(self, velocity: Scalar) -> Scalar:
+    def stribeck(self, velocity: Values) -> Values:
         """Steady sliding force without its viscous part in N: `F_c + (F_s - F_c) exp(-(|v|/v_s)^n)` [3.7, 5.62]."""
         ratio = jnp.abs(velocity) / self.stribeck_velocity
         falling = jnp.exp(-ratio if self.stribeck_exponent == 1 else -ratio * ratio)
         force = self.coulomb_force + (self.static_force - self.coulomb_force) * falling
         return jnp.maximum(force, SMALLEST_FORCE)
 
-    def steady_force(self, contact: Contact) -> Scalar:
+    def steady_force(self, contact: Contact) -> Values:
         """`theta (g(v) sign(v) + sigma_2 v)`."""
         velocity = contact.velocity
         sliding = self.stribeck(velocity) * jnp.sign(velocity) + self.viscous_damping * velocity
@@ -75,11 +75,11 @@ class AbstractLuGre(AbstractFriction):
         """`sigma_0 |v| / g(v)`; a load stiffens the bristles and raises the force at which they slip alike."""
         return Bristle(self.bristle_stiffness * jnp.abs(contact.velocity) / self.stribeck(contact.velocity))
 
-    def damping(self, contact: Contact) -> Scalar:
+    def damping(self, contact: Contact) -> Values:
         """`theta (sigma_1 + sigma_2)`, the slope while the bristles stick."""
         return self.theta(contact.vanes) * (self.bristle_damping + self.viscous_damping)
 
-    def __call__(self, contact: Contact, state: Bristle, applied_force: Scalar) -> tuple[Scalar, Bristle]:
+    def __call__(self, contact: Contact, state: Bristle, applied_force: Values) -> tuple[Values, Bristle]:
         """Force [3.6, 3.18]; the applied force plays no part."""
         velocity = contact.velocity
         sliding = self.bristle_stiffness * jnp.abs(velocity) * state.deflection / self.stribeck(velocity)
@@ -98,7 +98,7 @@ class AbstractLuGre(AbstractFriction):
         return Bristle(self.static_force / self.bristle_stiffness)
 
 
-def least_damping(static_force: Scalar, coulomb_force: Scalar, bristle_damping: Scalar) -> Scalar:
+def least_damping(static_force: Values, coulomb_force: Values, bristle_damping: Values) -> Values:
     """The bound of [`AbstractLuGre.passivity_bound`][] in N s/m."""
     smaller = jnp.maximum(jnp.minimum(static_force, coulomb_force), SMALLEST_FORCE)
     return bristle_damping * abs(static_force - coulomb_force) / smaller

@@ -7,8 +7,8 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..._errors import InputError
+from ..._types import Scalar, Values
 from ...parameters import parameter
-from .._air import Scalar
 from ._base import AbstractFriction, Contact
 from ._bristles import SMALLEST_FORCE
 
@@ -41,15 +41,15 @@ class Coulomb(AbstractFriction):
     def relaxation(self, contact: Contact, state: None) -> None:
         """No state, no rate."""
 
-    def damping(self, contact: Contact) -> Scalar:
+    def damping(self, contact: Contact) -> Values:
         """`m / stick_time` at velocities at which a rod may stick, `sigma_2` from twice those on."""
         return sticking_damping(self.coulomb_force, self.viscous_damping, self.stick_time, contact)
 
-    def __call__(self, contact: Contact, state: None, applied_force: Scalar) -> tuple[Scalar, None]:
+    def __call__(self, contact: Contact, state: None, applied_force: Values) -> tuple[Values, None]:
         """Force in N under an applied force in N."""
         return sticking_force(self.coulomb_force, self.viscous_damping, self.stick_time, contact, applied_force), None
 
-    def steady_force(self, contact: Contact) -> Scalar:
+    def steady_force(self, contact: Contact) -> Values:
         """`F_c sign(v) + sigma_2 v`."""
         return self.coulomb_force * jnp.sign(contact.velocity) + self.viscous_damping * contact.velocity
 
@@ -64,7 +64,7 @@ class Coulomb(AbstractFriction):
         """No state, no size."""
 
 
-def sticking_damping(limit: Scalar, viscous: Scalar, stick_time: float, contact: Contact) -> Scalar:
+def sticking_damping(limit: Values, viscous: Values, stick_time: float, contact: Contact) -> Values:
     """Damping in N s/m of dry friction up to `limit` in N that stops a rod within `stick_time` in s."""
     stuck = jnp.maximum(contact.mass / stick_time, viscous)
     # A load below F_c stops the rod from 2 F_c stick_time / m at most. The larger damping at any velocity would be
@@ -75,8 +75,8 @@ def sticking_damping(limit: Scalar, viscous: Scalar, stick_time: float, contact:
 
 
 def sticking_force(
-    limit: Scalar, viscous: Scalar, stick_time: float, contact: Contact, applied_force: Scalar
-) -> Scalar:
+    limit: Values, viscous: Values, stick_time: float, contact: Contact, applied_force: Values
+) -> Values:
     """Force in N of the same friction with a viscous part, under an applied force in N."""
     slowing = viscous * contact.velocity
     # The viscous part is taken out before clipping and comes back after it: stuck, the two cancel exactly.

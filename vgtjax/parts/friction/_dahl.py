@@ -7,8 +7,8 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..._errors import InputError
+from ..._types import Scalar, Values
 from ...parameters import parameter
-from .._air import Scalar
 from ._base import AbstractFriction, Contact
 from ._bristles import SMALLEST_FORCE, Bristle
 
@@ -47,11 +47,11 @@ class Dahl(AbstractFriction):
             return Bristle(rate)
         return Bristle(rate * max(self.shape_exponent, 1.0) * self._power(self._left(contact, state)))
 
-    def damping(self, contact: Contact) -> Scalar:
+    def damping(self, contact: Contact) -> Values:
         """`sigma_2`; the bristles have none."""
         return self.viscous_damping
 
-    def __call__(self, contact: Contact, state: Bristle, applied_force: Scalar) -> tuple[Scalar, Bristle]:
+    def __call__(self, contact: Contact, state: Bristle, applied_force: Values) -> tuple[Values, Bristle]:
         """Force in N; the applied force plays no part."""
         velocity = contact.velocity
         if self.shape_exponent == 1:
@@ -61,7 +61,7 @@ class Dahl(AbstractFriction):
             rate = velocity * left * self._power(left)
         return self.bristle_stiffness * state.deflection + self.viscous_damping * velocity, Bristle(rate)
 
-    def steady_force(self, contact: Contact) -> Scalar:
+    def steady_force(self, contact: Contact) -> Values:
         """`F_c sign(v) + sigma_2 v`."""
         return self._limit * jnp.sign(contact.velocity) + self.viscous_damping * contact.velocity
 
@@ -77,13 +77,13 @@ class Dahl(AbstractFriction):
         return Bristle(self.coulomb_force / self.bristle_stiffness)
 
     @property
-    def _limit(self) -> Scalar:
+    def _limit(self) -> Values:
         return jnp.maximum(self.coulomb_force, SMALLEST_FORCE)
 
-    def _left(self, contact: Contact, state: Bristle) -> Scalar:
+    def _left(self, contact: Contact, state: Bristle) -> Values:
         """`1 - F sign(v) / F_c`: zero where the bristle slides, two where a sliding one turns round."""
         return 1 - jnp.sign(contact.velocity) * self.bristle_stiffness * state.deflection / self._limit
 
-    def _power(self, left: Scalar) -> Scalar:
+    def _power(self, left: Values) -> Values:
         """`|left|^(alpha - 1)`, held below a thousandth: there an exponent below one would have an infinite slope."""
         return jnp.exp((self.shape_exponent - 1) * jnp.log(jnp.maximum(jnp.abs(left), 1e-3)))

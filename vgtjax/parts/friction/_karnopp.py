@@ -4,8 +4,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from ..._types import Scalar, Values
 from ...parameters import parameter
-from .._air import Scalar
 from ._base import AbstractFriction, Contact
 from ._coulomb import check_width, sticking_damping, sticking_force
 
@@ -33,7 +33,7 @@ class Karnopp(AbstractFriction):
     def initial_state(self) -> None:
         """Nothing to remember."""
 
-    def limit(self, velocity: Scalar) -> Scalar:
+    def limit(self, velocity: Values) -> Values:
         """The largest dry force in N at a velocity in m/s."""
         stiction = jnp.clip(2.0 - jnp.abs(velocity) / self.velocity_band, 0.0, 1.0)
         return self.coulomb_force + (self.static_force - self.coulomb_force) * stiction
@@ -41,16 +41,16 @@ class Karnopp(AbstractFriction):
     def relaxation(self, contact: Contact, state: None) -> None:
         """No state, no rate."""
 
-    def damping(self, contact: Contact) -> Scalar:
+    def damping(self, contact: Contact) -> Values:
         """That of [`Coulomb`][]; in the band's flank the force falls with velocity, which no damping does."""
         return sticking_damping(self.limit(contact.velocity), self.viscous_damping, self.stick_time, contact)
 
-    def __call__(self, contact: Contact, state: None, applied_force: Scalar) -> tuple[Scalar, None]:
+    def __call__(self, contact: Contact, state: None, applied_force: Values) -> tuple[Values, None]:
         """Force in N under an applied force in N."""
         limit = self.limit(contact.velocity)
         return sticking_force(limit, self.viscous_damping, self.stick_time, contact, applied_force), None
 
-    def steady_force(self, contact: Contact) -> Scalar:
+    def steady_force(self, contact: Contact) -> Values:
         """`F(v) sign(v) + sigma_2 v` with the limit `F(v)`."""
         velocity = contact.velocity
         return self.limit(velocity) * jnp.sign(velocity) + self.viscous_damping * velocity

@@ -6,8 +6,8 @@ import equinox as eqx
 import numpy as np
 
 from ..._errors import is_traced
+from ..._types import Scalar, Values
 from ...parameters import parameter
-from .._air import Scalar
 from .._vanes import Vanes
 from ._bristles import SMALLEST_FORCE, AbstractLuGre
 
@@ -35,7 +35,7 @@ class LuGre(AbstractLuGre):
     def __check_init__(self) -> None:
         warn_unless_passive(self)
 
-    def passivity_margin(self) -> Scalar:
+    def passivity_margin(self) -> Values:
         """`sigma_2` beyond its bound."""
         return self.viscous_damping - self.passivity_bound()
 

@@ -2,8 +2,8 @@
 
 import equinox as eqx
 
+from ..._types import Scalar, Values
 from ...parameters import parameter
-from .._air import Scalar
 from .._vanes import Vanes
 from ._bristles import AbstractLuGre, least_damping
 
@@ -29,12 +29,12 @@ class PassiveLuGre(AbstractLuGre):  # type: ignore[misc]  # mypy takes abstract 
     """As in [`LuGre`][]."""
 
     @property  # type: ignore[misc]  # mypy takes the abstract variable for a field
-    def static_force(self) -> Scalar:  # type: ignore[override]
+    def static_force(self) -> Values:  # type: ignore[override]
         """`F_s` in N."""
         return self.coulomb_force + self.stribeck_drop
 
     @property  # type: ignore[misc]
-    def viscous_damping(self) -> Scalar:  # type: ignore[override]
+    def viscous_damping(self) -> Values:  # type: ignore[override]
         """`sigma_2` in N s/m."""
         return least_damping(self.static_force, self.coulomb_force, self.bristle_damping) + self.excess_damping
 

@@ -6,8 +6,9 @@ from typing import Any, ClassVar
 
 from jaxtyping import Array, PyTree
 
+from ..._types import StateLeaf
 from ...parameters import Part
-from .._air import Air, Scalar
+from .._air import Air
 from .._converter import Flow
 from ..chamber._base import Gas
 
@@ -18,7 +19,7 @@ class AbstractLine(Part):
     place: ClassVar[str] = "line"
 
     @abc.abstractmethod
-    def initial_state(self, air: Air, gas: Gas) -> PyTree[Scalar]:
+    def initial_state(self, air: Air, gas: Gas) -> PyTree[StateLeaf]:
         """State at rest, filled with the gas of the chamber."""
 
     @abc.abstractmethod
@@ -29,7 +30,7 @@ class AbstractLine(Part):
         """
 
     @abc.abstractmethod
-    def __call__(self, air: Air, state: Any, entering: Flow, gas: Gas) -> tuple[Flow, PyTree[Scalar]]:
+    def __call__(self, air: Air, state: Any, entering: Flow, gas: Gas) -> tuple[Flow, PyTree[StateLeaf]]:
         """Flow into the chamber, and the time derivative of the state.
 
         **Arguments:** `entering` is the flow that `port` says; `gas` is the state of the chamber; `air` gives speed of
@@ -37,8 +38,8 @@ class AbstractLine(Part):
         """
 
     @abc.abstractmethod
-    def relaxation(self, air: Air, state: Any, gas: Gas) -> PyTree[Scalar]:
-        """Rate in 1/s, one for each state, at which it forgets itself, `None` where it is slow or oscillates."""
+    def relaxation(self, air: Air, state: Any, gas: Gas) -> PyTree[StateLeaf]:
+        """Relaxation rate in 1/s of each state, `None` where it is slow or oscillates."""
 
     @property
     @abc.abstractmethod
@@ -50,5 +51,5 @@ class AbstractLine(Part):
         """The state and the flow into the chamber, by the names of the trace columns."""
 
     @abc.abstractmethod
-    def typical_state(self, gas: Gas) -> PyTree[Scalar]:
+    def typical_state(self, gas: Gas) -> PyTree[StateLeaf]:
         """The usual size of each state with `gas` in the line, by which an absolute tolerance is scaled."""

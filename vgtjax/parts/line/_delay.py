@@ -10,15 +10,16 @@ import numpy as np
 from jaxtyping import Array
 
 from ..._errors import InputError
+from ..._types import Scalar, Values
 from ...parameters import parameter
-from .._air import Air, Scalar
+from .._air import Air
 from .._converter import Flow
 from ..chamber._base import Gas
 from ._base import AbstractLine
 from ._losses import friction_rate, speed_of_sound
 
-Lags = tuple[Scalar, ...]
-"""One number a lag."""
+Lags = tuple[Values, ...]
+"""One number per lag."""
 
 
 class DelayLine(AbstractLine):
@@ -94,7 +95,7 @@ class DelayLine(AbstractLine):
         """A tenth of a gram a second."""
         return (1e-4,) * self.cells
 
-    def _span(self, air: Air) -> Scalar:
+    def _span(self, air: Air) -> Values:
         """The delay in s that the lags are made for: `tau`, unless one of them were below `shortest_lag`."""
         return jnp.maximum(self.length / speed_of_sound(air), self.shortest_lag / _fractions(self.cells)[0])
 
@@ -102,7 +103,7 @@ class DelayLine(AbstractLine):
         span = self._span(air)
         return tuple(fraction * span for fraction in _fractions(self.cells))
 
-    def _weights(self, share: Scalar) -> Lags:
+    def _weights(self, share: Values) -> Lags:
         """Weights `w_k` for a delay that is `share` of the span.
 
         `sum_k w_k f_k^j = share^j / j!` for `0 < j < cells` gives the powers of `s tau`; `sum_k w_k = share`, what is
@@ -129,7 +130,7 @@ def _weight_polynomials(cells: int) -> tuple[tuple[float, ...], ...]:
     return tuple(map(tuple, np.hstack([first, solved[:, 2:]]).tolist()))
 
 
-def _without_constant(coefficients: tuple[float, ...], share: Scalar) -> Scalar:
+def _without_constant(coefficients: tuple[float, ...], share: Values) -> Values:
     value = coefficients[-1] * share
     for coefficient in reversed(coefficients[:-1]):
         value = (value + coefficient) * share

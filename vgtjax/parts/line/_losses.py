@@ -4,7 +4,8 @@ import math
 
 import jax.numpy as jnp
 
-from .._air import Air, Scalar
+from ..._types import Values
+from .._air import Air
 from ..chamber._base import Gas
 
 LAMINAR = 32.0
@@ -15,7 +16,7 @@ TRANSITION = (LAMINAR / TURBULENT) ** (4 / 3)
 """Reynolds number, 1187, at which the two are equal."""
 
 
-def speed_of_sound(air: Air) -> Scalar:
+def speed_of_sound(air: Air) -> Values:
     """Speed of sound in m/s at ambient temperature, whatever the chamber's: the wall keeps a line's air near it.
 
     One speed for all times makes the mass in a line a fixed multiple of its pressure, so that it can be conserved.
@@ -23,12 +24,12 @@ def speed_of_sound(air: Air) -> Scalar:
     return jnp.sqrt(air.heat_capacity_ratio * air.gas_constant * air.temperature)
 
 
-def cross_section(bore: Scalar) -> Scalar:
+def cross_section(bore: Values) -> Values:
     """Area in m2 of a line of a bore in m."""
     return 0.25 * math.pi * bore**2
 
 
-def resistance(mass_flow: Scalar, bore: Scalar, viscosity: Scalar) -> Scalar:
+def resistance(mass_flow: Values, bore: Values, viscosity: Values) -> Values:
     """Pressure drop per length and mean velocity, `R_t` in Pa s/m2 [2.30].
 
     The larger of Blasius's [2.31] and the laminar `32 mu / D^2` (erratum 8): of the two Reynolds numbers rather than of
@@ -42,7 +43,7 @@ def resistance(mass_flow: Scalar, bore: Scalar, viscosity: Scalar) -> Scalar:
     return TURBULENT * viscosity * root * jnp.sqrt(root) / bore**2
 
 
-def friction_rate(air: Air, gas: Gas, mass_flow: Scalar, bore: Scalar, viscosity: Scalar) -> Scalar:
+def friction_rate(air: Air, gas: Gas, mass_flow: Values, bore: Values, viscosity: Values) -> Values:
     """Rate in 1/s at which friction stops a flow, `R_t / rho` [2.20] with `rho = p / (R T)` [2.25].
 
     **Arguments:** `gas` gives the density; the others as in [`resistance`][].

@@ -10,8 +10,9 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..._errors import InputError
+from ..._types import Scalar, StateLeaf, Values
 from ...parameters import parameter
-from .._air import Air, Scalar
+from .._air import Air
 from .._converter import Flow
 from ..chamber._base import Gas
 from ._base import AbstractLine
@@ -24,8 +25,8 @@ FASTEST_SOUND = 400.0
 class WaveState(eqx.Module):
     """Pressure in Pa absolute and mass flow towards the chamber in kg/s, one of each a cell, converter first."""
 
-    pressures: tuple[Scalar, ...]
-    flows: tuple[Scalar, ...]
+    pressures: tuple[StateLeaf, ...]
+    flows: tuple[StateLeaf, ...]
 
 
 class WaveLine(AbstractLine):
@@ -75,7 +76,7 @@ class WaveLine(AbstractLine):
         pressure, reference = _edges(state.pressures)[0][0], _edges(state.flows)[0][0]
         impedance = self._share() * self._impedance(air)
 
-        def entering(p: Scalar) -> tuple[Scalar, Scalar]:
+        def entering(p: Values) -> tuple[Values, Values]:
             into = flow(Gas(p, gas.temperature))
             return into.mass_flow, into.temperature
 
@@ -131,33 +132,33 @@ class WaveLine(AbstractLine):
         """Pressure of the gas, a tenth of a gram a second."""
         return WaveState((gas.pressure,) * self.cells, (1e-4,) * self.cells)
 
-    def stored_mass(self, air: Air, state: WaveState) -> Scalar:
+    def stored_mass(self, air: Air, state: WaveState) -> Values:
         """Mass of gas in the line in kg up to a constant, `A dx / c^2 sum p` [2.17]."""
         return self._share() * sum(state.pressures) / (self._impedance(air) * self._crossing_rate(air))
 
-    def _span(self) -> Scalar:
+    def _span(self) -> Values:
         """Length in m of the line that is divided into cells."""
         return jnp.maximum(self.length, self.shortest)
 
-    def _share(self) -> Scalar:
+    def _share(self) -> Values:
         return self.length / self._span()
 
-    def _impedance(self, air: Air) -> Scalar:
+    def _impedance(self, air: Air) -> Values:
         """`c / A` in Pa s/kg."""
         return speed_of_sound(air) / cross_section(self.bore)
 
-    def _crossing_rate(self, air: Air) -> Scalar:
+    def _crossing_rate(self, air: Air) -> Values:
         """`c / dx` in 1/s."""
         return self.cells * speed_of_sound(air) / self._span()
 
-    def _friction_rates(self, air: Air, state: WaveState, gas: Gas) -> tuple[Scalar, ...]:
+    def _friction_rates(self, air: Air, state: WaveState, gas: Gas) -> tuple[Values, ...]:
         return tuple(
             friction_rate(air, Gas(pressure, gas.temperature), flow, self.bore, self.viscosity)
             for pressure, flow in zip(state.pressures, state.flows, strict=True)
         )
 
 
-def _edges(means: tuple[Scalar, ...]) -> tuple[list[Scalar], list[Scalar]]:
+def _edges(means: tuple[Values, ...]) -> tuple[list[Values], list[Values]]:
     """Values at the left and the right edge of every cell: linear, with the slope of the neighbours.
 
     Not limited: what moves the plunger is smooth, and a limiter's switching would be in every derivative.

@@ -6,8 +6,8 @@ from typing import Any, ClassVar
 import equinox as eqx
 from jaxtyping import Array, PyTree
 
+from ..._types import StateLeaf, Values
 from ...parameters import Part
-from .._air import Scalar
 
 
 class AbstractMagneticForce(Part):
@@ -20,28 +20,28 @@ class AbstractMagneticForce(Part):
     each brings it nearer by the ratio of magnetic to spring stiffness, which is below one."""
 
     @abc.abstractmethod
-    def initial_state(self, pwm: Scalar) -> PyTree[Scalar]:
+    def initial_state(self, pwm: Values) -> PyTree[StateLeaf]:
         """State after a duty in percent has been held for long."""
 
     @abc.abstractmethod
-    def __call__(self, pwm: Scalar, position: Scalar, velocity: Scalar, state: Any) -> tuple[Scalar, PyTree[Scalar]]:
+    def __call__(self, pwm: Values, position: Values, velocity: Values, state: Any) -> tuple[Values, PyTree[StateLeaf]]:
         """Pull in N, and the time derivative of the state.
 
         **Arguments:** `pwm` in percent, `position` (m, up is positive) and `velocity` (m/s) of the plunger.
         """
 
     @abc.abstractmethod
-    def steady_pull(self, pwm: Scalar, position: Scalar) -> Scalar:
+    def steady_pull(self, pwm: Values, position: Values) -> Values:
         """Pull in N at a plunger position in m after a duty in percent has been held for long."""
 
     @abc.abstractmethod
-    def relaxation(self, position: Scalar, state: Any) -> PyTree[Scalar]:
-        """Rate in 1/s, one for each state, at which it forgets itself."""
+    def relaxation(self, position: Values, state: Any) -> PyTree[StateLeaf]:
+        """Relaxation rate in 1/s of each state."""
 
     @abc.abstractmethod
     def signals(self, state: Any) -> dict[str, Array]:
         """The state by the names of the trace columns."""
 
     @abc.abstractmethod
-    def typical_state(self) -> PyTree[Scalar]:
+    def typical_state(self) -> PyTree[StateLeaf]:
         """The usual size of each state, by which an absolute tolerance is scaled."""

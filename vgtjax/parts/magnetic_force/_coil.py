@@ -7,8 +7,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..._types import Scalar, StateLeaf, Values
 from ...parameters import parameter
-from .._air import Scalar
 from ._base import AbstractMagneticForce
 
 VACUUM_PERMEABILITY = 4e-7 * math.pi
@@ -18,7 +18,7 @@ VACUUM_PERMEABILITY = 4e-7 * math.pi
 class Winding(eqx.Module):
     """State of the coil: current in A."""
 
-    current: Scalar
+    current: StateLeaf
 
 
 class Coil(AbstractMagneticForce):
@@ -63,14 +63,14 @@ class Coil(AbstractMagneticForce):
     ever negative.
     """
 
-    def voltage(self, pwm: Scalar) -> Scalar:
+    def voltage(self, pwm: Values) -> Values:
         """Effective voltage in V at a duty in percent."""
         duty = 0.01 * pwm
         c1, c2, c3 = (self.duty_map[k] for k in range(3))
         return self.supply_voltage * ((c3 * duty + c2) * duty + c1) * duty
 
-    def inductance(self, position: Scalar) -> tuple[Scalar, Scalar]:
-        """Inductance in H [2.2], and its derivative by the plunger's position in H/m [2.4, corrected].
+    def inductance(self, position: Values) -> tuple[Values, Values]:
+        """Inductance in H [2.2], and its derivative with respect to the plunger's position in H/m [2.4, corrected].
 
         A core that reaches the plunger above `nearest` is a failed simulation: then both are NaN.
         """
@@ -82,21 +82,21 @@ class Coil(AbstractMagneticForce):
         slope = -inductance * self.relative_permeability / path
         return inductance + slope * (position - within), slope
 
-    def initial_state(self, pwm: Scalar) -> Winding:
+    def initial_state(self, pwm: Values) -> Winding:
         """The current `U / R`."""
         return Winding(self.voltage(pwm) / self.resistance)
 
-    def __call__(self, pwm: Scalar, position: Scalar, velocity: Scalar, state: Winding) -> tuple[Scalar, Winding]:
+    def __call__(self, pwm: Values, position: Values, velocity: Values, state: Winding) -> tuple[Values, Winding]:
         """Pull [2.6], and `i' = (U - R i - i L' v) / L` in A/s [2.1]."""
         inductance, slope = self.inductance(position)
         drop = (self.resistance + slope * velocity) * state.current
         return _pull(state.current, slope), Winding((self.voltage(pwm) - drop) / inductance)
 
-    def steady_pull(self, pwm: Scalar, position: Scalar) -> Scalar:
+    def steady_pull(self, pwm: Values, position: Values) -> Values:
         """Pull of the current `U / R` [2.6]."""
         return _pull(self.initial_state(pwm).current, self.inductance(position)[1])
 
-    def relaxation(self, position: Scalar, state: Winding) -> Winding:
+    def relaxation(self, position: Values, state: Winding) -> Winding:
         """`R / L`."""
         return Winding(self.resistance / self.inductance(position)[0])
 
@@ -109,5 +109,5 @@ class Coil(AbstractMagneticForce):
         return Winding(self.supply_voltage / self.resistance)
 
 
-def _pull(current: Scalar, slope: Scalar) -> Scalar:
+def _pull(current: Values, slope: Values) -> Values:
     return -0.5 * current**2 * slope

@@ -4,8 +4,8 @@ from typing import ClassVar
 
 from jaxtyping import Array, Float
 
+from ..._types import Values
 from ...parameters import parameter
-from .._air import Scalar
 from ._base import AbstractMagneticForce
 
 
@@ -24,19 +24,19 @@ class StaticForce(AbstractMagneticForce):
 
     rest_iterations: ClassVar[int] = 1
 
-    def initial_state(self, pwm: Scalar) -> None:
+    def initial_state(self, pwm: Values) -> None:
         """Nothing to remember."""
 
-    def __call__(self, pwm: Scalar, position: Scalar, velocity: Scalar, state: None) -> tuple[Scalar, None]:
+    def __call__(self, pwm: Values, position: Values, velocity: Values, state: None) -> tuple[Values, None]:
         """The quartic."""
         return self.steady_pull(pwm, position), None
 
-    def steady_pull(self, pwm: Scalar, position: Scalar) -> Scalar:
+    def steady_pull(self, pwm: Values, position: Values) -> Values:
         """The quartic [2.9 with the digits of B.1]."""
         c0, c1, c2, c3, c4 = (self.coefficients[k] for k in range(5))
         return (((c4 * pwm + c3) * pwm + c2) * pwm + c1) * pwm + c0
 
-    def relaxation(self, position: Scalar, state: None) -> None:
+    def relaxation(self, position: Values, state: None) -> None:
         """No state, no rate."""
 
     def signals(self, state: None) -> dict[str, Array]:

@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from .._air import Scalar
+from ..._types import Values
 from .._vanes import Vanes
 from ._base import AbstractVaneForce
 
@@ -14,14 +14,14 @@ class NoVaneForce(AbstractVaneForce):
     def initial_state(self) -> None:
         """Nothing to remember."""
 
-    def __call__(self, vanes: Vanes, velocity: Scalar, state: None) -> tuple[Scalar, None]:
+    def __call__(self, vanes: Vanes, velocity: Values, state: None) -> tuple[Values, None]:
         """Zero."""
         return jnp.zeros_like(velocity), None
 
-    def relaxation(self, vanes: Vanes, velocity: Scalar, state: None) -> None:
+    def relaxation(self, vanes: Vanes, velocity: Values, state: None) -> None:
         """No state, no rate."""
 
-    def signals(self, vanes: Vanes, velocity: Scalar, state: None) -> dict[str, Array]:
+    def signals(self, vanes: Vanes, velocity: Values, state: None) -> dict[str, Array]:
         """Nothing to show."""
         return {}
 

@@ -5,8 +5,8 @@ from typing import Any, ClassVar
 
 from jaxtyping import Array, PyTree
 
+from ..._types import StateLeaf, Values
 from ...parameters import Part
-from .._air import Scalar
 from .._vanes import Vanes
 
 
@@ -16,24 +16,24 @@ class AbstractVaneForce(Part):
     place: ClassVar[str] = "vane_force"
 
     @abc.abstractmethod
-    def initial_state(self) -> PyTree[Scalar]:
+    def initial_state(self) -> PyTree[StateLeaf]:
         """State at rest."""
 
     @abc.abstractmethod
-    def __call__(self, vanes: Vanes, velocity: Scalar, state: Any) -> tuple[Scalar, PyTree[Scalar]]:
+    def __call__(self, vanes: Vanes, velocity: Values, state: Any) -> tuple[Values, PyTree[StateLeaf]]:
         """Force in N, and the time derivative of the state.
 
         **Arguments:** where the vanes are and the turbine pressure; `velocity` of the rod in m/s.
         """
 
     @abc.abstractmethod
-    def relaxation(self, vanes: Vanes, velocity: Scalar, state: Any) -> PyTree[Scalar]:
-        """Rate in 1/s, one for each state, at which it forgets itself; `None` where it is slow."""
+    def relaxation(self, vanes: Vanes, velocity: Values, state: Any) -> PyTree[StateLeaf]:
+        """Relaxation rate in 1/s of each state; `None` where it is slow."""
 
     @abc.abstractmethod
-    def signals(self, vanes: Vanes, velocity: Scalar, state: Any) -> dict[str, Array]:
+    def signals(self, vanes: Vanes, velocity: Values, state: Any) -> dict[str, Array]:
         """The force as `f_vane` in N, where there is one."""
 
     @abc.abstractmethod
-    def typical_state(self) -> PyTree[Scalar]:
+    def typical_state(self) -> PyTree[StateLeaf]:
         """The usual size of each state, by which an absolute tolerance is scaled."""

@@ -4,8 +4,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..._types import Scalar, StateLeaf, Values
 from ...parameters import parameter
-from .._air import Scalar
 from .._gas_table import AbstractGasTables, Table
 from .._vanes import Crank, Vanes
 from ._base import AbstractVaneForce
@@ -19,7 +19,7 @@ ANGLES = (4.0, 10.0, 16.0, 22.0, 28.0, 34.0)
 class Direction(eqx.Module):
     """Which way the vanes last moved: 1 closing, -1 opening, between the two during a reversal."""
 
-    sign: Scalar
+    sign: StateLeaf
 
 
 class HysteresisMap(AbstractVaneForce, AbstractGasTables):
@@ -61,21 +61,21 @@ class HysteresisMap(AbstractVaneForce, AbstractGasTables):
         """Between the directions."""
         return Direction(jnp.zeros_like(self.reversal_distance))
 
-    def force(self, vanes: Vanes, direction: Scalar) -> Scalar:
+    def force(self, vanes: Vanes, direction: Values) -> Values:
         """Force in N while the vanes close (direction 1), open (-1), or reverse (between)."""
         closing, opening = self.read(self.closing, vanes), self.read(self.opening, vanes)
         return 0.5 * (closing + opening) + 0.5 * direction * (closing - opening)
 
-    def __call__(self, vanes: Vanes, velocity: Scalar, state: Direction) -> tuple[Scalar, Direction]:
+    def __call__(self, vanes: Vanes, velocity: Values, state: Direction) -> tuple[Values, Direction]:
         """Force in N, and the rate of the direction in 1/s."""
         turning = (velocity - jnp.abs(velocity) * state.sign) / self.reversal_distance
         return self.force(vanes, state.sign), Direction(turning)
 
-    def relaxation(self, vanes: Vanes, velocity: Scalar, state: Direction) -> Direction:
+    def relaxation(self, vanes: Vanes, velocity: Values, state: Direction) -> Direction:
         """`|v| / reversal_distance`."""
         return Direction(jnp.abs(velocity) / self.reversal_distance)
 
-    def signals(self, vanes: Vanes, velocity: Scalar, state: Direction) -> dict[str, Array]:
+    def signals(self, vanes: Vanes, velocity: Values, state: Direction) -> dict[str, Array]:
         """`f_vane` in N."""
         return {"f_vane": self.force(vanes, state.sign)}
 

@@ -5,8 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..._types import Scalar, Values
 from ...parameters import parameter
-from .._air import Scalar
 from .._vanes import Crank, Vanes
 from ._base import AbstractVaneForce
 
@@ -47,23 +47,23 @@ class ForcePolynomial(AbstractVaneForce):
     def initial_state(self) -> None:
         """Nothing to remember."""
 
-    def ratio(self, turbine_pressure: Scalar) -> Scalar:
+    def ratio(self, turbine_pressure: Values) -> Values:
         """Pressure ratio across the turbine at an inlet pressure in Pa gauge."""
         return 1 + turbine_pressure / self.ambient_pressure
 
-    def force(self, angle: Scalar, ratio: Scalar) -> Scalar:
+    def force(self, angle: Values, ratio: Values) -> Values:
         """Force in N at a crank angle in degrees and a pressure ratio, both held inside their ranges."""
         terms = polynomial_terms(jnp.clip(angle, *self.angle_range), jnp.clip(ratio, *self.ratio_range))
         return sum(self.coefficients[k] * term for k, term in enumerate(terms))
 
-    def __call__(self, vanes: Vanes, velocity: Scalar, state: None) -> tuple[Scalar, None]:
+    def __call__(self, vanes: Vanes, velocity: Values, state: None) -> tuple[Values, None]:
         """Force in N, the same in both directions."""
         return self.force(self.crank.angle(vanes.opening), self.ratio(vanes.turbine_pressure)), None
 
-    def relaxation(self, vanes: Vanes, velocity: Scalar, state: None) -> None:
+    def relaxation(self, vanes: Vanes, velocity: Values, state: None) -> None:
         """No state, no rate."""
 
-    def signals(self, vanes: Vanes, velocity: Scalar, state: None) -> dict[str, Array]:
+    def signals(self, vanes: Vanes, velocity: Values, state: None) -> dict[str, Array]:
         """`f_vane` in N."""
         return {"f_vane": self(vanes, velocity, state)[0]}
 
@@ -71,6 +71,6 @@ class ForcePolynomial(AbstractVaneForce):
         """No state, no size."""
 
 
-def polynomial_terms(angle: Scalar | np.ndarray, ratio: Scalar | np.ndarray) -> list:
+def polynomial_terms(angle: Values | np.ndarray, ratio: Values | np.ndarray) -> list:
     """The products of powers that [3.15] sums, at crank angles in degrees and pressure ratios."""
     return [angle**first * ratio**second for first, second in POWERS]

@@ -112,7 +112,7 @@ def fit_flow_map(
     **Arguments:**
 
     - `kind`: `"steady-plunger"` ([`SteadyPlungerFlow`][]), `"polynomial"` ([`PolynomialFlow`][], least squares whose
-      slopes by duty and pressure may not rise), `"printed"` ([`PrintedFlow`][], of which only `p_eq` is the model's),
+      slopes over duty and pressure may not rise), `"printed"` ([`PrintedFlow`][], of which only `p_eq` is the model's),
       all three over duty; `"lift-table"` ([`LiftTable`][]) over plunger position.
     - `reservoir`: pressure in Pa absolute, which a map holds fixed.
     - `pressure_range`: in Pa absolute, by default from the working pressure at full duty to the atmosphere.
@@ -214,7 +214,7 @@ def _equilibrium(samples: _Samples) -> Float[np.ndarray, " 5"]:
 
 
 def _printed(samples: _Samples) -> PrintedFlow:
-    return PrintedFlow(equilibrium=_equilibrium(samples), ambient=samples.model.air.pressure)
+    return PrintedFlow(equilibrium=jnp.asarray(_equilibrium(samples)), ambient=samples.model.air.pressure)
 
 
 def _table(samples: _Samples) -> LiftTable:
@@ -224,7 +224,9 @@ def _table(samples: _Samples) -> LiftTable:
     pressure = pressure_knots(model.air, reservoir)
     at, inside = (jnp.asarray(values) for values in np.meshgrid(position, pressure, indexing="ij"))
     flow = _flow_at(model, at, inside, jnp.asarray(reservoir))
-    return LiftTable(position=position, pressure=pressure, flow=flow.ravel(), ambient=model.air.pressure)
+    return LiftTable(
+        position=jnp.asarray(position), pressure=jnp.asarray(pressure), flow=flow.ravel(), ambient=model.air.pressure
+    )
 
 
 def _steady_plunger(samples: _Samples) -> SteadyPlungerFlow:
@@ -234,7 +236,7 @@ def _steady_plunger(samples: _Samples) -> SteadyPlungerFlow:
         float(np.sum(samples.position[side] * lack[side]) / np.sum(lack[side] ** 2)) for side in (below, ~below)
     ]
     return SteadyPlungerFlow(  # type: ignore[call-arg]  # mypy takes the abstract `ambient` for a field
-        equilibrium=_equilibrium(samples), compliance=np.array(compliance), table=_table(samples)
+        equilibrium=jnp.asarray(_equilibrium(samples)), compliance=jnp.array(compliance), table=_table(samples)
     )
 
 

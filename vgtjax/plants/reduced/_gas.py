@@ -3,12 +3,13 @@
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ...parts import Air, Flow, Gas, IsothermalChamber, Scalar
+from ..._types import Values
+from ...parts import Air, Flow, Gas, IsothermalChamber
 
 
 def pressure_rate(
-    air: Air, chamber: IsothermalChamber, pressure: Scalar, flow: Scalar, displaced: Scalar, displacement_rate: Scalar
-) -> Scalar:
+    air: Air, chamber: IsothermalChamber, pressure: Values, flow: Values, displaced: Values, displacement_rate: Values
+) -> Values:
     """`p' = (R T_atm m' + p A_d v) / V` in Pa/s, the last line of [5.2] and [5.4].
 
     **Arguments:** `pressure` in Pa absolute, `flow` in kg/s into the chamber, the volume that the diaphragm has swept
@@ -18,6 +19,6 @@ def pressure_rate(
     return chamber.rates(air, Gas(pressure, air.temperature), entering, displaced, displacement_rate).pressure
 
 
-def flow_signals(pressure: Scalar, flow: Scalar) -> dict[str, Array]:
+def flow_signals(pressure: Values, flow: Values) -> dict[str, Array]:
     """Pressure in Pa absolute, and a flow in kg/s into the chamber by its direction."""
     return {"p_act": pressure, "m_dot_in": jnp.maximum(flow, 0.0), "m_dot_out": jnp.maximum(-flow, 0.0)}

@@ -1,5 +1,6 @@
 """The polynomial flow map by least squares, with slopes that may not rise."""
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -37,8 +38,8 @@ def least_squares(
     level, u0, u1, p0, p1 = size * found
     share_of = np.polynomial.Polynomial([-low / (high - low), 1 / (high - low)])
     return PolynomialFlow(
-        pressure=np.polynomial.Polynomial([level, -p0, (p0 - p1) / 2])(share_of).coef,
-        duty=np.array([-u0 / FULL_DUTY, (u0 - u1) / 2 / FULL_DUTY**2]),
+        pressure=jnp.asarray(np.polynomial.Polynomial([level, -p0, (p0 - p1) / 2])(share_of).coef),
+        duty=jnp.asarray([-u0 / FULL_DUTY, (u0 - u1) / 2 / FULL_DUTY**2]),
         ambient=ambient,
         pressure_range=(low, high),
     )

@@ -7,6 +7,7 @@ import equinox as eqx
 import jax
 from jaxtyping import Array
 
+from ..._types import StateLeaf, Values
 from ...parameters import nested
 from ...parts import (
     AbstractFriction,
@@ -17,7 +18,6 @@ from ...parts import (
     ConverterState,
     Diaphragm,
     IsothermalChamber,
-    Scalar,
 )
 from ...traces import Drive
 from .._actuator import Actuator
@@ -37,7 +37,7 @@ class LiftMapState(eqx.Module):
     """State of the converter, and chamber pressure in Pa absolute."""
 
     converter: ConverterState
-    pressure: Scalar
+    pressure: StateLeaf
 
 
 class LiftMapPath(AbstractAirPath):
@@ -51,23 +51,23 @@ class LiftMapPath(AbstractAirPath):
     converter: Converter = eqx.field(default_factory=Converter)
     chamber: IsothermalChamber = eqx.field(default_factory=IsothermalChamber)
 
-    def working_pressure(self, air: Air, drive: Drive) -> Scalar:
+    def working_pressure(self, air: Air, drive: Drive) -> Values:
         """That of the converter."""
         return self.converter.working_pressure(drive.pwm, ambient_pressure(air, drive), reservoir_pressure(0.0, drive))
 
-    def start(self, air: Air, pressure: Scalar, drive: Drive) -> LiftMapState:
+    def start(self, air: Air, pressure: Values, drive: Drive) -> LiftMapState:
         """The plunger balanced."""
         reservoir = reservoir_pressure(0.0, drive)
         return LiftMapState(
             self.converter.start(drive.pwm, ambient_pressure(air, drive), reservoir, pressure), pressure
         )
 
-    def pressure(self, state: LiftMapState) -> Scalar:
+    def pressure(self, state: LiftMapState) -> Values:
         """A state of its own."""
         return state.pressure
 
     def rates(
-        self, air: Air, time: Scalar, state: LiftMapState, drive: Drive, displaced: Scalar, displacement_rate: Scalar
+        self, air: Air, time: Values, state: LiftMapState, drive: Drive, displaced: Values, displacement_rate: Values
     ) -> LiftMapState:
         """Time derivative of the state [5.2]."""
         ambient, reservoir = ambient_pressure(air, drive), reservoir_pressure(time, drive)
@@ -77,7 +77,7 @@ class LiftMapPath(AbstractAirPath):
             pressure_rate(air, self.chamber, state.pressure, flow, displaced, displacement_rate),
         )
 
-    def relaxation(self, air: Air, state: LiftMapState, displaced: Scalar) -> LiftMapState:
+    def relaxation(self, air: Air, state: LiftMapState, displaced: Values) -> LiftMapState:
         """Rates of the plunger and the magnet; the gas is slow."""
         return LiftMapState(self.converter.relaxation(state.converter), None)
 
@@ -97,7 +97,7 @@ class LiftMapPath(AbstractAirPath):
         """The default resolves it."""
         return math.inf
 
-    def _flow(self, air: Air, state: LiftMapState, drive: Drive) -> Scalar:
+    def _flow(self, air: Air, state: LiftMapState, drive: Drive) -> Values:
         return self.flow_map(state.converter.plunger.position, state.pressure, ambient_pressure(air, drive))
 
 
@@ -128,7 +128,7 @@ class PlungerMapActuator(AbstractPlant):
         rod: Rod | None = None,
     ):
         # A map that is given is not fitted first.
-        path = air_path or (LiftMapPath() if flow_map is None else LiftMapPath(flow_map))
+        path = air_path or (LiftMapPath() if flow_map is None else LiftMapPath(flow_map=flow_map))
         self.air_path = assemble(path, flow_map=flow_map, converter=converter, chamber=chamber)
         self.rod = assemble(rod or Rod(), diaphragm=diaphragm, friction=friction, vane_force=vane_force)
         self.air = air or Air()

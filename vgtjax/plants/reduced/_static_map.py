@@ -7,6 +7,7 @@ import equinox as eqx
 import jax
 from jaxtyping import Array
 
+from ..._types import Values
 from ...parameters import nested
 from ...parts import (
     AbstractFlowMap,
@@ -15,7 +16,6 @@ from ...parts import (
     Air,
     Diaphragm,
     IsothermalChamber,
-    Scalar,
 )
 from ...traces import Drive
 from .._actuator import Actuator
@@ -40,29 +40,29 @@ class FlowMapPath(AbstractAirPath):
     flow_map: AbstractFlowMap = eqx.field(default_factory=_printed_actuators)
     chamber: IsothermalChamber = eqx.field(default_factory=IsothermalChamber)
 
-    def working_pressure(self, air: Air, drive: Drive) -> Scalar:
+    def working_pressure(self, air: Air, drive: Drive) -> Values:
         """That of the map."""
         return self.flow_map.working_pressure(drive.pwm, ambient_pressure(air, drive))
 
-    def start(self, air: Air, pressure: Scalar, drive: Drive) -> Scalar:
+    def start(self, air: Air, pressure: Values, drive: Drive) -> Values:
         """The pressure."""
         return pressure
 
-    def pressure(self, state: Scalar) -> Scalar:
+    def pressure(self, state: Values) -> Values:
         """The state."""
         return state
 
     def rates(
-        self, air: Air, time: Scalar, state: Scalar, drive: Drive, displaced: Scalar, displacement_rate: Scalar
-    ) -> Scalar:
+        self, air: Air, time: Values, state: Values, drive: Drive, displaced: Values, displacement_rate: Values
+    ) -> Values:
         """Time derivative of the pressure in Pa/s [5.4]."""
         flow = self._flow(air, state, drive)
         return pressure_rate(air, self.chamber, state, flow, displaced, displacement_rate)
 
-    def relaxation(self, air: Air, state: Scalar, displaced: Scalar) -> None:
+    def relaxation(self, air: Air, state: Values, displaced: Values) -> None:
         """The gas is slow."""
 
-    def signals(self, air: Air, state: Scalar, drive: Drive) -> dict[str, Array]:
+    def signals(self, air: Air, state: Values, drive: Drive) -> dict[str, Array]:
         """Pressure and flow."""
         return flow_signals(state, self._flow(air, state, drive))
 
@@ -75,7 +75,7 @@ class FlowMapPath(AbstractAirPath):
         """The default resolves it."""
         return math.inf
 
-    def _flow(self, air: Air, pressure: Scalar, drive: Drive) -> Scalar:
+    def _flow(self, air: Air, pressure: Values, drive: Drive) -> Values:
         return self.flow_map(drive.pwm, pressure, ambient_pressure(air, drive))
 
 
@@ -106,7 +106,7 @@ class StaticMapActuator(AbstractPlant):
         rod: Rod | None = None,
     ):
         # A map that is given is not fitted first.
-        path = air_path or (FlowMapPath() if flow_map is None else FlowMapPath(flow_map))
+        path = air_path or (FlowMapPath() if flow_map is None else FlowMapPath(flow_map=flow_map))
         self.air_path = assemble(path, flow_map=flow_map, chamber=chamber)
         self.rod = assemble(rod or Rod(), diaphragm=diaphragm, friction=friction, vane_force=vane_force)
         self.air = air or Air()

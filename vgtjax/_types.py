@@ -1,0 +1,21 @@
+"""What arrays are called in annotations; the tests check them at run time, by jaxtyping.
+
+An array is NumPy's or a number of Python outside of `jit`, and JAX's inside: annotations say shapes.
+"""
+
+from typing import TYPE_CHECKING, Any
+
+from jax.typing import ArrayLike
+from jaxtyping import Float
+
+if TYPE_CHECKING:  # mypy knows no shapes, and would complain of sums and products of three kinds of numbers
+    Scalar = Any
+    Values = Any
+    StateLeaf = Any
+else:
+    Scalar = Float[ArrayLike, ""]
+    """One number: an array without axes inside of `jit` and `vmap`, or a number of Python or NumPy outside."""
+    Values = Float[ArrayLike, "..."]
+    """One number or many: a law that is applied to each by itself; arguments of one call have shapes that broadcast."""
+    StateLeaf = Float[ArrayLike, "..."] | None
+    """One number of a state or of its time derivative; in a tree of relaxation rates (1/s) `None` where it is slow."""
