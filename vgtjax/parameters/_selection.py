@@ -8,9 +8,13 @@ from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ._table import Parameter, get_parameter, parameter_table, replace_parameters, unknown_name
+
+Vector = Float[Array | np.ndarray, " parameters"]
+"""A number for each entry; outside of `jit` a fit keeps them in NumPy."""
 
 
 def entry_names(table: dict[str, Parameter]) -> list[str]:
@@ -66,7 +70,7 @@ class Selection(eqx.Module):
             values.append(value if index is None else value[index])
         return jnp.stack(values) if values else jnp.zeros(0)
 
-    def unpack(self, model: eqx.Module, vector: Float[Array, " parameters"]) -> Any:
+    def unpack(self, model: eqx.Module, vector: Vector) -> Any:
         """`model` with its free values replaced by `vector`."""
         replaced: dict[str, Any] = {}
         for position, entry in enumerate(self.entries):

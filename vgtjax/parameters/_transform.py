@@ -14,8 +14,10 @@ from jaxtyping import Array, Bool, Float
 
 from .._errors import InputError
 from ._bounds import Bounds
-from ._selection import table_row
+from ._selection import Vector, table_row
 from ._table import Parameter
+
+Flags = Bool[Array | np.ndarray, " parameters"]
 
 
 class Transform(eqx.Module):
@@ -30,27 +32,25 @@ class Transform(eqx.Module):
     lower: Float[np.ndarray, " parameters"] = eqx.field(converter=np.asarray)
     upper: Float[np.ndarray, " parameters"] = eqx.field(converter=np.asarray)
 
-    def to_physical(self, coordinates: Float[Array, " parameters"]) -> Float[Array, " parameters"]:
+    def to_physical(self, coordinates: Vector) -> Vector:
         """Physical values of coordinates."""
         exponent = jnp.where(self.positive, coordinates, 0.0)
         return jnp.where(self.positive, jnp.exp(exponent), self.scale * coordinates)
 
-    def to_coordinates(self, values: Float[Array, " parameters"]) -> Float[Array, " parameters"]:
+    def to_coordinates(self, values: Vector) -> Vector:
         """Coordinates of physical values inside the domain."""
         logarithm = jnp.log(jnp.where(self.positive, values, 1.0))
         return jnp.where(self.positive, logarithm, values / self.scale)
 
-    def clip(self, coordinates: Float[Array, " parameters"]) -> Float[Array, " parameters"]:
+    def clip(self, coordinates: Vector) -> Vector:
         """The nearest coordinates inside the bounds."""
         return jnp.clip(coordinates, self.lower, self.upper)
 
-    def pinned(
-        self, coordinates: Float[Array, " parameters"], gradient: Float[Array, " parameters"]
-    ) -> Bool[Array, " parameters"]:
+    def pinned(self, coordinates: Vector, gradient: Vector) -> Flags:
         """Which coordinates lie on a bound that the cost, of this gradient, would push them through."""
         return ((coordinates <= self.lower) & (gradient > 0)) | ((coordinates >= self.upper) & (gradient < 0))
 
-    def at_bound(self, coordinates: Float[Array, " parameters"]) -> Bool[Array, " parameters"]:
+    def at_bound(self, coordinates: Vector) -> Flags:
         """Which coordinates lie on a bound."""
         return (coordinates <= self.lower) | (coordinates >= self.upper)
 
