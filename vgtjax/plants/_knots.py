@@ -2,19 +2,19 @@
 
 from typing import Any
 
+import equinox as eqx
 import numpy as np
 
 from ..parts import AbstractGasTables
-from ._base import AbstractModel
 from ._plant import assemble
 
 KNOTS = ("turbine_pressure", "crank_angle")
 
 
-def on_given_knots(model: AbstractModel, values: dict[str, Any]) -> Any:
+def on_given_knots(model: eqx.Module, values: dict[str, Any]) -> Any:
     """`model` with its tables at the knots that `values` names, if it does, so that tables of that size fit in.
 
-    **Arguments:** `values`: of parameters by name, of which only knots count: `vane_force.turbine_pressure`,
+    **Arguments:** `model`: or a controller, which has no such tables and stays what it is; `values`: of parameters by name, of which only knots count: `vane_force.turbine_pressure`,
     `friction.crank_angle` and so on, lists or arrays.
 
     **Raises:** `InputError` for knots that don't increase.
