@@ -106,7 +106,7 @@ class ProgressFile(Generic[P]):
             fields = {name: tuple(v) if isinstance(v, list) else v for name, v in content["progress"].items()}
             progress, seconds = kind(**fields), float(content["seconds"])
         except (InputError, AttributeError, KeyError, TypeError, ValueError):
-            console.print(f"note: {self._path} can't be read, so {what} begins anew")
+            console.print(f"note: {self._path} can't be read, so {what} starts again")
             return
         self.progress, self.facts = progress, content.get("facts", {})
         self._began -= seconds

@@ -68,7 +68,7 @@ NOTHING = Truth(jnp.asarray(0.0), jnp.asarray(0.0))
 
 
 def motion(plant):
-    return Motion(plant.position, plant.velocity, plant.pressure, AMBIENT)
+    return Motion(plant.position, plant.velocity, AMBIENT)
 
 
 def corrected(controller, where, errors, estimate):
@@ -89,14 +89,14 @@ def loop_rates(controller, loop, time, truth=NOTHING, law=corrected):
     """Closed loop in continuous time. The pressure gets the rate that is asked for: nothing saturates."""
     plant, where = loop.plant, motion(loop.plant)
     reference = control.reference_at(WAVE, time)
-    errors = controller.errors(where, reference, loop.estimate)
+    errors = controller.errors(where, plant.pressure, reference, loop.estimate)
     learned = law(controller, where, errors, loop.estimate)
-    flow = controller.flow(where, reference, loop.estimate, errors, learned)
+    flow = controller.flow(where, plant.pressure, reference, loop.estimate, errors, learned)
     # Friction of the plant itself, not of its inverse in the controller.
     body, friction = controller.model.diaphragm, controller.model.friction
-    force, bristle = friction(
-        vgtjax.parts.Contact(plant.velocity, body.mass, None), vgtjax.parts.Bristle(plant.deflection), None
-    )
+    still = jnp.zeros(())
+    contact = vgtjax.parts.Contact(plant.velocity, body.mass, vgtjax.parts.Vanes(still, still))
+    force, bristle = friction(contact, vgtjax.parts.Bristle(plant.deflection), still)
     pull = (AMBIENT - plant.pressure) * body.area - body.preload - body.stiffness * plant.position
     acceleration = (pull - force - truth.load) / body.mass
     pressure = controller.model.pressure_rate(flow, plant.position, plant.velocity, plant.pressure) + truth.drift
@@ -111,9 +111,9 @@ def start_of(controller, position=0.0052, pressure=62_700.0):
 
 
 def lyapunov(controller, loop, time, truth=NOTHING, position_weight=None):
-    """`V` of the class's docstring, with the true bristles and coefficients."""
+    """`V` of the manual's page on control, with the true bristles and coefficients."""
     model, observer, estimate = controller.model, controller.observer, loop.estimate
-    errors = controller.errors(motion(loop.plant), control.reference_at(WAVE, time), estimate)
+    errors = controller.errors(motion(loop.plant), loop.plant.pressure, control.reference_at(WAVE, time), estimate)
     beta = nominal_coefficients(model)
     weight = controller.position_weight if position_weight is None else position_weight
     value = weight * errors.position**2 + errors.velocity**2 + controller.pressure_weight * errors.pressure**2
@@ -131,7 +131,7 @@ def lyapunov(controller, loop, time, truth=NOTHING, position_weight=None):
 def lyapunov_rate(controller, loop, time, position_weight=None):
     """`V'` as derived."""
     model, estimate = controller.model, loop.estimate
-    errors = controller.errors(motion(loop.plant), control.reference_at(WAVE, time), estimate)
+    errors = controller.errors(motion(loop.plant), loop.plant.pressure, control.reference_at(WAVE, time), estimate)
     weight = controller.position_weight if position_weight is None else position_weight
     off = loop.plant.deflection - estimate.friction.deflections
     h, beta = slide(model, loop.plant.velocity), nominal_coefficients(model)

@@ -12,7 +12,7 @@ from calibrate.study.components import CHAMBER, FRICTION, LINE, MAGNETIC_FORCE, 
 from calibrate.study.models import build_model, start_values
 from calibrate.study.references import build_references
 from calibrate.study.tables import AnyStudy
-from calibrate.tune.designs import DESIGNS, build_controller
+from calibrate.tune.designs import DESIGNS
 
 ROOT = pathlib.Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -42,7 +42,7 @@ def test_study_examples_are_studies(text):
 
 def test_the_controller_of_the_example_can_be_built():
     control = next(found.control for text in blocks("toml") if (found := _study(text)).control.gains)
-    controller = build_controller(control.design, vgtjax.Actuator())
+    controller = DESIGNS[control.design].for_plant(vgtjax.Actuator())
     assert vgtjax.select(controller, free=control.free).entries
     assert set(start_values(controller, control.gains)[0]) == set(control.gains)
     assert len(build_references(control.reference, ROOT)) == 2

@@ -12,6 +12,7 @@ if TYPE_CHECKING:  # mypy knows no shapes, and would complain of sums and produc
     Scalar = Any
     Values = Any
     StateLeaf = Any
+    Vector = Any
 else:
     Scalar = Float[ArrayLike, ""]
     """One number: an array without axes inside of `jit` and `vmap`, or a number of Python or NumPy outside."""
@@ -19,3 +20,5 @@ else:
     """One number or many: a law that is applied to each by itself; arguments of one call have shapes that broadcast."""
     StateLeaf = Float[ArrayLike, "..."] | None
     """One number of a state or of its time derivative; in a tree of relaxation rates (1/s) `None` where it is slow."""
+    Vector = Float[ArrayLike, " parameters"]
+    """One number per free entry of a model."""

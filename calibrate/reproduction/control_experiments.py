@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 import vgtjax
-from vgtjax import control, fit_flow_map
+from vgtjax import control
 from vgtjax.control import AbstractController, AbstractSignal, Scenario
 from vgtjax.plants import assemble
 
@@ -75,8 +75,7 @@ def _pi() -> control.PI:
 
 
 def _backstepping() -> control.Backstepping:
-    model = control.DesignModel.of(plant(), fit_flow_map(plant()).flow_map, exponent=EXPONENT)
-    return control.Backstepping(observer=control.PressureObserver(model))
+    return control.Backstepping.for_plant(plant(), control.DesignModel.for_plant(plant(), exponent=EXPONENT))
 
 
 CONTROLLERS: dict[str, Callable[[], AbstractController]] = {

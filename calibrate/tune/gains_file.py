@@ -3,6 +3,7 @@
 import math
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 
 from vgtjax.tuning import gain_names
@@ -14,7 +15,7 @@ from .job import TuneJob
 def gain_rows(job: TuneJob, coordinates: np.ndarray) -> list[Row]:
     """Every gain of the design, free and fixed, beside its start; one that moves no error is not identifiable."""
     start, tuned = job.true.controller, job.true.controller_at(coordinates)
-    at_bound = job.true.transform.at_bound(coordinates).tolist()
+    at_bound = job.true.transform.at_bound(jnp.asarray(coordinates)).tolist()
     # A short memory: derivatives of a longer one may overflow.
     bends = job.smooth.linearise(coordinates, min(job.smooth.memories)).curvatures.sum(0)
     felt = (np.diag(bends) > 0).tolist()

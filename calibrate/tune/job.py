@@ -25,7 +25,7 @@ from ..study.places import OF_A_CONTROLLER, stated
 from ..study.read import expand_traces, fingerprint, load_study
 from ..study.references import AbstractReference, TraceReference, build_references
 from ..study.tables import Study
-from .designs import build_controller
+from .designs import DESIGNS
 
 EXAMPLE = pathlib.Path(__file__).parents[1] / "example" / "control" / "study.toml"
 """The study that runs when none is named."""
@@ -88,7 +88,7 @@ def _reference_files(table: ControlTable, folder: pathlib.Path) -> dict[str | No
 
 
 def _controller(table: ControlTable, nominal: vgtjax.Actuator) -> tuple[AbstractController, Bounds]:
-    controller = build_controller(table.design, nominal)
+    controller = DESIGNS[table.design].for_plant(nominal)
     values, bounds = start_values(controller, table.gains)
     controller = vgtjax.replace_parameters(controller, values)
     check_bounds(controller, bounds)

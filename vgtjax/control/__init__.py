@@ -10,6 +10,13 @@ from ._base import (
     saturate as saturate,
 )
 from ._cost import chatter as chatter, effort as effort, tracking_peak as tracking_peak, tracking_rms as tracking_rms
+from ._design import (
+    AbstractDesign as AbstractDesign,
+    Condition as Condition,
+    check as check,
+    designs_in as designs_in,
+    positive as positive,
+)
 from ._design_model import DesignModel as DesignModel, DesignState as DesignState
 from ._differentiator import (
     AbstractDifferentiator as AbstractDifferentiator,

@@ -1,12 +1,17 @@
 """Backstepping from the position alone, with observed pressure and friction [5.22-5.43]."""
 
+from typing import Any
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..parameters import parameter
 from ..parts import Scalar
+from ..plants import Actuator
 from ._base import FULL_DUTY, AbstractController, Log, Measurement, Memory, Reference, saturate
+from ._design import Condition, positive
+from ._design_model import DesignModel, lighter
 from ._differentiator import AbstractDifferentiator, LevantDifferentiator
 from ._pressure_observer import ObservedState, PressureObserver
 from ._vane_load import Motion
@@ -30,47 +35,16 @@ class BacksteppingState(eqx.Module):
 class Backstepping(AbstractController):
     """Backstepping on the [`DesignModel`][], with a [`PressureObserver`][]; only the position is measured [5.22-5.35].
 
-    The steps that the print has lost [5.24-5.32], with `e1 = x - x_ref` and hats for what is observed:
+    With `s1 = e1' + lambda e1`, `e1 = x - x_ref`, `sh2 = ph - p*` and hats for what is observed, the wanted pressure
+    `p*` makes `s1' = -K_d s1`, and the flow that is asked for makes the observed pressure follow it:
 
-    1. `s1 = e1' + lambda e1` [5.22], so `m s1' = (p_atm - p) A_d - F_0 - k_sm x - B v - theta S z - m x_ref'' +
-       lambda m (v - x_ref')` [5.23, corrected].
-    2. Pressure is the virtual control. The wanted one `p*` would make `s1' = -K_d s1` if the bristles were as observed:
+        A_d p* = p_atm A_d - F_0 - k_sm x - B v - theta S zh - F_v - m x_ref'' + lambda m (v - x_ref') + m K_d s1
+        m_dot = V/(n R T) (-K_U sh2 + A_d/(m w) s1 + p*') - A_d v ph/(R T)
 
-           A_d p* = p_atm A_d - F_0 - k_sm x - B v - theta S zh - F_v - m x_ref'' + lambda m (v - x_ref') + m K_d s1
+    The duty is that at which the flow map gives `m_dot` at `ph`. The observer starts at the pressure of the atmosphere
+    with relaxed bristles. The manual's page on control has the derivation, the proof, and how gains were chosen.
 
-    3. With `s2 = p - p*`, of which `sh2 = ph - p*` is known, and errors `e3 = z - zh`, `e4 = p - ph` of the observer,
-       `s1' = -K_d s1 - (A_d/m) s2 - (theta S/m) e3`.
-    4. `p*'` needs the acceleration, observed as `ah = ((p_atm - ph) A_d - F_0 - k_sm x - B v - theta S zh - F_v)/m`,
-       with which `s1' = ah - x_ref'' + lambda (v - x_ref')`:
-
-           A_d p*' = -(k_sm v + (B - lambda m + theta S_v zh) ah + theta S zh' + F_v' + m x_ref''' + lambda m x_ref''
-                       - m K_d s1')
-
-    5. `m_dot = V/(n R T) (-K_U sh2 + A_d/(m w) s1 + p*') - A_d v ph/(R T)` [5.34]; the duty is that at which the flow
-       map gives it at `ph`, on the branch where flow falls with duty. The print takes the other root of [5.10] and
-       lacks the term with `w`, which cancels the mixed one in `V_C`.
-
-    **Stability.** `V_C = s1^2/2 + w s2^2/2`: `w` makes one unit of two, where [5.36] adds m2/s2 and Pa2. With
-    `V = V_C + K V_O` any `lambda, K_d, K_U > 0` will do and `K` only has to be large enough for the proof; the bound
-    of [5.40] on `K_d` comes from its units. The proof is in continuous time, without saturation, end stops, noise or
-    lag of the plunger, and takes the velocity as known and `reversal_width` as zero: it smooths the jump of `S_v`,
-    which noise would throw into the duty at every reversal. On a stop, `ah` does not point into it.
-
-    **Noise.** The plunger answers a noisy duty as if it were another one, since its orifices open one way, and noise
-    of the velocity lets the observed bristles relax at rest. So the differentiator is told the reference's acceleration
-    and may be slow, and the law takes its position, not the sensor's.
-
-    **Gains.** `p*` cancels friction by a positive feedback of velocity, `B - m (lambda + K_d)` of it, and a plunger
-    that lags makes that unstable: the full actuator swings by millimetres with `lambda, K_d, K_U` of 20, 40, 60 1/s.
-    With `K_d` near `B/m`, 1000 1/s, the measured velocity drops out of that term, as if friction were compensated at
-    the wanted velocity. What the lag bears is the damping `m K_d`, some 750 N s/m: a model with five times the mass
-    wants a fifth of `K_d` and of `w`. The defaults are tuned on the printed actuator with the bench's sensors and the
-    fitted map of [`SteadyPlungerFlow`][]; with a [`PolynomialFlow`][], the default map, errors are a tenth of a
-    millimetre and some kilopascals. With an `exponent` of 1.3 errors of the full actuator, whose air keeps its heat,
-    are a seventh along a sine of 2 rad/s. An error of the spring or the preload is taken for pressure or friction, and
-    leaves an error of the position, since there is no integrator.
-
-    The observer starts at the pressure of the atmosphere with relaxed bristles.
+    **Raises:** `InputError` for a gain that is not positive.
     """
 
     position_gain: Scalar = parameter(45.0, symbol="lambda", unit="1/s", source="5.22, value assumed", assumed=True)
@@ -82,6 +56,20 @@ class Backstepping(AbstractController):
     reversal_width: Scalar = parameter(3e-3, symbol="v_w", unit="m/s", source="assumed", assumed=True, held=True)
     observer: PressureObserver = eqx.field(default_factory=PressureObserver)
     differentiator: AbstractDifferentiator = eqx.field(default_factory=_differentiator)
+
+    @classmethod
+    def for_plant(cls, plant: Actuator, model: DesignModel | None = None, **settings: Any) -> "Backstepping":
+        """On the plant's [`DesignModel`][] or another one; `K_d` and `w` in inverse proportion to its mass.
+
+        The mass is a gain of the loop: the default gains are those of the printed one, and keep their forces like this.
+        """
+        model = DesignModel.for_plant(plant) if model is None else model
+        scaled = {name: lighter(model) * getattr(cls, name) for name in ("velocity_gain", "pressure_weight")}
+        return cls(**{"observer": PressureObserver.for_plant(plant, model)} | scaled | settings)
+
+    def conditions(self) -> dict[str, Condition]:
+        """Any positive gains; what the observer asks for is its own."""
+        return positive(self, "position_gain", "velocity_gain", "pressure_gain", "pressure_weight")
 
     def initial_state(self, measurement: Measurement, period: float) -> BacksteppingState:
         """At rest, with the chamber at atmosphere."""
@@ -146,7 +134,7 @@ class Backstepping(AbstractController):
             body.stiffness * velocity
             + (braking - self.position_gain * body.mass) * acceleration
             + model.load * model.stiffness(velocity) * deflection_rate
-            + model.vane_load.rate(motion, observed.vanes)
+            + model.vane_load_rate(motion, observed.vanes)
             + body.mass * (reference.jerk + self.position_gain * reference.acceleration)
             - body.mass * self.velocity_gain * surface_rate
         )
@@ -156,7 +144,7 @@ class Backstepping(AbstractController):
         """Of the rod in m/s2 at a pressure in Pa absolute, with friction and vanes as observed."""
         model = self.observer.model
         friction = model.friction_force(motion.velocity, observed.deflection)
-        resistance = friction + model.vane_load(motion, observed.vanes)
+        resistance = friction + model.vane_load(motion, observed.vanes)[0]
         return model.acceleration(motion.position, motion.velocity, resistance, pressure, motion.ambient)
 
     def _duty(

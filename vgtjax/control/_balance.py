@@ -8,6 +8,7 @@ import jax.numpy as jnp
 
 from ..parameters import parameter
 from ..parts import Converter, Diaphragm, Scalar
+from ..plants import Actuator
 from ._base import FULL_DUTY, AbstractController, Log, Measurement, Reference, saturate
 
 HALVINGS = 12
@@ -42,6 +43,11 @@ class StaticBalance(AbstractController):
 
     converter: Converter = eqx.field(default_factory=Converter)
     diaphragm: Diaphragm = eqx.field(default_factory=Diaphragm)
+
+    @classmethod
+    def for_plant(cls, plant: Actuator, **settings: Any) -> "StaticBalance":
+        """Of the plant's own converter and diaphragm."""
+        return cls(**{"converter": plant.converter, "diaphragm": plant.diaphragm} | settings)
 
     def initial_state(self, measurement: Measurement, period: float) -> None:
         """Nothing."""

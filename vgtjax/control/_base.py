@@ -1,4 +1,4 @@
-"""What every controller of the position has in common: what it is told, and what it answers [chapter 5]."""
+"""What every controller of the position has in common: what it is given, and what it answers [chapter 5]."""
 
 import abc
 from typing import Any
@@ -8,6 +8,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
 from ..parts import Scalar
+from ..plants import Actuator
+from ._design import AbstractDesign
 
 FULL_DUTY = 100.0
 """Percent; the duty lies between zero and this."""
@@ -17,7 +19,7 @@ Log = dict[str, Scalar]
 
 
 class Measurement(eqx.Module):
-    """What sensors tell a controller at one sample, or at all samples of a run (leading axis)."""
+    """What a controller measures at one sample, or at all samples of a run (leading axis)."""
 
     position: Scalar
     """Position of the rod in m."""
@@ -44,12 +46,25 @@ class Reference(eqx.Module):
     """m/s3"""
 
 
-class AbstractController(eqx.Module):
+class AbstractController(AbstractDesign):
     """A sampled control law. Its gains are its array leaves, declared with [`parameter`][].
+
+    A controller of your own has a law, `initial_state` and `update`; where there is a proof, its `conditions`; and
+    where its gains or beliefs depend on the plant, `for_plant`. Nothing has to be registered anywhere.
 
     What it remembers from one sample to the next is a PyTree of arrays that it alone understands, of the same
     shapes and types at every sample.
     """
+
+    @classmethod
+    def for_plant(cls, plant: Actuator, **settings: Any) -> "AbstractController":
+        """The design for a plant: its beliefs are that plant, its gains scaled to it; `settings` are fields as given.
+
+        Here it believes nothing, and has its default gains.
+
+        **Raises:** `InputError` for a plant that lacks what the design observes.
+        """
+        return cls(**settings)
 
     @abc.abstractmethod
     def initial_state(self, measurement: Measurement, period: float) -> Memory:

@@ -1,12 +1,13 @@
 """The model that the backstepping controllers are designed on: four states and a flow map [5.4]."""
 
-from typing import Any
+from typing import Any, cast
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from ..parameters import parameter
+from .._errors import InputError
+from ..parameters import Part, parameter
 from ..parts import (
     AbstractFlowMap,
     AbstractVaneForce,
@@ -18,7 +19,8 @@ from ..parts import (
     PolynomialFlow,
     Scalar,
 )
-from ._vane_load import Motion, VaneLoad
+from ..plants import Actuator, StaticMapActuator, fit_flow_map
+from ._vane_load import Motion, vane_load, vane_load_rate, vane_state_after
 
 
 class DesignState(eqx.Module):
@@ -31,7 +33,7 @@ class DesignState(eqx.Module):
     vanes: PyTree[Scalar] = None
 
 
-class DesignModel(eqx.Module):
+class DesignModel(Part):
     """What a backstepping controller believes of the plant [5.4].
 
     With `V = V_0 - A_d x`, `alpha = 1/g` (which the print never defines), `S(v) = sigma_0 (1 - sigma_1 alpha |v|)` and
@@ -61,20 +63,23 @@ class DesignModel(eqx.Module):
     stop_margin: Scalar = parameter(2e-5, symbol="x_s", unit="m", source="assumed", assumed=True, held=True)
 
     @classmethod
-    def of(cls, model: Any, flow_map: AbstractFlowMap, **settings: Any) -> "DesignModel":
-        """That of a model with LuGre friction, for instance an [`Actuator`][], with a map of its flow."""
-        chamber = IsothermalChamber(volume=model.chamber.volume)
-        return cls(flow_map, chamber, model.diaphragm, model.friction, model.vane_force, model.air, **settings)
+    def for_plant(
+        cls, plant: Actuator | StaticMapActuator, flow_map: AbstractFlowMap | None = None, **settings: Any
+    ) -> "DesignModel":
+        """That of a plant with LuGre friction; without a flow map, with a [`SteadyPlungerFlow`][] fitted to the plant.
+
+        **Raises:** `InputError` for a plant with another friction.
+        """
+        friction = lugre_of(plant)
+        if flow_map is None:
+            flow_map = cast(AbstractFlowMap, fit_flow_map(plant, "steady-plunger").flow_map)
+        chamber = IsothermalChamber(volume=plant.chamber.volume)
+        return cls(flow_map, chamber, plant.diaphragm, friction, plant.vane_force, plant.air, **settings)
 
     @property
     def damping(self) -> Scalar:
         """`B` in N s/m."""
         return self.diaphragm.damping + self.load * (self.friction.bristle_damping + self.friction.viscous_damping)
-
-    @property
-    def vane_load(self) -> VaneLoad:
-        """`F_v`."""
-        return VaneLoad(self.vane_force, self.diaphragm)
 
     def alpha(self, velocity: Scalar) -> Scalar:
         """`1/g(v)` in 1/N."""
@@ -88,13 +93,13 @@ class DesignModel(eqx.Module):
         fall = (model.static_force - model.coulomb_force) * steepness * jnp.exp(-(ratio**power))
         return self.alpha(velocity) ** 2 * fall * jnp.sign(velocity)
 
-    def forgetting(self, velocity: Scalar) -> Scalar:
-        """`sigma_0 alpha |v|` in 1/s, the rate at which the bristles forget their deflection."""
+    def relaxation_rate(self, velocity: Scalar) -> Scalar:
+        """`sigma_0 alpha |v|` in 1/s, at which the bristles' deflection relaxes."""
         return self.friction.bristle_stiffness * self.alpha(velocity) * jnp.abs(velocity)
 
     def stiffness(self, velocity: Scalar) -> Scalar:
         """`S(v)` in N/m; negative for `|v| > g / sigma_1`, some 6.5 mm/s."""
-        return self.friction.bristle_stiffness - self.friction.bristle_damping * self.forgetting(velocity)
+        return self.friction.bristle_stiffness - self.friction.bristle_damping * self.relaxation_rate(velocity)
 
     def stiffness_slope(self, velocity: Scalar, width: Scalar | float = 0.0) -> Scalar:
         """`dS/dv` in N s/m2; zero where the velocity is, a jump unless `v / (|v| + width)` stands for its sign."""
@@ -136,7 +141,19 @@ class DesignModel(eqx.Module):
 
     def deflection_rate(self, velocity: Scalar, deflection: Scalar) -> Scalar:
         """`z'` in m/s."""
-        return velocity - self.forgetting(velocity) * deflection
+        return velocity - self.relaxation_rate(velocity) * deflection
+
+    def vane_load(self, motion: Motion, state: Any) -> tuple[Scalar, PyTree[Scalar]]:
+        """`F_v` in N along -x, and the rates of what it remembers, per second."""
+        return vane_load(self.vane_force, self.diaphragm, motion, state)
+
+    def vane_load_rate(self, motion: Motion, state: Any) -> Scalar:
+        """`F_v'` in N/s."""
+        return vane_load_rate(self.vane_force, self.diaphragm, motion, state)
+
+    def vane_state_after(self, motion: Motion, state: Any, period: float) -> PyTree[Scalar]:
+        """What the force remembers a period in s later."""
+        return vane_state_after(self.vane_force, self.diaphragm, motion, state, period)
 
     def volume(self, position: Scalar) -> Scalar:
         """`V` in m3."""
@@ -161,12 +178,32 @@ class DesignModel(eqx.Module):
         """Time derivative of the state [5.4] under a duty in percent, an atmosphere in Pa and a turbine in Pa gauge."""
         position, velocity, pressure = state.position, state.velocity, state.pressure
         motion = Motion(position, velocity, ambient, turbine)
-        resistance = self.friction_force(velocity, state.deflection) + self.vane_load(motion, state.vanes)
+        load, vane_rates = self.vane_load(motion, state.vanes)
+        resistance = self.friction_force(velocity, state.deflection) + load
         flow = self.flow_map(duty, pressure, ambient)
         return DesignState(
             velocity,
             self.acceleration(position, velocity, resistance, pressure, ambient),
             self.deflection_rate(velocity, state.deflection),
             self.pressure_rate(flow, position, velocity, pressure),
-            self.vane_load.state_rate(motion, state.vanes),
+            vane_rates,
         )
+
+
+def lugre_of(plant: Actuator | StaticMapActuator) -> LuGre:
+    """The friction of a plant.
+
+    **Raises:** `InputError` where its bristles can't be observed.
+    """
+    if not isinstance(plant.friction, LuGre):
+        raise InputError(
+            f"a plant must have LuGre friction, whose bristles the design observes, but it has "
+            f"{type(plant.friction).__name__}; use LuGre, or a PI",
+            "plant",
+        )
+    return plant.friction
+
+
+def lighter(model: DesignModel) -> Scalar:
+    """The printed mass over that of a design model: gains that are forces over mass change in proportion to it."""
+    return DesignModel().diaphragm.mass / model.diaphragm.mass

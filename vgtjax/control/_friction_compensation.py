@@ -1,18 +1,23 @@
 """Feedback linearisation with a friction observer [5.6-5.9] (Canudas de Wit, Olsson, Astrom and Lischinsky, 1995)."""
 
-import equinox as eqx
-import jax.core
-import jax.numpy as jnp
-import numpy as np
-from jaxtyping import Array, PyTree
+from typing import Any
 
-from .._errors import InputError
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import PyTree
+
 from ..parameters import parameter
 from ..parts import AbstractVaneForce, Converter, Diaphragm, LuGre, NoVaneForce, Scalar
+from ..plants import Actuator
 from ._balance import holding_duty
 from ._base import AbstractController, Log, Measurement, Memory, Reference
+from ._design import Condition
+from ._design_model import lugre_of
 from ._differentiator import AbstractDifferentiator, LevantDifferentiator
-from ._vane_load import Motion, VaneLoad
+from ._vane_load import Motion, vane_load, vane_state_after
+
+ABOVE_BOUND = 1.5
+"""Least derivative gain of a design for a plant, in parts of the bound of [5.9]."""
 
 
 class ObserverState(eqx.Module):
@@ -26,18 +31,13 @@ class ObserverState(eqx.Module):
 class FrictionCompensation(AbstractController):
     """A PD on the position error, with the model's spring, inertia, vanes and observed friction added [5.6-5.8].
 
-    `z' = v - sigma_0 |v| z / g(v) - k e`, `F = theta (sigma_0 z + sigma_1 z' + sigma_2 v)` with `e` position minus
-    reference; the chamber pressure that gives `F_0 + F + F_v - k_p e - k_d e' + m x_ref'' + b_d x_ref' + k_sm x_ref` is
-    asked for by the duty that holds it. The dot of `z'` is missing in print, and its `F_eq` is the actuating force
-    itself. `F_v` is the force on the vanes as far as it is known; what is not known of it is an error until `k e` has
-    taken it for friction. The differentiator is told the acceleration of the reference, so that it may be slow: noise
-    of the velocity lets the observed bristles relax.
+        z' = v - sigma_0 |v| z / g(v) - k e;   F = theta (sigma_0 z + sigma_1 z' + sigma_2 v)
+        (p_atm - p) A_d = F_0 + F + F_v - k_p e - k_d e' + m x_ref'' + b_d x_ref' + k_sm x_ref
 
-    The proof needs the transfer function [5.9] to be strictly positive real, which is checked when this is built:
-    `sigma_1 (b_d + k_d) > sigma_0 m` and `k_p + k_sm > 0`. With an integrator it never is, so there is none. The
-    proof ignores the lag of the chamber pressure. Gains that a study varies later are not checked again.
+    with `e` position minus reference; the duty is the one that holds the chamber pressure `p`. `F_v` is the force on
+    the vanes as far as it is known. The manual's page on control has the derivation and where the print differs.
 
-    **Raises:** `InputError` where [5.9] is not strictly positive real.
+    **Raises:** `InputError` where the transfer function [5.9] is not strictly positive real.
     """
 
     proportional_gain: Scalar = parameter(12000.0, symbol="k_p", unit="N/m", source="5.8, value assumed", assumed=True)
@@ -50,26 +50,33 @@ class FrictionCompensation(AbstractController):
     vane_force: AbstractVaneForce = eqx.field(default_factory=NoVaneForce)
     differentiator: AbstractDifferentiator = eqx.field(default_factory=lambda: LevantDifferentiator(0.7, width=2e-3))
 
-    def __check_init__(self) -> None:
-        damping, stiffness = self.damping_margin(), self.proportional_gain + self.diaphragm.stiffness
-        if isinstance(damping, jax.core.Tracer) or isinstance(stiffness, jax.core.Tracer):
-            return
-        if np.any(np.asarray(damping) <= 0):
-            raise InputError(
-                f"derivative_gain must exceed {np.max(self.derivative_gain - damping):.4g} N s/m for a strictly "
-                f"positive real [5.9], but it is {np.min(self.derivative_gain):.4g}; raise it"
-            )
-        if np.any(np.asarray(stiffness) <= 0):
-            raise InputError(
-                f"proportional_gain must exceed minus the spring's {np.min(self.diaphragm.stiffness):.4g} N/m for a "
-                f"strictly positive real [5.9], but it is {np.min(self.proportional_gain):.4g}; raise it"
-            )
+    @classmethod
+    def for_plant(cls, plant: Actuator, **settings: Any) -> "FrictionCompensation":
+        """With the default damping, or with half as much again as [5.9] asks for; the vane force is left unknown."""
+        body, friction = plant.diaphragm, lugre_of(plant)
+        gain = jnp.maximum(cls.derivative_gain, ABOVE_BOUND * least_derivative_gain(body, friction))
+        design = {"derivative_gain": gain, "converter": plant.converter, "diaphragm": body, "friction": friction}
+        return cls(**design | settings)
 
-    def damping_margin(self) -> Array:
-        """How far in N s/m `k_d` lies above its bound `sigma_0 m / sigma_1 - b_d`."""
-        friction, diaphragm = self.friction, self.diaphragm
-        bound = friction.bristle_stiffness * diaphragm.mass / friction.bristle_damping - diaphragm.damping
-        return self.derivative_gain - bound
+    def conditions(self) -> dict[str, Condition]:
+        """[5.9] is strictly positive real: `sigma_1 (b_d + k_d) > sigma_0 m` and `k_p + k_sm > 0`."""
+        bound, spring = least_derivative_gain(self.diaphragm, self.friction), self.diaphragm.stiffness
+        return {
+            "derivative_gain above its bound [5.9]": Condition(
+                (self.derivative_gain - bound) / jnp.maximum(jnp.abs(bound), 1.0),
+                "derivative_gain must exceed {limit:.4g} N s/m for a strictly positive real [5.9]",
+                self.derivative_gain,
+                "raise it",
+                bound,
+            ),
+            "proportional_gain above its bound [5.9]": Condition(
+                1 + self.proportional_gain / spring,
+                "proportional_gain must exceed minus the spring's {limit:.4g} N/m for a strictly positive real [5.9]",
+                self.proportional_gain,
+                "raise it",
+                spring,
+            ),
+        }
 
     def initial_state(self, measurement: Measurement, period: float) -> ObserverState:
         """Relaxed bristles, at rest."""
@@ -86,13 +93,13 @@ class FrictionCompensation(AbstractController):
         )
         error, error_rate = measurement.position - reference.position, velocity - reference.velocity
         deflection, friction = self._observe(state.deflection, velocity, error, period)
-        body, vane_load = self.diaphragm, VaneLoad(self.vane_force, self.diaphragm)
+        body = self.diaphragm
         motion = Motion(measurement.position, velocity, measurement.ambient, measurement.turbine)
-        vanes = vane_load.after(motion, state.vanes, period)
+        vanes = vane_state_after(self.vane_force, body, motion, state.vanes, period)
         force = (
             body.preload
             + friction
-            + vane_load(motion, vanes)
+            + vane_load(self.vane_force, body, motion, vanes)[0]
             - self.proportional_gain * error
             - self.derivative_gain * error_rate
             + body.mass * reference.acceleration
@@ -105,10 +112,15 @@ class FrictionCompensation(AbstractController):
         return ObserverState(deflection, vanes, memory), duty, log
 
     def _observe(self, deflection: Scalar, velocity: Scalar, error: Scalar, period: float) -> tuple[Scalar, Scalar]:
-        """One implicit Euler step, as fast sliding forgets within less than a sample; and the friction force in N."""
+        """One implicit Euler step, as fast sliding relaxes within less than a sample; and the friction force in N."""
         model = self.friction
-        forgetting = model.bristle_stiffness * jnp.abs(velocity) / model.stribeck(velocity)
-        onward = (deflection + period * (velocity - self.observer_gain * error)) / (1 + period * forgetting)
+        relaxation = model.bristle_stiffness * jnp.abs(velocity) / model.stribeck(velocity)
+        onward = (deflection + period * (velocity - self.observer_gain * error)) / (1 + period * relaxation)
         rate = (onward - deflection) / period
         elastic = model.bristle_stiffness * onward + model.bristle_damping * rate
         return onward, self.load * (elastic + model.viscous_damping * velocity)
+
+
+def least_derivative_gain(body: Diaphragm, friction: LuGre) -> Scalar:
+    """`sigma_0 m / sigma_1 - b_d` in N s/m, which `k_d` has to exceed [5.9]."""
+    return friction.bristle_stiffness * body.mass / friction.bristle_damping - body.damping

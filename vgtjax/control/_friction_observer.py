@@ -1,14 +1,12 @@
 """The dual friction observer: two bristles and three coefficients [5.47-5.48, 5.69 corrected]."""
 
 import equinox as eqx
-import jax.core
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
-from .._errors import InputError
 from ..parameters import parameter
 from ..parts import Scalar
+from ._design import AbstractDesign, Condition, positive
 from ._design_model import DesignModel
 
 Bristles = Float[Array, " 2"]
@@ -24,26 +22,20 @@ class FrictionEstimate(eqx.Module):
     """`bh0` in 1/s2, `bh1` in 1/s, `bh2` in N/(kg m s)."""
 
 
-class DualFrictionObserver(eqx.Module):
+class DualFrictionObserver(AbstractDesign):
     """Friction over mass as `bh0 zh0 + bh1 v - bh2 h zh1`, with all of it estimated but `sigma_0` and `g`.
 
     With `h = |v| alpha(v)` (`alpha = 1/g`), LuGre friction over mass is `beta0 z + beta1 v - beta2 h z`,
 
         beta0 = theta sigma_0 / m;   beta1 = theta (sigma_1 + sigma_2) / m;   beta2 = theta sigma_0 sigma_1 / m
 
-    Each of the two products that hold the unknown `z` has a bristle of its own, so that its error has a sign of its own
-    in a Lyapunov function:
+    Each of the two products that hold the unknown `z` has a bristle of its own:
 
         zh0' = v - sigma_0 h zh0 - iota_0 q        bh0' = -gamma_0 q zh0
         zh1' = v - sigma_0 h zh1 + iota_1 q h      bh1' = -gamma_1 q v       bh2' = +gamma_2 q h zh1
 
-    `q` in m/s is the one signal that drives everything, `gamma_i = Gamma beta_i^2`. The print of [5.69] has other
-    signs, and [5.46] lost a `sigma_0` (erratum 28). A `bh_i` is held between `least` and `largest` times `beta_i`: a
-    projection on an interval that holds the truth only helps. The default one suits the printed actuator and nineteen
-    of twenty fitted units: their stiffness is 0.5 to 1.2 of the printed one, their dampings are 0.04 to 0.65, a fifth
-    by the median, where the default starts. The twentieth has some three times the printed damping.
-
-    At standstill the error of `zh0` swings with `sqrt(iota_0 beta0)`, which has to stay below the damping of `q`.
+    `q` in m/s is the one signal that drives everything, `gamma_i = Gamma beta_i^2`. A `bh_i` is held between `least`
+    and `largest` times `beta_i`. The manual's page on control says why, and for which plants.
 
     **Raises:** `InputError` for a gain that is negative, or a start that is not between `least` and `largest`, which
     must be positive.
@@ -62,21 +54,18 @@ class DualFrictionObserver(eqx.Module):
     )
     """Of the coefficients that the design model has, as are `least` and `largest`."""
 
-    def __check_init__(self) -> None:
-        given = (self.injection, self.adaptation, self.least, self.largest, self.start)
-        if any(isinstance(value, jax.core.Tracer) for value in given):
-            return
-        if np.any(np.asarray(self.injection) < 0) or np.any(np.asarray(self.adaptation) < 0):
-            raise InputError(
-                f"gains of the friction observer must not be negative, but injection is {self.injection} and "
-                f"adaptation {self.adaptation}; use zero for none"
-            )
-        low, high, start = np.asarray(self.least), np.asarray(self.largest), np.asarray(self.start)
-        if np.any(low <= 0) or np.any(start.min(-1) < low) or np.any(start.max(-1) > high):
-            raise InputError(
-                f"start of the coefficients must lie between least and largest, and these above zero, but they are "
-                f"{self.start}, {self.least} and {self.largest}; use e.g. 1, 0.2 and 5"
-            )
+    def conditions(self) -> dict[str, Condition]:
+        """A start inside the interval."""
+        least, largest = (jnp.expand_dims(end, -1) for end in (self.least, self.largest))
+        inside = Condition(
+            jnp.minimum(self.start - least, largest - self.start),
+            "start of the coefficients must lie between least and largest",
+            self.start,
+            "use e.g. 1, with 0.2 and 5",
+            closed=True,
+            bounds_gains=False,
+        )
+        return positive(self, "least") | {"start inside": inside}
 
     def initial_state(self, model: DesignModel) -> FrictionEstimate:
         """Relaxed bristles."""
@@ -88,15 +77,15 @@ class DualFrictionObserver(eqx.Module):
     ) -> FrictionEstimate:
         """Time derivatives; `drive` is `q` in m/s."""
         pulled = velocity + self._injected(model, velocity, drive)
-        deflection_rates = pulled - model.forgetting(velocity) * estimate.deflections
+        deflection_rates = pulled - model.relaxation_rate(velocity) * estimate.deflections
         return FrictionEstimate(deflection_rates, self._adapting(model, estimate, velocity, drive))
 
     def step(
         self, model: DesignModel, estimate: FrictionEstimate, velocity: Scalar, drive: Scalar, period: float
     ) -> FrictionEstimate:
-        """One sample later: an implicit Euler step for the bristles, as fast sliding forgets within less than it."""
+        """One sample later: an implicit Euler step for the bristles, as fast sliding relaxes within less than it."""
         pulled = velocity + self._injected(model, velocity, drive)
-        deflections = (estimate.deflections + period * pulled) / (1 + period * model.forgetting(velocity))
+        deflections = (estimate.deflections + period * pulled) / (1 + period * model.relaxation_rate(velocity))
         onward = estimate.coefficients + period * self._adapting(model, estimate, velocity, drive)
         nominal = nominal_coefficients(model)
         furthest = 2 * model.friction.static_force / model.friction.bristle_stiffness

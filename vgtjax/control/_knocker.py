@@ -1,14 +1,16 @@
 """The knocker: pulses that keep friction from sticking [5.5] (Hagglund, 2002)."""
 
-import equinox as eqx
-import jax.core
-import jax.numpy as jnp
-import numpy as np
+from typing import Any
 
-from .._errors import InputError
+import equinox as eqx
+import jax.numpy as jnp
+
 from ..parameters import parameter
 from ..parts import Scalar
+from ..plants import Actuator
 from ._base import AbstractController, Log, Measurement, Memory, Reference
+from ._design import Condition, positive
+from ._pid import PI
 
 
 class KnockerState(eqx.Module):
@@ -37,16 +39,27 @@ class Knocker(AbstractController):
     amplitude: Scalar = parameter(2.0, symbol="alpha", unit="%", source="5.3.1")
     width: Scalar = parameter(0.02, symbol="tau", unit="s", source="5.3.1", held=True)
     interval: Scalar = parameter(0.04, symbol="t_k", unit="s", source="5.3.1", held=True)
-    sign_width: Scalar = parameter(1e-9, symbol="w", unit="%", source="assumed", assumed=True, held=True)
+    # Tuned at a tenth of a usual pulse.
+    sign_width: Scalar = parameter(
+        1e-9, symbol="w", unit="%", source="assumed", assumed=True, held=True, tuning_width=0.2
+    )
 
-    def __check_init__(self) -> None:
-        if isinstance(self.width, jax.core.Tracer) or isinstance(self.interval, jax.core.Tracer):
-            return
-        if not np.all((np.asarray(self.width) > 0) & (np.asarray(self.width) < np.asarray(self.interval))):
-            raise InputError(
-                f"a pulse must end before the next one begins, but its width is {self.width} s and the interval "
-                f"{self.interval} s; use e.g. 0.02 and 0.04"
+    @classmethod
+    def for_plant(cls, plant: Actuator, **settings: Any) -> "Knocker":
+        """Around the [`PI`][] for the plant."""
+        return cls(**{"controller": PI.for_plant(plant)} | settings)
+
+    def conditions(self) -> dict[str, Condition]:
+        """A pulse ends before the next one begins."""
+        return positive(self, "width") | {
+            "width below interval [5.5]": Condition(
+                1 - self.width / self.interval,
+                "width must be below the interval of {limit} s, so that a pulse ends before the next one begins",
+                self.width,
+                "use e.g. 0.02 and 0.04",
+                self.interval,
             )
+        }
 
     def initial_state(self, measurement: Measurement, period: float) -> KnockerState:
         """As if a pulse had just ended."""

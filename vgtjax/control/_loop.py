@@ -35,7 +35,7 @@ from ._scenario import Scenario
 class ClosedLoop(eqx.Module):
     """What a closed loop returns, at its samples; every array has the shape `(time,)`.
 
-    `plant` is what [`simulate`][] would return, with the true signals; `measured` is what the controller was told.
+    `plant` is what [`simulate`][] would return, with the true signals; `measured` is what the controller was given.
     `command` is the duty in percent that it asked for, `duty` what the converter got, held to the next sample.
     `log` is what the controller logged.
     """

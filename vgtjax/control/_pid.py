@@ -1,11 +1,14 @@
 """Conventional control: PI and PID with anti-windup [section 5.3]."""
 
+from typing import Any
+
 import equinox as eqx
 import jax.numpy as jnp
 
 from ..parameters import parameter
 from ..parts import Scalar
-from ._balance import ConstantDuty
+from ..plants import Actuator
+from ._balance import ConstantDuty, StaticBalance
 from ._base import AbstractController, Log, Measurement, Memory, Reference, saturate
 from ._differentiator import AbstractDifferentiator, FilteredDifference
 
@@ -20,15 +23,20 @@ class PIState(eqx.Module):
 class PI(AbstractController):
     """`u = u_base + k_p e + I`, `I' = k_i e + (u_saturated - u) / T_t`, `e` reference minus position.
 
-    The last term is back-calculation (Astrom and Hagglund, 1995): while the duty saturates, the integral forgets with
-    the time constant `T_t` what could not act; an infinite `T_t` is none. `base` is what the PI corrects: a
+    The last term is back-calculation (Astrom and Hagglund, 1995): while the duty saturates, the integral gives up,
+    with the time constant `T_t`, what could not act; an infinite `T_t` is none. `base` is what the PI corrects: a
     constant duty of zero, or e.g. [`StaticBalance`][].
     """
 
     proportional_gain: Scalar = parameter(6000.0, symbol="k_p", unit="%/m", source="5.3, value assumed", assumed=True)
     integral_gain: Scalar = parameter(20000.0, symbol="k_i", unit="%/(m s)", source="5.3, value assumed", assumed=True)
-    tracking_time: Scalar = parameter(0.1, symbol="T_t", unit="s", source="assumed", assumed=True)
+    tracking_time: Scalar = parameter(0.1, symbol="T_t", unit="s", source="assumed", assumed=True, infinite=True)
     base: AbstractController = eqx.field(default_factory=ConstantDuty)
+
+    @classmethod
+    def for_plant(cls, plant: Actuator, **settings: Any) -> "PI":
+        """Around the plant's [`StaticBalance`][]."""
+        return cls(**{"base": StaticBalance.for_plant(plant)} | settings)
 
     def initial_state(self, measurement: Measurement, period: float) -> PIState:
         """Nothing integrated."""
@@ -48,8 +56,8 @@ class PI(AbstractController):
         error = reference.position - measurement.position
         command = duty + self.proportional_gain * error + state.integral + extra
         # No faster than dead-beat, so that a short tracking time is not unstable in discrete time.
-        forget = period / (self.tracking_time + period)
-        integral = state.integral + period * self.integral_gain * error + forget * (saturate(command) - command)
+        unwind = period / (self.tracking_time + period)
+        integral = state.integral + period * self.integral_gain * error + unwind * (saturate(command) - command)
         return PIState(integral, base), command, {**log, "integral": state.integral}
 
 
@@ -66,6 +74,11 @@ class PID(AbstractController):
     pi: PI = eqx.field(default_factory=PI)
     derivative_gain: Scalar = parameter(200.0, symbol="k_d", unit="% s/m", source="5.3, value assumed", assumed=True)
     differentiator: AbstractDifferentiator = eqx.field(default_factory=FilteredDifference)
+
+    @classmethod
+    def for_plant(cls, plant: Actuator, **settings: Any) -> "PID":
+        """With the [`PI`][] for the plant."""
+        return cls(**{"pi": PI.for_plant(plant)} | settings)
 
     def initial_state(self, measurement: Measurement, period: float) -> PIDState:
         """Nothing integrated, and at rest."""

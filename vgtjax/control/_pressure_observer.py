@@ -1,15 +1,18 @@
 """Chamber pressure and friction from the position alone: the sliding mode observer [5.11-5.21]."""
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float, PyTree
 
 from .._errors import InputError
 from ..parameters import parameter
 from ..parts import AbstractFlowMap, Scalar
+from ..plants import Actuator
 from ._base import FULL_DUTY
+from ._design import AbstractDesign, Condition, positive
 from ._design_model import DesignModel
 from ._vane_load import Motion
 
@@ -22,6 +25,8 @@ SPEEDS = 101
 SECANT = 1e3
 """Pa to either side of a pressure between which the slope of the map is taken: at a knot its tangent jumps, and a step
 that is linearised by the tangent jumps with it."""
+HALVINGS = 8
+"""Of the friction rate at most, until [5.21] holds for a plant."""
 
 
 class ObservedState(eqx.Module):
@@ -33,7 +38,7 @@ class ObservedState(eqx.Module):
     vanes: PyTree[Scalar] = None
 
 
-class PressureObserver(eqx.Module):
+class PressureObserver(AbstractDesign):
     """Velocity, bristles and chamber pressure from position and velocity [5.11-5.21], with its signs corrected.
 
     A copy of the [`DesignModel`][] that is corrected by the error of its velocity `e2 = v - vh` alone. With
@@ -43,38 +48,10 @@ class PressureObserver(eqx.Module):
         zh' = v - sigma_0 alpha |v| zh - q a (m/sigma_0) w
         ph' = n (R T f(u, ph) + A_d v ph)/V - q b (m/A_d) w
 
-    so that `K4 = -a (m/sigma_0) K2`, `K6 = -b (m/A_d) K2`, and `alpha4`, `alpha6` likewise. Both are negative: pressure
-    and bristles both brake, and with the `K6 > 0` of the print the error of the pressure grows. `alpha2 > 0` alone is
-    the smooth version, `K2 > 0` alone the switching one. A copy of the position, as in [5.12], would do nothing. The
-    force on the vanes `F_v` is the design model's, its state followed along the measured motion; `q` is 1 but for the
-    stops.
+    `alpha2 > 0` alone is the smooth version, `K2 > 0` alone the switching one; `q` is 1 but for the end stops, on
+    which it is 0. The manual's page on control derives the conditions of stability and says how to choose the gains.
 
-    **Stability.** Once `e2` is zero, `w` is `-(A_d e4 + theta S e3)/m`. With `phi3 = sigma_0 e3`, `phi4 = A_d e4` in N,
-    `y = sigma_1 alpha |v|`, `c = sigma_0/sigma_1` and `F = n (R T df/dp + A_d v)/V`:
-
-        phi3' = -(c y + a theta (1 - y)) phi3 - a phi4;   phi4' = -b theta (1 - y) phi3 - (b - F) phi4
-
-    and `V_O = phi3^2/2 + a/(b theta) phi4^2/2` falls at every `|v| <= v_max` if
-
-        F < 0   and   0 < a <= 4 sigma_0 F_c / (theta sigma_1^2 v_max),   with any b > 0
-
-    Where the rod moves fast, `F < 0` is more than is needed: what is checked is the determinant of `V_O'`,
-
-        (b - F) (c y + a theta (1 - y)) > a b theta (2 - y)^2 / 4   with   F < b
-
-    at the least volume and the flattest slope of the map. Bound and determinant are checked when this is built, but
-    not again for gains that a study varies later. "Sufficiently large" gains (after [5.20]) are wrong: `1 - y` changes
-    its sign at some 6.5 mm/s. For sliding, `K2` must exceed `|A_d e4 + theta S e3|/m`, which depends on the first
-    errors and is not checked; 30 m/s2 is worth 6 kPa. At standstill only `F` tells pressure from friction: their sum
-    is soon right, each by itself at a rate of `a |F| / (a + b + |F|)`.
-
-    **End stops.** A rod that rests on a stop says nothing of pressure and friction, as the stop carries what is left:
-    `w = (R - A_d e4 - theta S e3)/m` with any `R`. So both are corrected by a share `q` of `w` that is 1 between the
-    stops and 0 on one, `DesignModel.off_stops`, and on a stop the flow map alone tells the pressure. With `q`, `a` and
-    `b` become `q a` and `q b`, whose ratio in `V_O` is the same, and
-    `V_O' = q V_O'(a, b) + (1 - q) (a/(b theta) F phi4^2 - c y phi3^2)`, which falls with any `q` where `F < 0`.
-
-    **Raises:** `InputError` for gains or a flow map that break a condition above, or without any correction.
+    **Raises:** `InputError` for gains or a flow map that break a condition, or without any correction.
     """
 
     model: DesignModel = eqx.field(default_factory=DesignModel)
@@ -97,27 +74,47 @@ class PressureObserver(eqx.Module):
     )
     """Of the rod, up to which the conditions are checked; nothing else uses it."""
 
-    def __check_init__(self) -> None:
-        if any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(self)):
-            return
-        for name in ("friction_rate", "pressure_rate"):
-            _require(np.min(getattr(self, name)) > 0, f"{name} must be positive", getattr(self, name), "use e.g. 5")
-        for name in ("injection_rate", "switching_gain"):
-            value = getattr(self, name)
-            _require(np.min(value) >= 0, f"{name} must not be negative", value, "use zero for none")
-        correction = np.asarray(self.injection_rate) + np.asarray(self.switching_gain)
-        rule = "injection_rate plus switching_gain must be positive, or nothing is corrected"
-        _require(np.min(correction) > 0, rule, correction, "use e.g. injection_rate=1000")
-        bound = self.largest_friction_rate()
-        rule = f"friction_rate must be at most 4 sigma_0 F_c / (theta sigma_1^2 v_max) = {np.min(bound):.4g} 1/s"
-        remedy = "lower it or largest_velocity"
-        _require(np.min(np.asarray(bound) - self.friction_rate) >= 0, rule, self.friction_rate, remedy)
-        margin, growth = self.stability_margin()
-        rule = "pressure_rate b must outweigh the growth F of pressure errors at every velocity up to largest_velocity"
-        remedy = "raise pressure_rate, or lower friction_rate or largest_velocity"
-        _require(
-            np.min(margin) > 0, f"{rule} for [5.21], F being up to {np.max(growth):.3g} 1/s", self.pressure_rate, remedy
-        )
+    @classmethod
+    def for_plant(cls, plant: Actuator, model: DesignModel | None = None, **settings: Any) -> "PressureObserver":
+        """On the plant's [`DesignModel`][] or another one, with the friction rate halved until [5.21] holds for it."""
+        model = DesignModel.for_plant(plant) if model is None else model
+        rate = cls.friction_rate
+        for _ in range(HALVINGS):
+            try:
+                return cls(**{"model": model, "friction_rate": rate} | settings)
+            except InputError:
+                rate = rate / 2
+        return cls(**{"model": model, "friction_rate": rate} | settings)
+
+    def conditions(self) -> dict[str, Condition]:
+        """[5.20, 5.21] corrected, the determinant as a part of `a sigma_0 / sigma_1`."""
+        friction, correction = self.model.friction, self.injection_rate + self.switching_gain
+        bound, (margin, growth) = jnp.min(self.largest_friction_rate()), self.stability_margin()
+        return positive(self, "friction_rate", "pressure_rate") | {
+            "corrected at all": Condition(
+                correction,
+                "injection_rate plus switching_gain must be positive, or nothing is corrected",
+                correction,
+                "use e.g. injection_rate=1000",
+                bounds_gains=False,
+            ),
+            "friction_rate below its bound [5.21]": Condition(
+                1 - self.friction_rate / bound,
+                "friction_rate must be at most 4 sigma_0 F_c / (theta sigma_1^2 v_max) = {limit:.4g} 1/s",
+                self.friction_rate,
+                "lower it or largest_velocity",
+                bound,
+                closed=True,
+            ),
+            "pressure_rate above its bound [5.21]": Condition(
+                jnp.min(margin) / (self.friction_rate * friction.bristle_stiffness / friction.bristle_damping),
+                "pressure_rate b must outweigh the growth F of pressure errors at every velocity up to "
+                "largest_velocity for [5.21], F being up to {limit:.3g} 1/s",
+                self.pressure_rate,
+                "raise pressure_rate, or lower friction_rate or largest_velocity",
+                jnp.max(growth),
+            ),
+        }
 
     def largest_friction_rate(self) -> Array:
         """The bound of `a` in 1/s."""
@@ -157,16 +154,16 @@ class PressureObserver(eqx.Module):
         **Returns:** the state at the sample, and the rate `zh'` in m/s there.
         """
         model, body, velocity = self.model, self.model.diaphragm, motion.velocity
-        told = model.off_stops(motion.position)
-        by_deflection = told * self.friction_rate * body.mass / model.friction.bristle_stiffness
-        by_pressure = told * self.pressure_rate * body.mass / body.area
+        share = model.off_stops(motion.position)
+        by_deflection = share * self.friction_rate * body.mass / model.friction.bristle_stiffness
+        by_pressure = share * self.pressure_rate * body.mass / body.area
         # Every unknown is a constant plus a factor times the correction w.
-        forgetting = 1 + period * model.forgetting(velocity)
-        deflection = Affine((state.deflection + period * velocity) / forgetting, -period * by_deflection / forgetting)
+        decay = 1 + period * model.relaxation_rate(velocity)
+        deflection = Affine((state.deflection + period * velocity) / decay, -period * by_deflection / decay)
         pressure = self._pressure(state.pressure, motion, duty, period, by_pressure)
-        vanes = model.vane_load.after(motion, state.vanes, period)
+        vanes = model.vane_state_after(motion, state.vanes, period)
         friction = model.load * model.stiffness(velocity)
-        resistance = friction * deflection.constant + model.vane_load(motion, vanes)
+        resistance = friction * deflection.constant + model.vane_load(motion, vanes)[0]
         still = jnp.zeros_like(velocity)
         push = model.acceleration(motion.position, still, resistance, pressure.constant, motion.ambient)
         lag = 1 + period * model.damping / body.mass
@@ -211,11 +208,11 @@ def _stability_margin(observer: PressureObserver) -> tuple[Array, Array]:
     travel = jnp.where(jnp.isfinite(body.travel), body.travel, 0.0)
     slopes = model.gas_energy * _largest_slope(model.flow_map) + body.area * speed
     growth = model.exponent * slopes / model.volume(travel)
-    forgetting = model.friction.bristle_stiffness / model.friction.bristle_damping
-    lost = jax.vmap(model.forgetting)(speed) / forgetting
+    steep = model.friction.bristle_stiffness / model.friction.bristle_damping
+    lost = jax.vmap(model.relaxation_rate)(speed) / steep
     rest = b - growth
-    determinant = rest * (forgetting * lost + a * load * (1 - lost)) - 0.25 * a * b * load * (2 - lost) ** 2
-    return jnp.minimum(determinant, rest * forgetting), growth
+    determinant = rest * (steep * lost + a * load * (1 - lost)) - 0.25 * a * b * load * (2 - lost) ** 2
+    return jnp.minimum(determinant, rest * steep), growth
 
 
 def _largest_slope(flow_map: AbstractFlowMap) -> Float[Array, ""]:
@@ -225,8 +222,3 @@ def _largest_slope(flow_map: AbstractFlowMap) -> Float[Array, ""]:
     pressure = share * flow_map.ambient
     slope = jax.jvp(lambda at: flow_map(duty, at), (pressure,), (jnp.ones_like(pressure),))[1]
     return jnp.max(jnp.where(flow_map.valid(duty, pressure), slope, -jnp.inf))
-
-
-def _require(holds: bool, rule: str, value: Array, remedy: str) -> None:
-    if not holds:
-        raise InputError(f"{rule}, but it is {np.asarray(value)}; {remedy}")

@@ -1,4 +1,4 @@
-"""The force of the exhaust gas on the vanes, as far as a controller knows it."""
+"""The force of the exhaust gas on the vanes along a known motion of the rod, as far as a controller knows it."""
 
 from typing import Any
 
@@ -19,37 +19,29 @@ class Motion(eqx.Module):
     turbine: Scalar = eqx.field(default_factory=lambda: jnp.zeros(()))
 
 
-class VaneLoad(eqx.Module):
-    """The model's vane force along a known motion. What it remembers is followed from sample to sample."""
+def vane_load(law: AbstractVaneForce, body: Diaphragm, motion: Motion, state: Any) -> tuple[Scalar, PyTree[Scalar]]:
+    """Force in N along -x, and how fast what the force remembers changes, per second."""
+    return law(_vanes(body, motion), motion.velocity, state)
 
-    vane_force: AbstractVaneForce
-    diaphragm: Diaphragm
 
-    def __call__(self, motion: Motion, state: Any) -> Scalar:
-        """Force in N along -x."""
-        return self._force(motion, state)[0]
+def vane_load_rate(law: AbstractVaneForce, body: Diaphragm, motion: Motion, state: Any) -> Scalar:
+    """Time derivative of the force in N/s, at a constant turbine pressure and velocity."""
 
-    def rate(self, motion: Motion, state: Any) -> Scalar:
-        """Its time derivative in N/s, at a constant turbine pressure and velocity."""
+    def force(position: Scalar, state: Any) -> Scalar:
+        return vane_load(law, body, Motion(position, motion.velocity, motion.ambient, motion.turbine), state)[0]
 
-        def force(position: Scalar, state: Any) -> Scalar:
-            return self(Motion(position, motion.velocity, motion.ambient, motion.turbine), state)
+    along = (motion.velocity, vane_load(law, body, motion, state)[1])
+    return jax.jvp(force, (motion.position, state), along)[1]
 
-        along = (motion.velocity, self.state_rate(motion, state))
-        return jax.jvp(force, (motion.position, state), along)[1]
 
-    def state_rate(self, motion: Motion, state: Any) -> PyTree[Scalar]:
-        """Of what the force remembers, a second."""
-        return self._force(motion, state)[1]
+def vane_state_after(
+    law: AbstractVaneForce, body: Diaphragm, motion: Motion, state: Any, period: float
+) -> PyTree[Scalar]:
+    """What the force remembers a period in s later, by one step of implicit Euler."""
+    relaxation = law.relaxation(_vanes(body, motion), motion.velocity, state)
+    rates = vane_load(law, body, motion, state)[1]
+    return jax.tree.map(lambda s, rate, fade: s + period * rate / (1 + period * fade), state, rates, relaxation)
 
-    def after(self, motion: Motion, state: Any, period: float) -> PyTree[Scalar]:
-        """What it remembers a period in s later, by one step of implicit Euler."""
-        forgetting = self.vane_force.relaxation(self._vanes(motion), motion.velocity, state)
-        rates = self.state_rate(motion, state)
-        return jax.tree.map(lambda s, rate, fade: s + period * rate / (1 + period * fade), state, rates, forgetting)
 
-    def _force(self, motion: Motion, state: Any) -> tuple[Scalar, PyTree[Scalar]]:
-        return self.vane_force(self._vanes(motion), motion.velocity, state)
-
-    def _vanes(self, motion: Motion) -> Vanes:
-        return Vanes(self.diaphragm.travel - motion.position, motion.turbine)
+def _vanes(body: Diaphragm, motion: Motion) -> Vanes:
+    return Vanes(body.travel - motion.position, motion.turbine)

@@ -8,13 +8,10 @@ from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
+from .._types import Vector
 from ._table import Parameter, get_parameter, parameter_table, replace_parameters, unknown_name
-
-Vector = Float[Array | np.ndarray, " parameters"]
-"""A number for each entry; outside of `jit` a fit keeps them in NumPy."""
 
 
 def entry_names(table: dict[str, Parameter]) -> list[str]:

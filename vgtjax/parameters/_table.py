@@ -46,6 +46,8 @@ class Parameter:
     default: float | tuple[float, ...] = 0.0
     name: str = ""
     size: int | None = None
+    tuning_width: float = 0.0
+    """Least width of a law that switches while gains are tuned; zero for what is no width."""
 
     def check(self, value: Any, name: str | None = None) -> None:
         """Whether a value lies in the domain; says nothing of one that is being traced.
@@ -118,7 +120,7 @@ def parameter(
 
     - `default`: value in `unit`; tuples of both for a vector.
     - `symbol`, `unit`, `source`: as printed in the thesis.
-    - `row`: `positive`, `lower`, `infinite`, `held`, `assumed`, `anonymous` of [`Parameter`][].
+    - `row`: `positive`, `lower`, `infinite`, `held`, `assumed`, `anonymous`, `tuning_width` of [`Parameter`][].
     """
     return eqx.field(
         default=default,

@@ -13,8 +13,9 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from .._errors import InputError
+from .._types import Vector
 from ._bounds import Bounds
-from ._selection import Vector, table_row
+from ._selection import table_row
 from ._table import Parameter
 
 Flags = Bool[Array | np.ndarray, " parameters"]
@@ -32,12 +33,12 @@ class Transform(eqx.Module):
     lower: Float[np.ndarray, " parameters"] = eqx.field(converter=np.asarray)
     upper: Float[np.ndarray, " parameters"] = eqx.field(converter=np.asarray)
 
-    def to_physical(self, coordinates: Vector) -> Vector:
+    def to_physical(self, coordinates: Vector) -> Float[Array, " parameters"]:
         """Physical values of coordinates."""
         exponent = jnp.where(self.positive, coordinates, 0.0)
         return jnp.where(self.positive, jnp.exp(exponent), self.scale * coordinates)
 
-    def to_coordinates(self, values: Vector) -> Vector:
+    def to_coordinates(self, values: Vector) -> Float[Array, " parameters"]:
         """Coordinates of physical values inside the domain."""
         logarithm = jnp.log(jnp.where(self.positive, values, 1.0))
         return jnp.where(self.positive, logarithm, values / self.scale)

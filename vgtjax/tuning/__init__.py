@@ -1,6 +1,6 @@
 """Gains tuned through the gradient of the closed loop, over references, turbine pressures and plants."""
 
-from ._admissible import conditions as conditions, conditions_of as conditions_of
+from ._admissible import conditions as conditions
 from ._cases import Case as Case, Cases as Cases, cross_cases as cross_cases
 from ._gains import gain_names as gain_names
 from ._objective import TERMS as TERMS, Objective as Objective
@@ -13,10 +13,6 @@ from ._problem import (
 )
 from ._quadratic import STEEPEST as STEEPEST, QuadraticModel as QuadraticModel, model_at as model_at
 from ._remembered import APART as APART, WILD as WILD, linearise_remembered as linearise_remembered, shaking as shaking
-from ._smoothing import (
-    soften as soften,
-    soften_cases as soften_cases,
-    wanted_widths as wanted_widths,
-    widths_of as widths_of,
-)
-from ._tuner import SLACK as SLACK, STALL as STALL, Tuner as Tuner, TuningProgress as TuningProgress, tune as tune
+from ._smoothing import soften as soften, soften_cases as soften_cases, wanted_widths as wanted_widths
+from ._tune import TunedGain as TunedGain, Tuning as Tuning, tune as tune
+from ._tuner import SLACK as SLACK, STALL as STALL, Tuner as Tuner, TuningProgress as TuningProgress

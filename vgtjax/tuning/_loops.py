@@ -1,4 +1,4 @@
-"""Many closed loops compiled as one function, with derivatives by the gains."""
+"""Many closed loops compiled as one function, with derivatives with respect to the gains."""
 
 from typing import NamedTuple
 

@@ -75,7 +75,7 @@ class Objective(eqx.Module):
     def derivatives(
         self, costs: Float[np.ndarray, " cases"]
     ) -> tuple[Float[np.ndarray, " cases"], Float[np.ndarray, "cases cases"]]:
-        """First and second derivatives of `J` by the cost of every closed loop."""
+        """First and second derivatives of `J` with respect to the cost of every closed loop."""
         first, second = _derivatives(self, jnp.asarray(costs))
         return np.asarray(first), np.asarray(second)
 

@@ -12,12 +12,12 @@ from jaxtyping import Bool, Float, Int
 
 from .._devices import bring_home, spread_rows
 from .._errors import InputError
-from ..control import AbstractController, ClosedLoop
+from ..control import AbstractController, ClosedLoop, check
 from ..parameters import Selection, Transform, build_transform, parameter_table, select
 from . import _loops as loops
 from ._admissible import MARGIN, conditions, spare, spare_slopes
 from ._cases import Cases
-from ._gains import check, gain_names
+from ._gains import gain_names
 from ._objective import Objective
 
 MEMORIES = (math.inf, 1.0, 0.3, 0.1, 0.03)
@@ -47,7 +47,7 @@ class CaseCosts:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Linearisation:
-    """Costs, and their first and Gauss-Newton's second derivatives by the coordinates."""
+    """Costs, and their first and Gauss-Newton's second derivatives with respect to the coordinates."""
 
     cases: CaseCosts
     slopes: Float[np.ndarray, "cases gains"]
@@ -80,7 +80,10 @@ class Problem:
         return np.asarray(self.transform.to_coordinates(self.selection.pack(self.controller)))
 
     def controller_at(self, coordinates: Float[np.ndarray, " gains"]) -> AbstractController:
-        """The controller with the gains of some coordinates, and its conditions checked as it is built."""
+        """The controller with the gains of some coordinates.
+
+        **Raises:** `InputError` for gains that break a condition of the design.
+        """
         tuned = self.selection.unpack(self.controller, self.transform.to_physical(jnp.asarray(coordinates)))
         check(tuned)
         return tuned
@@ -173,7 +176,7 @@ def plan_tuning(
       all that are not held, but for what the controller believes of the plant.
     - `bounds`: ends of single gains by name, `None` for none.
     - `memories`: s, each a `derivative_memory` of [`close_loop`][]; infinite is exact. Each closed loop uses the
-      longest whose derivatives tell something.
+      longest whose derivatives are informative.
     - `lanes`: closed loops that run side by side; memory grows with it.
 
     **Raises:** `InputError` for a name that matches nothing, a start outside its bounds, a start that breaks a
@@ -182,7 +185,7 @@ def plan_tuning(
     chosen = gain_names(controller) if free is None else free
     selection = select(controller, free=chosen, fixed=fixed)
     if not selection.entries:
-        raise InputError("tuning needs at least one free gain, but free and fixed leave none; free one")
+        raise InputError("tuning needs at least one free gain, but free and fixed leave none; free one", "free")
     table, start = parameter_table(controller), np.asarray(selection.pack(controller))
     transform = build_transform(table, selection.entries, start, bounds or {})
     problem = Problem(controller, cases, objective, selection, transform, tuple(sorted(memories, reverse=True)), lanes)
@@ -191,6 +194,7 @@ def plan_tuning(
         if left < 0:
             raise InputError(
                 f"the start must keep every condition of the design with {MARGIN:.1%} to spare, but '{name}' has "
-                f"{float(value):.2%}; change the start values"
+                f"{float(value):.2%}; change the start values",
+                "controller",
             )
     return problem

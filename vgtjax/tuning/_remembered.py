@@ -1,4 +1,4 @@
-"""Derivatives of every closed loop that remember as long as they tell something."""
+"""Derivatives of every closed loop that remember as long as that is informative."""
 
 import numpy as np
 from jaxtyping import Float, Int

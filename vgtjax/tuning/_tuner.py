@@ -7,13 +7,9 @@ import numpy as np
 from jaxtyping import Float
 
 from .._errors import SimulationError
-from ..control import AbstractController
-from ._cases import Cases
-from ._objective import Objective
-from ._problem import CaseCosts, Problem, plan_tuning
+from ._problem import CaseCosts, Problem
 from ._quadratic import QuadraticModel, model_at
 from ._remembered import linearise_remembered
-from ._smoothing import soften, soften_cases
 
 FIRST_RADIUS, SMALLEST_RADIUS, LARGEST_RADIUS = 0.5, 0.08, 2.0
 """Of a step in the coordinates, where 0.7 doubles one positive gain. A bolder first step may end in a worse valley;
@@ -36,7 +32,7 @@ class TuningProgress:
 
     `coordinates` are the best so far, of the problem's transform, and `here` those of the last step; `memories` the
     place of each closed loop's in the problem's; `history` is the best cost after every iteration, the start first.
-    `renewals` counts how often memories and radius were begun anew, last after iteration `renewed`; `trials` counts
+    `restarts` counts how often memories and radius were restarted, last after iteration `restarted`; `trials` counts
     evaluations, `failed` those at which a closed loop left the finite numbers.
     """
 
@@ -44,8 +40,8 @@ class TuningProgress:
     here: tuple[float, ...]
     memories: tuple[int, ...]
     radius: float = FIRST_RADIUS
-    renewals: int = 0
-    renewed: int = 0
+    restarts: int = 0
+    restarted: int = 0
     iteration: int = 0
     trials: int = 0
     failed: int = 0
@@ -84,8 +80,8 @@ class Tuner:
 
     Each closed loop has derivatives of its own memory, the longest of the problem's with which they do not shake: all
     of them where the loop is calm, and a short one where it hunts. They begin in the middle. Where steps gain nothing
-    more, all loops begin anew with short memories if they were long, and else with long ones; tuning ends where that
-    gains nothing either.
+    more, tuning is restarted from the best so far, with short memories if they were long, and else with long ones; it
+    ends where that gains nothing either.
 
     **Arguments:** `start`: the last progress of an interrupted run; by default the gains that the controller has.
 
@@ -115,7 +111,7 @@ class Tuner:
         here = np.asarray(self.progress.here)
         at, memories = linearise_remembered(self.problem, here, np.asarray(self.progress.memories))
         if not np.any(at.slopes):
-            why = "no derivative by a free gain is finite and other than zero; free others, or start from calmer gains"
+            why = "no derivative with respect to a free gain is finite and other than zero; free others"
             return self._end(why, converged=False)
         self._change(memories=tuple(memories.tolist()))
         found = self._search(model_at(self.problem, here, at))
@@ -124,9 +120,9 @@ class Tuner:
         now = self.progress
         if now.iteration >= MAX_ITERATIONS:
             return self._end(f"not converged after {MAX_ITERATIONS} iterations", converged=False)
-        since = now.iteration - now.renewed
+        since = now.iteration - now.restarted
         if found is None or (since >= STALL and self._gained(STALL) < STALLED):
-            return self._renew(since)
+            return self._restart(since)
         return now
 
     def _search(self, model: QuadraticModel) -> "_Found | None":
@@ -168,19 +164,19 @@ class Tuner:
         history = self.progress.history
         return 1 - history[-1] / history[-1 - steps]
 
-    def _renew(self, since: int) -> TuningProgress:
+    def _restart(self, since: int) -> TuningProgress:
         """A fresh start from the best so far after so many steps, or the end if the last one gained nothing."""
         now = self.progress
-        if now.renewals and self._gained(since) < STALLED:
-            return self._end(f"begun anew, tuning lowers the cost by less than {STALLED:.0%}")
+        if now.restarts and self._gained(since) < STALLED:
+            return self._end(f"restarted, tuning lowers the cost by less than {STALLED:.0%}")
         short = _short(self.problem)
         memory = 0 if np.mean(now.memories) > short / 2 else short
         self._change(
             here=now.coordinates,
             memories=(memory,) * len(now.memories),
             radius=FIRST_RADIUS,
-            renewals=now.renewals + 1,
-            renewed=now.iteration,
+            restarts=now.restarts + 1,
+            restarted=now.iteration,
         )
         return self.progress
 
@@ -195,22 +191,3 @@ class Tuner:
 def _short(problem: Problem) -> int:
     """Place of the last memory but one: one notch is left to those that shake."""
     return max(len(problem.memories) - 2, 0)
-
-
-def tune(
-    controller: AbstractController, cases: Cases, objective: Objective, **options: Any
-) -> tuple[AbstractController, TuningProgress]:
-    """A controller with gains tuned for some closed loops, and how tuning ended.
-
-    Tunes what [`soften`][] and [`soften_cases`][] make of both; the controller that is returned has its own widths.
-
-    **Arguments:** `options`: `free`, `fixed`, `bounds`, `memories`, `lanes` of [`plan_tuning`][].
-
-    **Raises:** as [`plan_tuning`][] and [`Tuner`][].
-    """
-    problem = plan_tuning(soften(controller), soften_cases(cases), objective, **options)
-    tuner = Tuner(problem)
-    while not tuner.progress.finished:
-        tuner.step()
-    sharp = dataclasses.replace(problem, controller=controller)
-    return sharp.controller_at(np.asarray(tuner.progress.coordinates)), tuner.progress

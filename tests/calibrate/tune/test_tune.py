@@ -130,14 +130,14 @@ def test_a_run_that_was_interrupted_goes_on_where_it_was(done, summary, monkeypa
     np.testing.assert_allclose(read(out / "summary.json")["history"], summary["history"], rtol=1e-6)
 
 
-def test_progress_that_cannot_be_read_begins_anew(done):
+def test_progress_that_cannot_be_read_starts_again(done):
     out = done.parent / "broken"
     out.mkdir()
     (out / ".study.json").write_text((done / ".study.json").read_text(encoding="utf-8"), encoding="utf-8")
     (out / ".progress.json").write_text(json.dumps({"seconds": 1.0}), encoding="utf-8")
     outcome = run_command("tune", done.parent / "study.toml", "--out", out)
     assert outcome.status == 0
-    assert "so tuning begins anew" in outcome.out
+    assert "so tuning starts again" in outcome.out
 
 
 def test_a_report_carries_everything(done):
@@ -254,8 +254,7 @@ def test_a_design_needs_the_friction_that_it_observes(tmp_path):
     path.write_text(text, encoding="utf-8")
     outcome = run_command("tune", path, "--out", tmp_path / "out")
     sentence = (
-        "design = 'backstepping' observes the bristles of LuGre friction, but the study's friction is Coulomb; use "
-        "friction = 'lugre', or design = 'pi'"
+        "a plant must have LuGre friction, whose bristles the design observes, but it has Coulomb; use LuGre, or a PI"
     )
     assert_refused(outcome, sentence, tmp_path / "out")
 

@@ -62,12 +62,12 @@ def test_the_rate_of_the_wanted_pressure_is_that_of_automatic_differentiation(ve
     motion = Motion(number(0.004), number(velocity), AMBIENT, number(2e5))
     seen = ObservedState(*map(number, (0.1, 4e-5, 6.6e4)), Direction(number(0.4)))
     reference, snap = Reference(*map(number, (0.0043, 0.01, 0.3, -20.0))), number(0.0)
-    resistance = model.friction_force(motion.velocity, seen.deflection) + model.vane_load(motion, seen.vanes)
+    resistance = model.friction_force(motion.velocity, seen.deflection) + model.vane_load(motion, seen.vanes)[0]
     acceleration = model.acceleration(motion.position, motion.velocity, resistance, seen.pressure, AMBIENT)
     observed_rate, still = number(0.0123), jnp.zeros(())
     along = (
         Motion(motion.velocity, acceleration, still, still),
-        ObservedState(still, observed_rate, still, model.vane_load.state_rate(motion, seen.vanes)),
+        ObservedState(still, observed_rate, still, model.vane_load(motion, seen.vanes)[1]),
         Reference(reference.velocity, reference.acceleration, reference.jerk, snap),
     )
     _, expected = jax.jvp(controller.wanted_pressure, (motion, seen, reference), along)
@@ -204,7 +204,7 @@ def test_the_full_actuator_tracks_from_its_position_alone(actuator):
     Measured: 2 um and 12 Pa RMS, at most 11 um and 80 Pa over eight seeds.
     """
     plant = dataclasses.replace(actuator, vane_force=VANES)
-    observer = PressureObserver(DesignModel.of(plant, fit_flow_map(actuator).flow_map))
+    observer = PressureObserver(DesignModel.for_plant(plant, fit_flow_map(actuator).flow_map))
 
     @jax.jit
     @jax.vmap
@@ -231,7 +231,7 @@ def test_a_step_is_answered_without_overshoot_under_gas_that_is_known(actuator):
     @jax.jit
     @jax.vmap
     def follow(known):
-        model = DesignModel.of(dataclasses.replace(actuator, vane_force=known), flow_map)
+        model = DesignModel.for_plant(dataclasses.replace(actuator, vane_force=known), flow_map)
         run = close_loop(plant, Backstepping(observer=PressureObserver(model)), scenario, 5.0, throw=False)
         return run.position, run.pressure - run.log["pressure"]
 
@@ -247,7 +247,7 @@ def test_a_step_is_answered_without_overshoot_under_gas_that_is_known(actuator):
 
 def test_the_gains_of_the_derivation_are_too_low_for_a_plunger_that_lags(actuator):
     """They cancel friction by positive feedback of the velocity; the design model has no lag."""
-    model = DesignModel.of(actuator, fit_flow_map(actuator).flow_map)
+    model = DesignModel.for_plant(actuator, fit_flow_map(actuator).flow_map)
     controller = Backstepping(20.0, 40.0, 60.0, 1e-9, observer=PressureObserver(model))
     run = close_loop(actuator, controller, Scenario(control.signal_1(), sensors=Sensors.bench()), 3.0)
     # Hundreds of times the limit above; measured: 3 mm.

@@ -20,7 +20,7 @@ def flow_map(actuator) -> SteadyPlungerFlow:
 
 
 def test_the_step_of_the_observer_does_not_jump_where_the_plunger_closes(actuator, flow_map):
-    observer = PressureObserver(DesignModel.of(actuator, flow_map))
+    observer = PressureObserver(DesignModel.for_plant(actuator, flow_map))
     duty, zero = jnp.asarray(62.0), jnp.asarray(0.0)
     closed = float(np.polynomial.Polynomial(np.asarray(flow_map.equilibrium))(62.0))
     motion = Motion(jnp.asarray(0.007), jnp.asarray(0.002), jnp.asarray(101_013.0))
@@ -38,7 +38,7 @@ def test_the_step_of_the_observer_does_not_jump_where_the_plunger_closes(actuato
 
 
 def test_gradients_of_a_noisy_loop_are_central_differences(actuator, flow_map):
-    controller = Backstepping(observer=PressureObserver(DesignModel.of(actuator, flow_map)))
+    controller = Backstepping(observer=PressureObserver(DesignModel.for_plant(actuator, flow_map)))
     # Noise of the bench, which meets every kink. Rounded readings would make a staircase of the cost.
     sensors = control.Sensors(*(control.Sensor(noise) for noise in (8e-6, 60.0, 60.0)))
     reference = control.Sine(0.002, 5.0, 0.005)

@@ -79,7 +79,7 @@ def test_static_balance_holds_a_smooth_plant_at_the_reference(actuator):
 def slope_error(differentiator, noise=0.0, known=0.0):
     """RMS error in m/s of the velocity of a sine of 4 mm and 4 rad/s after half a second, in m of its value.
 
-    `known` is the share of its second derivative that the differentiator is told.
+    `known` is the share of its second derivative that the differentiator is given.
     """
     time = np.arange(3000) * 1e-3
     wave = 0.004 * np.sin(4 * time)
@@ -112,14 +112,14 @@ def test_levants_differentiator_is_exact_up_to_the_sampling_and_bears_noise():
 
 
 @pytest.mark.parametrize("slow", [LevantDifferentiator(0.3, width=2e-3), FilteredDifference(0.1)])
-def test_a_slow_differentiator_does_not_lag_behind_an_acceleration_that_it_is_told(slow):
+def test_a_slow_differentiator_does_not_lag_behind_an_acceleration_that_it_expects(slow):
     # Two steps of 0.064 m/s2: one of Euler's method, and one between sample and acceleration.
     assert slope_error(slow, known=1.0)[0] < 2 * 0.064 * 1e-3
     assert slope_error(slow)[0] > 10 * slope_error(slow, known=1.0)[0]
     assert slope_error(slow)[0] > 1.5 * slope_error(slow, known=0.5)[0]
 
 
-def test_what_is_told_lets_levants_differentiator_be_slow_enough_for_the_noise():
+def test_what_is_expected_lets_levants_differentiator_be_slow_enough_for_the_noise():
     fast, slow = LevantDifferentiator(0.5, width=2e-5), LevantDifferentiator(0.3, width=2e-3)
     slope, value = slope_error(slow, 8e-6, known=1.0)
     # The noise falls with the filter's frequency, 13 for 166 rad/s, to the power of 3/2; Euler's step is left.
@@ -150,7 +150,7 @@ def test_friction_compensation_tracks_what_static_balance_does_not(actuator):
     assert peak(FrictionCompensation(), Sensors.bench()) < 0.1 * plain
 
 
-def test_friction_compensation_knows_the_gas_where_it_is_told(actuator):
+def test_friction_compensation_knows_the_gas_where_it_is_given(actuator):
     """Measured: peaks of 0.021 mm with the vane force that the plant has, 0.065 mm without."""
     gas = vgtjax.HysteresisMap(closing=np.linspace(5.0, 2.4, 12), opening=np.linspace(-3.6, -1.8, 12))
     plant = dataclasses.replace(actuator, vane_force=gas)
@@ -163,18 +163,22 @@ def test_friction_compensation_knows_the_gas_where_it_is_told(actuator):
         return control.tracking_rms(run, 4.0)
 
     # Without its values a map is zero.
-    told, blind = error(jax.tree.map(lambda *leaves: jnp.stack(leaves), gas, vgtjax.HysteresisMap()))
-    assert float(told) < 0.3 * float(blind)
+    known, blind = error(jax.tree.map(lambda *leaves: jnp.stack(leaves), gas, vgtjax.HysteresisMap()))
+    assert float(known) < 0.3 * float(blind)
 
 
 def test_compensation_that_is_not_strictly_positive_real_is_refused():
     bound = 43135.0 * 0.63 / 429.77
     assert bound == pytest.approx(63.2, abs=0.05)  # N s/m
-    with pytest.raises(vgtjax.InputError, match=r"derivative_gain must exceed 63\.23 N s/m .* but it is 63; raise it"):
+    with pytest.raises(vgtjax.InputError, match=r"derivative_gain must exceed 63\.23 N s/m .* is 63\.0; raise it"):
         FrictionCompensation(derivative_gain=63.0)
-    assert float(FrictionCompensation(derivative_gain=64.0).damping_margin()) == pytest.approx(64 - bound)
+
+    def margin(**settings):
+        return float(FrictionCompensation(**settings).conditions()["derivative_gain above its bound [5.9]"].margin)
+
+    assert margin(derivative_gain=64.0) == pytest.approx(64 / bound - 1)
     damped = dataclasses.replace(vgtjax.Actuator().diaphragm, damping=10.0)
-    assert float(FrictionCompensation(derivative_gain=54.0, diaphragm=damped).damping_margin()) > 0
+    assert margin(derivative_gain=54.0, diaphragm=damped) > 0
     with pytest.raises(vgtjax.InputError, match="proportional_gain must exceed minus the spring's"):
         FrictionCompensation(proportional_gain=-12_000.0)
 

@@ -35,15 +35,15 @@ def test_the_design_model_is_the_reduced_actuator_away_from_its_stops(exponent):
     trace = vgtjax.Trace(np.arange(2) * 1e-3, pwm=np.full(2, 55.0))
     drive = jax.tree.map(lambda leaf: jnp.asarray(leaf)[0], trace.drive())
     start = plant.start(trace.start(), drive)
-    model = DesignModel.of(plant, plant.flow_map)
+    model = DesignModel.for_plant(plant, plant.flow_map)
     for velocity, deflection in ((0.004, 3e-5), (-0.02, 5e-5), (0.0, -2e-5)):
         body = dataclasses.replace(start.rod.body, position=number(0.003), velocity=number(velocity))
         bristle = dataclasses.replace(start.rod.friction, deflection=number(deflection))
         rod = dataclasses.replace(start.rod, body=body, friction=bristle)
-        rates = plant.vector_field(number(0.0), dataclasses.replace(start, rod=rod, pressure=number(6e4)), drive)
+        rates = plant.vector_field(number(0.0), dataclasses.replace(start, rod=rod, air_path=number(6e4)), drive)
         at = DesignState(number(0.003), number(velocity), number(deflection), number(6e4))
         found = model.rates(at, number(55.0), AMBIENT)
-        expected = (rates.rod.body.position, rates.rod.body.velocity, rates.rod.friction.deflection, rates.pressure)
+        expected = (rates.rod.body.position, rates.rod.body.velocity, rates.rod.friction.deflection, rates.air_path)
         # The same equations in another order: rounding alone.
         np.testing.assert_allclose(jax.tree.leaves(found), jax.tree.leaves(expected), rtol=1e-11)
         flow = model.flow_for(found.pressure, at.position, at.velocity, at.pressure)
@@ -133,26 +133,29 @@ VANES = vgtjax.HysteresisMap(closing=np.linspace(2.5, 1.2, 12), opening=np.linsp
 
 @pytest.mark.parametrize("vane_force", [VANES, vgtjax.ForcePolynomial()], ids=["map", "polynomial"])
 def test_the_rate_of_the_load_is_that_of_the_load_along_the_motion(vane_force):
-    load, velocity, step = DesignModel(vane_force=vane_force).vane_load, 0.004, 1e-4
+    model, velocity, step = DesignModel(vane_force=vane_force), 0.004, 1e-4
     state = jax.tree.map(lambda _: number(0.4), vane_force.initial_state())
 
     def at(time):
         return Motion(number(MIDDLE + velocity * time), number(velocity), AMBIENT, number(2e5))
 
-    rate = load.state_rate(at(0.0), state)
-    ahead, behind = (load(at(t), jax.tree.map(lambda s, r, t=t: s + t * r, state, rate)) for t in (step, -step))
+    def load(time):
+        return model.vane_load(at(time), jax.tree.map(lambda s, r: s + time * r, state, rate))[0]
+
+    rate = model.vane_load(at(0.0), state)[1]
+    ahead, behind = load(step), load(-step)
     # Central differences: the load bends by the square of 6 s/s times the step.
-    assert float(load.rate(at(0.0), state)) == pytest.approx(float(ahead - behind) / (2 * step), rel=1e-6)
-    assert abs(float(load.rate(at(0.0), state))) > 0.1
+    assert float(model.vane_load_rate(at(0.0), state)) == pytest.approx(float(ahead - behind) / (2 * step), rel=1e-6)
+    assert abs(float(model.vane_load_rate(at(0.0), state))) > 0.1
 
 
 def test_the_state_of_the_vanes_follows_the_direction_however_fast_the_rod_is():
-    load, state = DesignModel(vane_force=VANES).vane_load, VANES.initial_state()
+    model, state = DesignModel(vane_force=VANES), VANES.initial_state()
     for velocity, way in ((0.01, 1.0), (-0.2, -1.0), (0.0, -1.0)):
         motion = Motion(number(MIDDLE), number(velocity), AMBIENT, number(2e5))
         for _ in range(50):
-            state = load.after(motion, state, 1e-3)
-        # 0.5 mm are eight of the map's reversal distances; where the rod rests, nothing is forgotten.
+            state = model.vane_state_after(motion, state, 1e-3)
+        # 0.5 mm are eight of the map's reversal distances; where the rod rests, nothing relaxes.
         assert float(state.sign) == pytest.approx(way, abs=2e-3)
 
 
@@ -178,7 +181,7 @@ def advance(model, state, duty, step):
 def observe(observer, model, seconds=0.4, step=STEP):
     """Errors at every sample of bristles in m and pressure in Pa, true velocity in m/s, and observed states.
 
-    The design model is driven by an open-loop duty; position and velocity are told without error, the observer starts
+    The design model is driven by an open-loop duty; position and velocity are known without error, the observer starts
     `WRONG`.
     """
 
@@ -253,7 +256,7 @@ def test_a_sliding_observer_holds_its_velocity_whatever_the_period():
     np.testing.assert_allclose(seen.velocity[20:], velocity[20:], atol=1e-12)
 
 
-def test_what_the_observer_is_told_may_be_sampled_at_a_kilohertz():
+def test_what_the_observer_measures_may_be_sampled_at_a_kilohertz():
     deflection, pressure, _, _, _ = observe(SMOOTH, SMOOTH.model, seconds=1.0, step=1e-3)
     # One step of implicit Euler lags by a period: 1 ms of 1e5 Pa/s at most.
     assert np.max(np.abs(pressure[500:])) < 100.0
@@ -263,9 +266,9 @@ def test_what_the_observer_is_told_may_be_sampled_at_a_kilohertz():
 @pytest.mark.parametrize(
     ("settings", "sentence"),
     [
-        ({"friction_rate": 0.0}, r"friction_rate must be positive, but it is 0\.0; use e\.g\. 5"),
-        ({"pressure_rate": -20.0}, r"pressure_rate must be positive, but it is -20\.0"),
-        ({"switching_gain": -1.0}, "switching_gain must not be negative, but it is -1.0; use zero for none"),
+        ({"friction_rate": 0.0}, r"friction_rate must be positive, but it is 0\.0; raise it"),
+        ({"pressure_rate": 0.0}, r"pressure_rate must be positive, but it is 0\.0"),
+        ({"switching_gain": -1.0}, r"switching_gain' must be finite and not negative, but it is -1; correct it"),
         ({"injection_rate": 0.0}, "injection_rate plus switching_gain must be positive, .* but it is 0.0"),
         (
             {"friction_rate": 27.0},
@@ -299,7 +302,7 @@ def test_the_margin_is_that_of_the_quadratic_form():
     margin, growth = PressureObserver(**RATES).stability_margin()
     model, a, b = DesignModel(), 15.0, 20.0
     for index, speed in enumerate(np.linspace(0.0, 0.1, 101)):
-        y = 429.77 * float(model.forgetting(number(speed))) / 43135.0
+        y = 429.77 * float(model.relaxation_rate(number(speed))) / 43135.0
         form = np.array([[43135.0 / 429.77 * y + a * (1 - y), a], [b * (1 - y), b - float(growth[index])]])
         weighted = np.diag([1.0, a / b]) @ form
         eigenvalues = np.linalg.eigvalsh(weighted + weighted.T)

@@ -14,19 +14,20 @@ PERIOD = 1e-3
 
 
 def respond(controller, positions, target):
-    """Commands and log of a controller that is told some positions in m, and a fixed target."""
+    """Commands and log of a controller that measures some positions in m, and a fixed target."""
     zero = jnp.zeros(())
     reference = Reference(jnp.asarray(target), zero, zero, zero)
 
-    def told(position):
+    def measured(position):
         return Measurement(position, zero + 6e4, zero + 2e4, zero + 101_013.0)
 
     def sample(state, position):
-        state, command, log = controller.update(state, told(position), reference, PERIOD)
+        state, command, log = controller.update(state, measured(position), reference, PERIOD)
         return state, (command, log)
 
     positions = jnp.asarray(positions)
-    return jax.jit(lambda: jax.lax.scan(sample, controller.initial_state(told(positions[0]), PERIOD), positions)[1])()
+    begin = controller.initial_state(measured(positions[0]), PERIOD)
+    return jax.jit(lambda: jax.lax.scan(sample, begin, positions)[1])()
 
 
 def test_a_pi_adds_what_it_has_integrated_before():
@@ -39,7 +40,7 @@ def test_a_pi_adds_what_it_has_integrated_before():
 def test_back_calculation_stops_the_integral_and_an_infinite_time_does_not():
     held = np.full(2000, 0.0)
     command, log = respond(PI(1000.0, 50_000.0, tracking_time=0.01), held, 0.01)
-    # It settles where forgetting balances integration: k_i e (T_t + period) above the limit.
+    # It settles where back-calculation balances integration: k_i e (T_t + period) above the limit.
     assert float(command[-1]) == pytest.approx(100 + 500 * (0.01 + PERIOD), rel=1e-9)
     assert float(log["integral"][-1]) < 100
     _, endless = respond(PI(1000.0, 50_000.0, tracking_time=np.inf), held, 0.01)
@@ -132,6 +133,7 @@ def test_gains_are_parameters():
 
 def test_pulses_that_overlap_are_refused():
     with pytest.raises(
-        vgtjax.InputError, match=r"a pulse must end before the next one begins, but its width is 0\.05 s"
+        vgtjax.InputError,
+        match=r"width must be below the interval of 0\.04 s, so that .* is 0\.05; use e\.g\. 0\.02",
     ):
         Knocker(PI(), width=0.05)

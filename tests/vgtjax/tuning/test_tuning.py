@@ -94,7 +94,7 @@ CONTROLLERS = {
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)
-def test_slopes_by_every_gain_are_those_of_central_differences(name, actuator, cases):
+def test_slopes_with_respect_to_every_gain_are_those_of_central_differences(name, actuator, cases):
     """With noise and friction; the loops are those that are tuned."""
     problem = plan_tuning(CONTROLLERS[name](actuator), cases, OBJECTIVE)
     found = problem.linearise(problem.start)
@@ -210,13 +210,13 @@ def _dearer(problem, factor):
     return _as(problem, Dearer)
 
 
-def test_tuning_that_stalls_begins_anew_with_other_memories_before_it_ends(problem):
+def test_tuning_that_stalls_is_restarted_with_other_memories_before_it_ends(problem):
     tuner = Tuner(_dearer(problem, 1.0))
     for step in range(1, 1 + STALL):
         stalled = tuner.step()
         assert not stalled.finished
         assert stalled.iteration == step
-    assert stalled.renewals == 1
+    assert stalled.restarts == 1
     assert set(stalled.memories) in ({0}, {len(problem.memories) - 2})
     assert stalled.here == stalled.coordinates == tuple(problem.start)
     while not stalled.finished:
@@ -292,7 +292,7 @@ def test_derivatives_that_overflow_are_not_used(problem):
     assert not only.progress.converged
 
 
-def test_only_a_loop_whose_derivatives_shake_forgets(problem):
+def test_only_a_loop_whose_derivatives_shake_gets_a_shorter_memory(problem):
     """The slopes are then those that each loop has with its own memory."""
 
     def shake(found, memory):

@@ -1,0 +1,92 @@
+"""Tuning by one call, and its result."""
+
+import dataclasses
+import html
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from ..control import AbstractController
+from ..parameters import parameter_table, table_row
+from ._cases import Cases
+from ._objective import Objective
+from ._problem import CaseCosts, Problem, plan_tuning
+from ._smoothing import soften, soften_cases
+from ._tuner import Tuner, TuningProgress
+
+
+@dataclasses.dataclass(frozen=True)
+class TunedGain:
+    """One gain before and after tuning, in its own unit."""
+
+    name: str
+    unit: str
+    start: float
+    tuned: float
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Tuning:
+    """A controller with tuned gains, and what tuning gained. Prints itself as a table; unpacks as the first two.
+
+    `problem` holds the closed loops as they are, e.g. for `problem.simulate(problem.start, [0])`, which has the gains
+    before tuning. `start_costs` and `costs` are those of the softened loops that were tuned, before and after.
+    """
+
+    controller: AbstractController
+    progress: TuningProgress
+    gains: tuple[TunedGain, ...]
+    start_costs: CaseCosts
+    costs: CaseCosts
+    problem: Problem
+
+    def __iter__(self) -> Iterator[Any]:
+        return iter((self.controller, self.progress))
+
+    def __repr__(self) -> str:
+        head, rows = ("gain", "unit", "start", "tuned"), self._rows()
+        name, unit = (max(len(row[column]) for row in (head, *rows)) for column in (0, 1))
+        lines = [f"{row[0]:{name}}  {row[1]:{unit}}  {row[2]:>10}  {row[3]:>10}" for row in (head, *rows)]
+        return "\n".join([self._summary(), *lines])
+
+    def _repr_html_(self) -> str:
+        def line(cells: tuple[str, ...], tag: str) -> str:
+            return "<tr>" + "".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in cells) + "</tr>"
+
+        body = "".join(line(row, "td") for row in self._rows())
+        head = line(("gain", "unit", "start", "tuned"), "th")
+        return f"<p>{html.escape(self._summary())}</p><table>{head}{body}</table>"
+
+    def _summary(self) -> str:
+        now, ended = self.progress, "converged" if self.progress.converged else "not converged"
+        return (
+            f"Tuning of {type(self.controller).__name__} on {len(self.problem.cases)} closed loops: cost "
+            f"{now.history[0]:.4g} before, {now.cost:.4g} after {now.iteration} steps, {ended}: {now.verdict}"
+        )
+
+    def _rows(self) -> list[tuple[str, ...]]:
+        return [(gain.name, gain.unit, f"{gain.start:.4g}", f"{gain.tuned:.4g}") for gain in self.gains]
+
+
+def tune(controller: AbstractController, cases: Cases, objective: Objective, **options: Any) -> Tuning:
+    """Tunes the gains of a controller on some closed loops.
+
+    Tunes what [`soften`][] and [`soften_cases`][] make of both; the controller that is returned has its own widths.
+
+    **Arguments:** `options`: `free`, `fixed`, `bounds`, `memories`, `lanes` of [`plan_tuning`][].
+
+    **Raises:** as [`plan_tuning`][] and [`Tuner`][].
+    """
+    tuner = Tuner(plan_tuning(soften(controller), soften_cases(cases), objective, **options))
+    start_costs = tuner.cases
+    while not tuner.progress.finished:
+        tuner.step()
+    problem = dataclasses.replace(tuner.problem, controller=controller, cases=cases)
+    tuned = problem.controller_at(np.asarray(tuner.progress.coordinates))
+    table, (before, after) = parameter_table(controller), (problem.selection.pack(c) for c in (controller, tuned))
+    gains = tuple(
+        TunedGain(name, table_row(table, name).unit, float(start), float(end))
+        for name, start, end in zip(problem.selection.entries, before, after, strict=True)
+    )
+    return Tuning(tuned, tuner.progress, gains, start_costs, tuner.cases, problem)
