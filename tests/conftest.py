@@ -1,4 +1,6 @@
-"""One JAX for all tests: double precision, two CPU devices, strict shapes, annotations that are checked."""
+"""One JAX for all tests: double precision, two devices, strict shapes, checked annotations, one compilation cache."""
+
+import os
 
 import jax
 import platformdirs
@@ -9,8 +11,40 @@ ROOMS = ("parameters", "parts", "plants", "simulation")
 with install_import_hook([f"vgtjax.{room}" for room in ROOMS], "typechecker.checked"):
     import vgtjax
 
-vgtjax.configure(cpu_devices=2, cache=platformdirs.user_cache_path("vgtjax") / "tests")
+CACHE = platformdirs.user_cache_path("vgtjax") / "tests"
+vgtjax.configure(cpu_devices=2, cache=CACHE)
 jax.config.update("jax_numpy_rank_promotion", "raise")
+# The kernels of the notebooks find there what tests have compiled, and the other way round.
+os.environ["JAX_COMPILATION_CACHE_DIR"] = str(CACHE)
+os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
+os.environ["JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES"] = "-1"
+
+FIRST = (
+    "robust_tuning.ipynb",
+    "test_reproduction.py",
+    "test_identify.py",
+    "test_pneumatic_gradients.py",
+    "test_tuning.py",
+    "chapter_5.ipynb",
+    "test_estimation.py",
+    "chapter_4.ipynb",
+    "test_gradients.py",
+    "test_fit.py",
+    "test_scale.py",
+    "test_vane_force.py",
+    "test_evaluate.py",
+    "test_line.py",
+    "test_identify_mechanical.py",
+    "chapters_2_and_3.ipynb",
+    "first_steps.ipynb",
+)
+"""Files of 20 s and more, the longest first: a process that began one of them last would let the others wait."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Long files first; the order is else as it was, which xdist keeps by `--no-loadscope-reorder`."""
+    order = {name: place for place, name in enumerate(FIRST)}
+    items.sort(key=lambda item: order.get(item.path.name, len(order)))
 
 
 @pytest.fixture(scope="session")

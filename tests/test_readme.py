@@ -31,6 +31,13 @@ def test_python_example_runs(monkeypatch):
     assert scope["slopes"].shape == (len(scope["trace"].time), 2, 8)
 
 
+def test_python_population_runs():
+    scope = {}
+    exec(blocks("python")[1], scope)
+    assert scope["width"].shape == (256,)
+    assert not scope["results"].failed.any()
+
+
 @pytest.mark.parametrize("text", blocks("toml"))
 def test_study_examples_are_studies(text):
     study = AnyStudy.validate_python({"trace": [{"file": "any.csv"}]} | tomllib.loads(text))

@@ -2,8 +2,8 @@
 
 from .actuators import Actuators as Actuators, read_actuators as read_actuators
 from .chunks import ChunkStore as ChunkStore
-from .job import PopulationJob as PopulationJob, feels_gas as feels_gas, prepare_population as prepare_population
+from .job import PopulationJob as PopulationJob, prepare_population as prepare_population
 from .outputs import finite as finite, scaled as scaled
-from .processes import agree as agree, join as join, leads as leads, meet as meet, together as together
+from .processes import agree as agree, join as join, leads as leads, together as together
 from .quantities import describe_failed as describe_failed, describe_quantities as describe_quantities
-from .sweep import claim_together as claim_together, sweep as sweep
+from .sweep import Plan as Plan, carry_out as carry_out

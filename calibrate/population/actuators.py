@@ -9,13 +9,12 @@ import numpy as np
 import vgtjax
 from vgtjax import InputError
 from vgtjax.plants import on_given_knots
-from vgtjax.population import Population, fitted_levels, fitted_population
+from vgtjax.population import Population, Spread, fitted_levels, fitted_population, spread_population
 
 from ..output.files import read_json
 from ..study.models import build_model, start_model
 from ..study.parameter_file import fitted_entries, load_values, unit_files
-from ..study.tables import Study
-from .spreads import stated_population
+from ..study.tables import PopulationTable, Study
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -88,7 +87,7 @@ def _population(
 ) -> tuple[Population, tuple[str, ...]]:
     table = study.population
     if None in models:
-        population = stated_population(models[None], table)
+        population = _stated_population(models[None], table)
         notes = []
         if not table.parameters and "relative" not in table.model_fields_set:
             notes.append(
@@ -117,6 +116,17 @@ def _population(
         "than the units do"
     )
     return fitted_levels(population, list(models.values())), (note, *doubts)
+
+
+def _stated_population(model: vgtjax.AbstractModel, table: PopulationTable) -> Population:
+    return spread_population(
+        model,
+        table.relative,
+        spreads={name: Spread(**spread.model_dump()) for name, spread in table.parameters.items()},
+        vary=table.vary,
+        fixed=table.fixed,
+        correlations=[(each.parameters, each.value) for each in table.correlation],
+    )
 
 
 def _unconverged(folder: pathlib.Path) -> tuple[str, ...]:

@@ -5,51 +5,52 @@ import math
 import os
 import pathlib
 import shutil
-from collections.abc import Iterable, Iterator
+from collections.abc import Sequence
 
 import numpy as np
 
-from vgtjax.population import Results
+from vgtjax.experiments import Output
+from vgtjax.population import CAUSES, Results, column_names
 
 FOLDER = ".chunks"
 
 
 @dataclasses.dataclass(frozen=True)
 class ChunkStore:
-    """Rows of results in files of `lanes` rows each; `columns` names what a row holds.
+    """Rows of results in files of `lanes` rows each, read by the names of `outputs`: `store["hysteresis_0mbar"]`.
 
-    All columns are kept of chunks that begin before row `long`, the first `short` of them of all others.
+    Numbers are kept of all rows, curves of those of chunks that begin before row `curves`.
     """
 
     folder: pathlib.Path
-    columns: tuple[str, ...]
+    outputs: tuple[Output, ...]
     rows: int
     lanes: int
-    short: int
-    long: int
+    curves: int
 
     @property
     def count(self) -> int:
         """Number of chunks."""
         return math.ceil(self.rows / self.lanes)
 
+    @property
+    def numbers(self) -> tuple[Output, ...]:
+        """Outputs that are no curves."""
+        return tuple(output for output in self.outputs if not output.axis)
+
     def span(self, number: int) -> tuple[int, int]:
         """First row of a chunk, and the one after its last."""
         return number * self.lanes, min(self.rows, (number + 1) * self.lanes)
-
-    def size(self, number: int) -> int:
-        """Rows of a chunk."""
-        begin, end = self.span(number)
-        return end - begin
 
     def missing(self) -> np.ndarray:
         """Which chunks are still to be computed."""
         return np.array([not self._readable(number) for number in range(self.count)])
 
     def save(self, number: int, results: Results) -> None:
-        """Writes a chunk whole or not at all; column by column, so that one of them can be read alone."""
-        kept = len(self.columns) if self.span(number)[0] < self.long else self.short
-        content = np.vstack([results.failed[None].astype(float), results.outputs.T[:kept]])
+        """Writes a chunk whole or not at all; output by output, so that one of them can be read alone."""
+        kept = results.select(self._kept(self.span(number)[0]))
+        causes = [CAUSES.index(cause) for cause in results.causes]
+        content = np.vstack([causes, kept.matrix.T])
         path = self._path(number)
         path.parent.mkdir(exist_ok=True)
         temporary = path.with_suffix(".new")
@@ -57,21 +58,27 @@ class ChunkStore:
             np.save(file, content)
         os.replace(temporary, path)
 
-    def failed(self) -> np.ndarray:
-        """Rows whose simulation failed."""
-        return np.flatnonzero(np.concatenate(list(self._each(0))))
+    def failed(self) -> dict[int, str]:
+        """Rows of which a simulation failed, with the cause."""
+        chunks = [np.array(np.load(self._path(number), mmap_mode="r")[0]) for number in range(self.count)]
+        causes = np.concatenate(chunks).astype(int)
+        return {row: CAUSES[causes[row]] for row in np.flatnonzero(causes).tolist()}
 
-    def column(self, name: str) -> np.ndarray:
-        """One column of all rows."""
-        return np.concatenate(list(self._each(1 + self.columns.index(name))))
+    def __getitem__(self, name: str) -> np.ndarray:
+        """One output in SI units: of all rows `(rows,)`, or a curve of the first `curves` rows `(rows, points)`."""
+        (output,) = [output for output in self.outputs if output.name == name]
+        if not output.axis:
+            return self.matrix([output])[:, 0]
+        return self.matrix([output], 0, min(self.rows, self.curves))
 
-    def table(self, names: Iterable[str], begin: int = 0, end: int | None = None) -> np.ndarray:
-        """Columns of a range of rows, `(rows, columns)`."""
-        places = [1 + self.columns.index(name) for name in names]
+    def matrix(self, outputs: Sequence[Output], begin: int = 0, end: int | None = None) -> np.ndarray:
+        """Outputs of a range of rows side by side, `(rows, columns)`."""
         end = self.rows if end is None else end
         parts = []
         for number in range(begin // self.lanes, math.ceil(end / self.lanes)):
             first, last = self.span(number)
+            names = column_names(self._kept(first))
+            places = [1 + names.index(column) for column in column_names(outputs)]
             content = np.load(self._path(number), mmap_mode="r")
             parts.append(np.array(content[places, max(begin - first, 0) : min(end, last) - first]).T)
         return np.concatenate(parts)
@@ -80,9 +87,9 @@ class ChunkStore:
         """Removes all chunks, once what was wanted of them is written elsewhere."""
         shutil.rmtree(self.folder / FOLDER)
 
-    def _each(self, place: int) -> Iterator[np.ndarray]:
-        for number in range(self.count):
-            yield np.array(np.load(self._path(number), mmap_mode="r")[place])
+    def _kept(self, row: int) -> tuple[Output, ...]:
+        """What is kept in the chunk that begins at a row."""
+        return self.outputs if row < self.curves else self.numbers
 
     def _readable(self, number: int) -> bool:
         """Whether a chunk is there; one that a full disk has cut short is not."""

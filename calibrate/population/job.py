@@ -9,6 +9,7 @@ import numpy as np
 import vgtjax
 from vgtjax import InputError
 from vgtjax.experiments import AbstractExperiment, MeasuredLoops, SlowLoop, StepResponse, measure_loops, nominal_target
+from vgtjax.parts import feels_gas
 from vgtjax.population import Population
 
 from ..study.models import start_values
@@ -107,10 +108,3 @@ def _experiments(
         return (loop,)
     steps = StepResponse(tuple(table.steps), table.step_seconds, target=jnp.zeros(len(table.steps)))
     return loop, nominal_target(model, steps)
-
-
-def feels_gas(model: vgtjax.AbstractModel) -> bool:
-    """Whether turbine pressure acts on a model at all."""
-    return not isinstance(getattr(model, "vane_force", None), vgtjax.NoVaneForce) or isinstance(
-        getattr(model, "friction", None), vgtjax.AdaptiveLuGre
-    )

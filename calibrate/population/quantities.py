@@ -1,10 +1,9 @@
 """What summaries say of the quantities that vary, and of samples that failed."""
 
+import itertools
 from typing import Any
 
-import numpy as np
-
-from vgtjax.sensitivity import Sample
+from vgtjax.population import Sample
 
 from .job import PopulationJob
 from .outputs import finite
@@ -13,13 +12,14 @@ NAMED = 100
 """Failed samples that a summary names with their values; more of them say no more."""
 
 
-def describe_failed(job: PopulationJob, sample: Sample, failed: np.ndarray) -> list[dict[str, Any]]:
-    """Row numbers of the first failed samples, and their values."""
+def describe_failed(job: PopulationJob, sample: Sample, failed: dict[int, str]) -> dict[str, Any]:
+    """How many samples failed; row numbers, causes and values of the first of them."""
     entries, named = job.population.factors.entries, []
-    for row in failed[:NAMED].tolist():
+    for row, cause in itertools.islice(failed.items(), NAMED):
         values = job.population.values(sample.points(row, row + 1))[0].tolist()
-        named.append({"sample": row, "values": {e: finite(v) for e, v in zip(entries, values, strict=True)}})
-    return named
+        by_name = {entry: finite(value) for entry, value in zip(entries, values, strict=True)}
+        named.append({"sample": row, "cause": cause, "values": by_name})
+    return {"count": len(failed), "samples": named}
 
 
 def describe_quantities(job: PopulationJob) -> dict[str, Any]:

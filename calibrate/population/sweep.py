@@ -1,43 +1,89 @@
 """Many samples through the experiments, chunk by chunk: resumable, in bounded memory, with progress."""
 
+import dataclasses
 import pathlib
 import shutil
-from collections.abc import Sequence
+import time
+from collections.abc import Callable
+from typing import TypeVar
 
 import numpy as np
 import rich.progress
 
 from vgtjax import InputError
-from vgtjax.population import Evaluator, Population
-from vgtjax.sensitivity import Sample
+from vgtjax.experiments import Output
+from vgtjax.population import Evaluator, Sample
 
 from ..output.console import console
 from ..output.files import claim
 from .chunks import FOLDER, ChunkStore
-from .processes import agree, leads, together
+from .job import PopulationJob
+from .processes import agree, leads, meet, together
+
+T = TypeVar("T")
 
 
-def sweep(
-    evaluator: Evaluator, population: Population, sample: Sample, store: ChunkStore, keep: Sequence[int], title: str
+@dataclasses.dataclass(frozen=True, eq=False)
+class Plan:
+    """Which samples go through which experiments, and what is kept of them.
+
+    `outputs` are stored, curves among them of the first `curves` samples; `lanes` samples are simulated and stored at
+    a time.
+    """
+
+    job: PopulationJob
+    evaluator: Evaluator
+    sample: Sample
+    outputs: tuple[Output, ...]
+    curves: int
+    lanes: int
+
+
+def carry_out(
+    plan: Plan,
+    out: pathlib.Path,
+    command: str,
+    derive: Callable[[], T],
+    write: Callable[[ChunkStore, T, float], None],
 ) -> None:
+    """Simulates what is missing in `out`, then writes the results; does nothing where they are already.
+
+    **Arguments:** `derive`: simulates what is wanted beside the samples, in all processes; `write`: makes the files
+    of the samples, of that, and of the seconds that all took, in the first process.
+
+    **Raises:** `InputError` when `out` can't be this command's folder.
+    """
+    if not claim_together(out, command, plan.job.fingerprint):
+        return
+    for note in plan.job.notes:
+        console.print(f"note: {note}")
+    began = time.monotonic()
+    store = ChunkStore(out, plan.outputs, plan.sample.rows, plan.lanes, plan.curves)
+    _sweep(plan, store, command)
+    derived = derive()
+    if leads():
+        write(store, derived, time.monotonic() - began)
+        store.remove()
+        console.print(f"report: {(out / 'report.html').resolve()}")
+    meet()
+
+
+def _sweep(plan: Plan, store: ChunkStore, title: str) -> None:
     """Computes the chunks that are missing in the store.
 
     Which sample a row is depends on its number alone, so neither chunks nor devices nor processes change it.
-
-    **Arguments:** `keep`: which of the evaluator's columns are stored.
     """
     missing = np.flatnonzero(agree(store.missing())).tolist()
     if len(missing) < store.count:
         console.print(f"resuming with {store.count - len(missing)} of {store.count} chunks done")
     with _progress() as progress:
-        done = store.rows - sum(store.size(number) for number in missing)
-        task = progress.add_task(title, total=store.rows, completed=done)
-        for number in missing:
-            begin, end = store.span(number)
-            results = evaluator(population.values(sample.points(begin, end)))
+        sizes = {number: store.span(number)[1] - store.span(number)[0] for number in missing}
+        task = progress.add_task(title, total=store.rows, completed=store.rows - sum(sizes.values()))
+        for number, size in sizes.items():
+            results = plan.evaluator(plan.job.population.values(plan.sample.points(*store.span(number))))
             if leads():
-                store.save(number, results.only(keep))
-            progress.update(task, advance=end - begin)
+                store.save(number, results)
+            progress.update(task, advance=size)
 
 
 def claim_together(out: pathlib.Path, command: str, fingerprint: str) -> bool:

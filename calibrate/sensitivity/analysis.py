@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 
 from vgtjax.experiments import Output
+from vgtjax.population import OutputTable, column_names
 from vgtjax.sensitivity import (
     Indices,
     RadialDesign,
@@ -26,16 +27,16 @@ NOISE = {"m": 8e-6, "Pa": 60.0}
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Analysis:
-    """All that was found; rows of the indices are columns of the store, of `numbers` outputs first, then of curves."""
+    """All that was found; rows of the indices are the columns of all outputs, of numbers first, then of curves."""
 
     outputs: tuple[Output, ...]
-    columns: tuple[str, ...]
     inputs: tuple[str, ...]
     indices: Indices
     local: np.ndarray
     bound: np.ndarray
-    rankings: tuple[Ranking, ...]
-    failed: np.ndarray
+    rankings: dict[str, Ranking]
+    """By the name of the output."""
+    failed: dict[int, str]
     rows: int
     deviation: np.ndarray
     """Standard deviation of every column, in SI units."""
@@ -44,7 +45,7 @@ class Analysis:
 
     def place(self, output: Output) -> slice:
         """Rows of an output."""
-        first = self.columns.index(f"{output.name}[0]" if output.axis else output.name)
+        first = column_names(self.outputs).index(column_names([output])[0])
         return slice(first, first + output.size)
 
     def seen(self, output: Output, shares: np.ndarray) -> np.ndarray:
@@ -59,27 +60,23 @@ def chosen_outputs(outputs: tuple[Output, ...]) -> tuple[Output, ...]:
     return numbers + tuple(output for output in outputs if output.axis_unit == "s")
 
 
-def analyse_all(
-    job: PopulationJob, design: RadialDesign, store: ChunkStore, outputs: tuple[Output, ...], gradients: np.ndarray
-) -> Analysis:
+def analyse_all(job: PopulationJob, design: RadialDesign, store: ChunkStore, gradients: OutputTable) -> Analysis:
     """Every index of every output.
 
     **Arguments:** `gradients`: at the nominal actuator and at some base points, `(points, columns, quantities)`.
     """
-    table, population = job.study.sensitivity, job.population
-    order = [column for output in outputs for column in _columns(output)]
-    x, y = population.values(design.points(0, design.rows)), store.table(order)
-    places = [store.columns.index(column) for column in order]
-    gradients = gradients[:, places]
+    table, population, outputs = job.study.sensitivity, job.population, store.outputs
+    x, y = population.values(design.points(0, design.rows)), store.matrix(outputs)
+    slopes = gradients.select(outputs).matrix
     indices = analyse(design, x, y, replicates=table.replicates, level=table.confidence, seed=table.seed)
-    local = gradient_share(gradients[0], population.deviations)
+    local = gradient_share(slopes[0], population.deviations)
     spread = np.array([_variance(column[np.isfinite(column)]) for column in y.T])
-    bound = _bounds(gradients[1:], population.deviations, spread)
-    numbers = [output for output in outputs if not output.axis]
+    bound = _bounds(slopes[1:], population.deviations, spread)
+    numbers = [output.name for output in store.numbers]
     rankings = rank_inputs(
         _first(indices, len(numbers)),
         population.factors.entries,
-        [output.name for output in numbers],
+        numbers,
         local=local[: len(numbers)],
         threshold=table.threshold,
     )
@@ -87,12 +84,11 @@ def analyse_all(
     np.fill_diagonal(together, 0.0)
     return Analysis(
         outputs,
-        tuple(order),
         population.factors.entries,
         indices,
         local,
         bound,
-        rankings,
+        {ranking.output: ranking for ranking in rankings},
         store.failed(),
         design.rows,
         np.sqrt(spread),
@@ -111,10 +107,6 @@ def _bounds(gradients: np.ndarray, deviations: np.ndarray, variances: np.ndarray
         if len(points):
             bound[columns] = total_bound(gradients[np.ix_(points, columns)], deviations, variances[columns], 1.0)
     return bound
-
-
-def _columns(output: Output) -> list[str]:
-    return [f"{output.name}[{place}]" for place in range(output.size)] if output.axis else [output.name]
 
 
 def _first(indices: Indices, count: int) -> Indices:

@@ -18,10 +18,10 @@ def render(job: PopulationJob, analysis: Analysis, summary: dict[str, Any]) -> s
         study_text=job.text,
         fingerprint=job.fingerprint,
         summary=summary,
-        overview=figure_html(figures.overview(analysis.rankings, threshold)),
+        overview=figure_html(figures.overview(tuple(analysis.rankings.values()), threshold)),
         outputs=[
             {"name": ranking.output, "figure": figure_html(figures.bars(ranking)), "shown": _shown(summary, ranking)}
-            for ranking in analysis.rankings
+            for ranking in analysis.rankings.values()
         ],
         over_time=[
             {

@@ -24,9 +24,9 @@ def summarise(job: PopulationJob, design: RadialDesign, analysis: Analysis, seco
         "seed": table.seed,
         "confidence": table.confidence,
         "threshold": table.threshold,
-        "failed": {"count": len(analysis.failed), "samples": describe_failed(job, design, analysis.failed)},
+        "failed": describe_failed(job, design, analysis.failed),
         "leading": _leading(analysis, table.threshold),
-        "outputs": {output.name: _output(analysis, row, output) for row, output in enumerate(numbers)},
+        "outputs": {output.name: _output(analysis, output) for output in numbers},
         "over_time": {o.name: _over_time(analysis, o, table.threshold) for o in analysis.outputs if o.axis},
         "quantities": describe_quantities(job),
         "sample_correlation": analysis.sample_correlation,
@@ -48,7 +48,7 @@ def _sample_note(analysis: Analysis) -> list[str]:
 def _leading(analysis: Analysis, threshold: float) -> list[dict[str, Any]]:
     """Quantities by the number of outputs for which they matter, that is, whose total index is above the threshold."""
     found: dict[str, list[str]] = {}
-    for ranking in analysis.rankings:
+    for ranking in analysis.rankings.values():
         for entry in ranking.inputs:
             if entry.total.above(threshold):
                 found.setdefault(entry.name, []).append(ranking.output)
@@ -57,8 +57,8 @@ def _leading(analysis: Analysis, threshold: float) -> list[dict[str, Any]]:
     ]
 
 
-def _output(analysis: Analysis, row: int, output: Output) -> dict[str, Any]:
-    ranking = analysis.rankings[row]
+def _output(analysis: Analysis, output: Output) -> dict[str, Any]:
+    ranking, row = analysis.rankings[output.name], analysis.place(output).start
     return {
         "meaning": output.meaning,
         "unit": scaled(output).unit,

@@ -2,23 +2,19 @@
 
 from typing import Any
 
-import numpy as np
 import scipy.special
 
-from vgtjax.experiments import Output, SlowLoop, StepResponse, label
+from vgtjax.experiments import SlowLoop, StepResponse, label
+from vgtjax.population import Results
 
 from ..output.page import figure_html, render_page
 from ..population import ChunkStore, PopulationJob, scaled
 from . import figures
-from .samples import curve_rows
-from .summary import Known
 
 SHOWN_FAILURES = 10
 
 
-def render(
-    job: PopulationJob, store: ChunkStore, known: Known, outputs: tuple[Output, ...], summary: dict[str, Any]
-) -> str:
+def render(job: PopulationJob, store: ChunkStore, known: Results, summary: dict[str, Any]) -> str:
     """The report as HTML."""
     return render_page(
         "tolerance.html.jinja",
@@ -28,12 +24,13 @@ def render(
         fingerprint=job.fingerprint,
         summary=summary,
         failed=[
-            (each["sample"], _unusual(job, each["values"])) for each in summary["failed"]["samples"][:SHOWN_FAILURES]
+            (each["sample"], each["cause"].replace("_", " "), _unusual(job, each["values"]))
+            for each in summary["failed"]["samples"][:SHOWN_FAILURES]
         ],
         loops=_loops(job, store),
         effects=_effects(job, store),
-        histograms=_histograms(job, store, outputs),
-        steps=_steps(job, store, known, outputs),
+        histograms=_histograms(job, store),
+        steps=_steps(job, store, known),
         units=_units(job, summary),
         shapes={entry: type(m.dist).__name__.removesuffix("_gen") for entry, m in _margins(job)},
     )
@@ -58,14 +55,9 @@ def _slow_loop(job: PopulationJob) -> SlowLoop:
 
 
 def _loops(job: PopulationJob, store: ChunkStore) -> list[dict[str, str]]:
-    loop = _slow_loop(job)
-    known = {output.name: output for output in loop.outputs}
     sections = []
-    for pressure in loop.turbine_pressures:
-        at = label(pressure)
-        branches = {
-            branch: curve_rows(store, known[f"{branch}_pressure_{at}"]) / 100 for branch in ("closing", "opening")
-        }
+    for pressure in _slow_loop(job).turbine_pressures:
+        branches = {way: store[f"{way}_pressure_{label(pressure)}"] / 100 for way in ("closing", "opening")}
         figure = figures.loop_figure(pressure, branches, job.measured)
         sections.append({"title": f"{pressure / 100:.0f} mbar at the turbine inlet", "figure": figure_html(figure)})
     return sections
@@ -77,37 +69,36 @@ def _effects(job: PopulationJob, store: ChunkStore) -> list[dict[str, str]]:
         return []
     sections = []
     for direction, title in (("open", "Opening vanes [Fig. 4.8]"), ("closed", "Closing vanes [Fig. 4.9]")):
-        names = [name for name in store.columns if name.startswith(f"{direction}_vane_effect")]
-        simulated = {name: store.column(name) / 100 for name in names}
+        names = [each.name for each in store.numbers if each.name.startswith(f"{direction}_vane_effect")]
+        simulated = {name: store[name] / 100 for name in names}
         figure = figures.effect_figure(direction, simulated, pressures, job.measured)
         sections.append({"title": title, "figure": figure_html(figure)})
     return sections
 
 
-def _histograms(job: PopulationJob, store: ChunkStore, outputs: tuple[Output, ...]) -> list[str]:
+def _histograms(job: PopulationJob, store: ChunkStore) -> list[str]:
     """Of every output with a limit, and of the loop widths."""
     limits = job.study.tolerance.limits
     shown = []
-    for output in outputs:
-        if not output.axis and (output.name in limits or output.name.startswith("hysteresis_")):
+    for output in store.numbers:
+        if output.name in limits or output.name.startswith("hysteresis_"):
             measured = [
                 float(loops.readings[output.name]) * scaled(output).factor
                 for loops in job.measured.values()
                 if output.name in loops.readings
             ]
-            values = store.column(output.name) * scaled(output).factor
+            values = store[output.name] * scaled(output).factor
             shown.append(figure_html(figures.histogram(output, values, limits.get(output.name), measured)))
     return shown
 
 
-def _steps(job: PopulationJob, store: ChunkStore, known: Known, outputs: tuple[Output, ...]) -> list[dict[str, str]]:
+def _steps(job: PopulationJob, store: ChunkStore, known: Results) -> list[dict[str, str]]:
     sections = []
     for experiment in job.experiments:
         for output in experiment.outputs if isinstance(experiment, StepResponse) else ():
             if output.axis and output.unit == "m":
-                nominal = np.array([known.nominal[f"{output.name}[{i}]"] for i in range(output.size)])
                 factor = scaled(output).factor
-                figure = figures.step_figure(output, curve_rows(store, output) * factor, nominal * factor)
+                figure = figures.step_figure(output, store[output.name] * factor, known[output.name][0] * factor)
                 sections.append({"title": output.meaning, "figure": figure_html(figure)})
     return sections
 

@@ -1,4 +1,4 @@
-"""The samples of a tolerance study, and the file that holds them."""
+"""The file that holds the samples of a tolerance study."""
 
 import os
 import pathlib
@@ -7,54 +7,35 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from vgtjax.experiments import Output
-from vgtjax.sensitivity import LatinHypercubeSample, Sample, SobolSample
-
-from ..population import ChunkStore, PopulationJob, scaled
+from ..population import ChunkStore, Plan, scaled
 
 CURVES = 4096
 """Samples whose curves are kept, for envelopes; numbers are kept of all samples."""
 
 
-def choose_sample(job: PopulationJob) -> Sample:
-    """The sample that a study asks for."""
-    table = job.study.tolerance
-    kinds = {"sobol": SobolSample, "latin-hypercube": LatinHypercubeSample}
-    return kinds[table.sampler](job.population.dimensions, table.samples, table.seed)
-
-
-def write_samples(
-    path: pathlib.Path, job: PopulationJob, sample: Sample, store: ChunkStore, outputs: tuple[Output, ...]
-) -> None:
+def write_samples(path: pathlib.Path, plan: Plan, store: ChunkStore) -> None:
     """All samples and what came of them, in parts, so that memory does not grow with their number.
 
     `values (samples, quantities)` in SI units by `quantities`; `outputs (samples, numbers)` in `output_units` by
     `output_names`; `failed` row numbers; every curve by its name, `(first samples, points)`, with its `axis_` array.
     """
-    numbers = [output for output in outputs if not output.axis]
+    numbers, population = store.numbers, plan.job.population
     spans = [store.span(number) for number in range(store.count)]
-    factors = job.population.factors
     with ArrayFile(path) as file:
-        file.add("quantities", np.array(factors.entries))
-        file.add("quantity_units", np.array(factors.units(job.population.model)))
-        values = (job.population.values(sample.points(*span)) for span in spans)
-        file.add_parts("values", (store.rows, job.population.dimensions), np.dtype(float), values)
+        file.add("quantities", np.array(population.factors.entries))
+        file.add("quantity_units", np.array(population.factors.units(population.model)))
+        values = (population.values(plan.sample.points(*span)) for span in spans)
+        file.add_parts("values", (store.rows, population.dimensions), np.dtype(float), values)
         file.add("output_names", np.array([output.name for output in numbers]))
         file.add("output_units", np.array([scaled(output).unit for output in numbers]))
         scale = np.array([scaled(output).factor for output in numbers])
-        rows = (store.table([output.name for output in numbers], *span) * scale for span in spans)
+        rows = (store.matrix(numbers, *span) * scale for span in spans)
         file.add_parts("outputs", (store.rows, len(numbers)), np.dtype(float), rows)
-        file.add("failed", store.failed())
-        for output in outputs:
+        file.add("failed", np.array(list(store.failed()), int))
+        for output in store.outputs:
             if output.axis:
                 file.add(f"axis_{output.name}", np.array(output.axis) * scaled(output).axis_factor)
-                file.add(output.name, curve_rows(store, output) * scaled(output).factor)
-
-
-def curve_rows(store: ChunkStore, output: Output) -> np.ndarray:
-    """A curve of the first samples, `(samples, points)`, in SI units."""
-    names = [f"{output.name}[{place}]" for place in range(output.size)]
-    return store.table(names, 0, min(store.rows, CURVES))
+                file.add(output.name, store[output.name] * scaled(output).factor)
 
 
 class ArrayFile:

@@ -1,6 +1,5 @@
 """`summary.json` of a tolerance study: quantiles, yield, envelopes, failures, and the measured units beside them."""
 
-import dataclasses
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -10,25 +9,14 @@ import scipy.stats
 
 from vgtjax.experiments import MeasuredLoops, Output, label
 from vgtjax.parameters import unknown_name
-from vgtjax.sensitivity import Sample
+from vgtjax.population import Results, describe
 
-from ..population import ChunkStore, PopulationJob, describe_failed, describe_quantities, finite, scaled
+from ..population import ChunkStore, Plan, describe_failed, describe_quantities, finite, scaled
 from ..study.tables import Limit
-from .samples import curve_rows
 
 QUANTILES = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
 ENVELOPE = (0.05, 0.5, 0.95)
 CONFIDENCE = 0.95
-
-Readings = dict[str, float]
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Known:
-    """The readings of actuators that are no samples, by column: the nominal one, and fitted units."""
-
-    nominal: Readings
-    units: dict[str, Readings]
 
 
 def check_limits(outputs: Sequence[Output], limits: dict[str, Limit]) -> None:
@@ -42,37 +30,31 @@ def check_limits(outputs: Sequence[Output], limits: dict[str, Limit]) -> None:
             raise unknown_name("[tolerance.limits]", name, known)
 
 
-def summarise(
-    job: PopulationJob,
-    sample: Sample,
-    store: ChunkStore,
-    known: Known,
-    outputs: tuple[Output, ...],
-    seconds: float,
-) -> dict[str, Any]:
-    """The whole summary."""
-    table, failed = job.study.tolerance, store.failed()
+def summarise(plan: Plan, store: ChunkStore, known: Results, seconds: float) -> dict[str, Any]:
+    """The whole summary.
+
+    **Arguments:** `known`: of the nominal actuator, then of each fitted unit.
+    """
+    job, table, failed = plan.job, plan.job.study.tolerance, store.failed()
     good = np.ones(store.rows, bool)
-    good[failed] = False
+    good[list(failed)] = False
     found: dict[str, Any] = {}
     meets_all = good.copy()
-    for output in outputs:
-        if not output.axis:
-            values = store.column(output.name) * scaled(output).factor
-            limit = table.limits.get(output.name)
-            found[output.name] = _number(output, values[good], known.nominal[output.name], limit)
-            if limit is not None:
-                meets_all &= _meets(values, limit)
+    for output in store.numbers:
+        values, limit = store[output.name] * scaled(output).factor, table.limits.get(output.name)
+        found[output.name] = _number(output, values[good], known[output.name][0], limit)
+        if limit is not None:
+            meets_all &= _meets(values, limit)
     return {
         "samples": store.rows,
-        "failed": {"count": len(failed), "samples": describe_failed(job, sample, failed)},
+        "failed": describe_failed(job, plan.sample, failed),
         "yield": _share(meets_all[good]) if table.limits else None,
         "outputs": found,
-        "envelopes": {output.name: _envelope(store, output) for output in outputs if output.axis},
+        "envelopes": {output.name: _envelope(output, store[output.name]) for output in store.outputs if output.axis},
         "quantities": describe_quantities(job),
         "notes": list(job.notes),
         "units": {name: _unit(loops) for name, loops in job.measured.items()},
-        "simulated_units": {name: _shown(readings, outputs) for name, readings in known.units.items()},
+        "simulated_units": {name: _shown(store, known, row) for row, name in enumerate(job.fitted, 1)},
         "sampler": table.sampler,
         "seed": table.seed,
         "precision": table.precision,
@@ -83,21 +65,20 @@ def summarise(
 
 def _number(output: Output, values: np.ndarray, nominal: float, limit: Limit | None) -> dict[str, Any]:
     """One output over the samples whose simulation did not fail."""
-    defined = values[np.isfinite(values)]
-    quantiles = np.quantile(defined, QUANTILES) if len(defined) else np.full(len(QUANTILES), math.nan)
+    found = describe(values, QUANTILES)
     return {
         "unit": scaled(output).unit,
         "meaning": output.meaning,
         "nominal": finite(nominal * scaled(output).factor),
-        "defined": len(defined),
-        "mean": finite(defined.mean()) if len(defined) else None,
-        "deviation": finite(defined.std(ddof=1)) if len(defined) > 1 else None,
-        "quantiles": {f"{share:g}": finite(value) for share, value in zip(QUANTILES, quantiles, strict=True)},
+        "defined": found.defined,
+        "mean": finite(found.mean),
+        "deviation": finite(found.deviation),
+        "quantiles": {f"{share:g}": finite(value) for share, value in zip(QUANTILES, found.quantiles, strict=True)},
         **({} if limit is None else {"limit": limit.model_dump(), "yield": _share(_meets(values, limit))}),
     }
 
 
-def _envelope(store: ChunkStore, output: Output) -> dict[str, Any]:
+def _envelope(output: Output, curves: np.ndarray) -> dict[str, Any]:
     """Quantiles of a curve at each of its points."""
     shown = scaled(output)
     return {
@@ -107,18 +88,14 @@ def _envelope(store: ChunkStore, output: Output) -> dict[str, Any]:
         "axis_unit": shown.axis_unit,
         "quantiles": {
             f"{share:g}": [finite(value) for value in values]
-            for share, values in zip(ENVELOPE, envelope(curve_rows(store, output) * shown.factor), strict=True)
+            for share, values in zip(ENVELOPE, envelope(curves * shown.factor), strict=True)
         },
     }
 
 
 def envelope(values: np.ndarray) -> np.ndarray:
     """Quantiles `ENVELOPE` over samples, `(quantiles, points)`; NaN where no sample has a value."""
-    defined = np.where(np.isfinite(values), values, np.nan)
-    found = np.full((len(ENVELOPE), values.shape[1]), np.nan)
-    some = np.any(np.isfinite(defined), axis=0)
-    found[:, some] = np.nanquantile(defined[:, some], ENVELOPE, axis=0)
-    return found
+    return np.stack([describe(column, ENVELOPE).quantiles for column in values.T], axis=1)
 
 
 def _meets(values: np.ndarray, limit: Limit) -> np.ndarray:
@@ -146,5 +123,5 @@ def _unit(loops: MeasuredLoops) -> dict[str, Any]:
     }
 
 
-def _shown(readings: Readings, outputs: tuple[Output, ...]) -> dict[str, float | None]:
-    return {output.name: finite(readings[output.name] * scaled(output).factor) for output in outputs if not output.axis}
+def _shown(store: ChunkStore, known: Results, row: int) -> dict[str, float | None]:
+    return {output.name: finite(known[output.name][row] * scaled(output).factor) for output in store.numbers}

@@ -14,10 +14,11 @@ import vgtjax
 from vgtjax import InputError
 from vgtjax.control import AbstractController, Sensors
 from vgtjax.parameters import Bounds, check_bounds
-from vgtjax.sensitivity import SobolSample
+from vgtjax.parts import feels_gas
+from vgtjax.population import SobolSample
 from vgtjax.tuning import MEMORIES, Cases, Objective, Problem, cross_cases, plan_tuning, soften, soften_cases
 
-from ..population import Actuators, feels_gas, read_actuators
+from ..population import Actuators, read_actuators
 from ..study.control import ControlTable
 from ..study.job import StudyJob
 from ..study.models import start_values

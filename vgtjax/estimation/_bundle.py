@@ -8,6 +8,7 @@ import jax
 import numpy as np
 from jaxtyping import Float, Int
 
+from .._lanes import fill_devices
 from ..plants import AbstractModel
 from ..simulation import FixedMarch, FixedStep, model_dtype
 from ..traces import Drive, Start, Trace, cast, require
@@ -99,7 +100,7 @@ def _bundle(model: AbstractModel, traces: list[Trace], indices: list[int], plan:
     start = jax.tree.map(lambda *leaves: np.stack(leaves), *[trace.start() for trace in traces])
     trace_of = np.repeat(np.arange(len(traces)), segments)
     segment_of = np.concatenate([np.arange(count) for count in segments])
-    fill = -len(trace_of) % jax.device_count()
+    fill = fill_devices(len(trace_of)) - len(trace_of)
     lane_trace, lane_segment = np.pad(trace_of, (0, fill)), np.pad(segment_of, (0, fill))
 
     def to_lanes(leaf: np.ndarray) -> np.ndarray:

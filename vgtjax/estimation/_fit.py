@@ -10,8 +10,8 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
-from .._devices import replicate
 from .._errors import SimulationError
+from .._lanes import replicate
 from ._residuals import Problem
 from ._seminormal import SeminormalEquations
 from ._uncertainty import estimate_uncertainty

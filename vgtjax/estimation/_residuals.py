@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._devices import replicate
+from .._lanes import replicate
 from ..parameters import Selection, Transform
 from ..plants import AbstractModel
 from ..simulation import FixedStep

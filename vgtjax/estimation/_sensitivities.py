@@ -14,8 +14,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._devices import replicate, spread
 from .._errors import SimulationError
+from .._lanes import replicate, spread
 from ..parameters import Selection, select
 from ..plants import AbstractModel, State
 from ..simulation import FixedStep, march

@@ -1,8 +1,9 @@
-"""Populations of actuators: who varies how, and experiments on many at once."""
+"""Populations of actuators: who varies how, samples of them, and experiments on many at once."""
 
-from ._evaluate import LANES as LANES, Evaluator as Evaluator, Results as Results
-from ._factors import Factors as Factors, check_known as check_known, choose_factors as choose_factors
+from ._evaluate import LANES as LANES, Evaluator as Evaluator
+from ._factors import Factors as Factors, choose_factors as choose_factors
 from ._fitted import fitted_levels as fitted_levels, fitted_population as fitted_population
+from ._monte_carlo import run as run
 from ._population import (
     Margin as Margin,
     Population as Population,
@@ -12,3 +13,20 @@ from ._population import (
     triangular as triangular,
     uniform as uniform,
 )
+from ._results import (
+    CAUSES as CAUSES,
+    Description as Description,
+    OutputTable as OutputTable,
+    Results as Results,
+    column_names as column_names,
+    describe as describe,
+)
+from ._sample import MOST_ROWS as MOST_ROWS, Sample as Sample, check_size as check_size
+from ._sampling import (
+    SAMPLERS as SAMPLERS,
+    LatinHypercubeSample as LatinHypercubeSample,
+    SobolSample as SobolSample,
+    make_sample as make_sample,
+    sobol_points as sobol_points,
+)
+from ._spread import Spread as Spread, spread_population as spread_population

@@ -1,6 +1,5 @@
 """What varies from actuator to actuator: single values, and the level of a whole curve."""
 
-import difflib
 from collections.abc import Sequence
 from typing import Any
 
@@ -45,9 +44,8 @@ class Factors(eqx.Module):
         for position, entry in enumerate(self.entries):
             if is_curve(table, entry):
                 model = replace_parameters(model, {entry: vector[position] * get_parameter(model, entry)})
-        single = [position for position, entry in enumerate(self.entries) if not is_curve(table, entry)]
-        values = [vector[position] for position in single]
-        return Selection(tuple(self.entries[position] for position in single)).unpack(model, values)
+        single = {entry: vector[i] for i, entry in enumerate(self.entries) if not is_curve(table, entry)}
+        return Selection(tuple(single)).unpack(model, jnp.stack(list(single.values()))) if single else model
 
     def units(self, model: AbstractModel) -> list[str]:
         """Unit of each quantity."""
@@ -88,14 +86,3 @@ def choose_factors(model: AbstractModel, patterns: Sequence[str], fixed: Sequenc
 
 def _base(entry: str) -> str:
     return entry.partition("[")[0]
-
-
-def check_known(model: AbstractModel, names: Sequence[str], factors: Factors, kind: str) -> None:
-    """Whether names are among the quantities that vary.
-
-    **Raises:** `InputError` for the first that is not, with the nearest one.
-    """
-    for name in names:
-        if name not in factors.entries:
-            near = difflib.get_close_matches(name, factors.entries, n=1, cutoff=0.0)
-            raise InputError(f"{kind} names '{name}', which does not vary; vary it too, or did you mean '{near[0]}'?")

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -38,7 +39,7 @@ def fitted_population(models: Sequence[AbstractModel], entries: Sequence[str]) -
     correlation = scores[:, chosen].T @ scores[:, chosen] / (len(units) - 1)
     np.fill_diagonal(correlation, 1.0)
     return Population(
-        selection.unpack(models[0], mean),
+        selection.unpack(models[0], jnp.asarray(mean)),
         Factors(tuple(entries[i] for i in chosen)),
         tuple(_margin(mean[i], deviation[i], bool(positive[i]), ends[i]) for i in chosen),
         correlation,

@@ -1,6 +1,6 @@
 """Sensitivity analysis: samples, indices with intervals from one set of simulations, and what they say together."""
 
-from ._base import Sample as Sample
+from ..population import LatinHypercubeSample as LatinHypercubeSample, Sample as Sample, SobolSample as SobolSample
 from ._correlation import correlations as correlations, squared_correlation as squared_correlation
 from ._design import RadialDesign as RadialDesign
 from ._indices import (
@@ -24,7 +24,6 @@ from ._ranking import (
 )
 from ._regression import Regression as Regression, regress as regress
 from ._resampling import Estimate as Estimate, bootstrap as bootstrap, resampled_weights as resampled_weights
-from ._sampling import LatinHypercubeSample as LatinHypercubeSample, SobolSample as SobolSample
 from ._second_order import (
     damping_ratio as damping_ratio,
     frictionless_diaphragm as frictionless_diaphragm,

@@ -7,8 +7,7 @@ from jaxtyping import Float
 from scipy.stats import qmc
 
 from .._errors import InputError
-from ._base import MOST_ROWS, Sample, check_size
-from ._sampling import sobol_points
+from ..population import MOST_ROWS, Sample, check_size, sobol_points
 
 
 @dataclasses.dataclass(frozen=True)

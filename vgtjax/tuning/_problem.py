@@ -5,13 +5,12 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from .._devices import bring_home, spread_rows
 from .._errors import InputError
+from .._lanes import map_rows
 from ..control import AbstractController, ClosedLoop, check
 from ..parameters import Selection, Transform, build_transform, parameter_table, select
 from . import _loops as loops
@@ -140,19 +139,19 @@ class Problem:
         coordinates: Float[np.ndarray, "rows gains"],
         memory: float | Float[np.ndarray, " rows"],
     ) -> tuple:
-        """Runs the cases at some places in chunks of `lanes`, the last one filled up by repeating its last row."""
-        count, chunks = len(places), []
+        """Runs the cases at some places, `lanes` of them side by side."""
+        count = len(places)
         memories = np.broadcast_to(np.asarray(memory, float), count)
         timing = loops.Timing(self.cases.duration, self.cases.period)
-        devices = jax.device_count()
-        lanes = devices * min(max(1, self.lanes // devices), -(-count // devices))
-        for begin in range(0, count, lanes):
-            here = np.minimum(np.arange(begin, begin + lanes), count - 1)
-            chunk = self.cases.take(places[here].tolist())
-            rows = spread_rows(loops.Row(chunk.plants, chunk.scenarios, coordinates[here], memories[here]))
-            found = function(self.controller, self.selection, self.transform, self.objective, timing, rows)
-            chunks.append(jax.tree.map(lambda leaf, left=count - begin: leaf[:left], bring_home(found)))
-        (terms, rms, peak, good), *more = jax.tree.map(lambda *leaves: np.concatenate(leaves), *chunks)
+
+        def rows(chosen: np.ndarray) -> loops.Row:
+            chunk = self.cases.take(places[chosen].tolist())
+            return loops.Row(chunk.plants, chunk.scenarios, coordinates[chosen], memories[chosen])
+
+        def run(shared: loops.Row) -> Any:
+            return function(self.controller, self.selection, self.transform, self.objective, timing, shared)
+
+        (terms, rms, peak, good), *more = map_rows(run, rows, count, min(self.lanes, count))
         blank = np.where(good, 1.0, np.nan)
         return (terms * blank[:, None], rms * blank, peak * blank, ~good), *more
 

@@ -58,7 +58,7 @@ def measure_population() -> Section:
         f"only simulates; {SPREAD:.0%} of normal spread on {len(nominal)} quantities; {ROUNDS} rounds."
     )
     columns = ("contestant", "first call", "time", "actuators a second", "ratio")
-    section = Section("Population", about, columns, notes=[_precision(exact, rounded, double)])
+    section = Section("Population", about, columns, notes=[_precision(exact, rounded)])
     reference = next(iter(timings.values()))
     for name, timing in timings.items():
         rate = f"{ACTUATORS / timing.median:.0f}"
@@ -79,11 +79,9 @@ def _numba(model: Any, factors: Any, values: np.ndarray, trace: vgtjax.Trace) ->
     return numba_plant.simulate(thetas, whole, parallel=True)
 
 
-def _precision(exact: Results, rounded: Results, evaluator: Evaluator) -> str:
+def _precision(exact: Results, rounded: Results) -> str:
     """How far single precision is off, over the population."""
-    width = evaluator.columns.index("hysteresis_0mbar")
-    start = evaluator.columns.index("start_pressure_0mbar")
-    gaps = [np.nanmax(np.abs(rounded.outputs[:, place] - exact.outputs[:, place])) for place in (width, start)]
+    gaps = [np.nanmax(np.abs(rounded[name] - exact[name])) for name in ("hysteresis_0mbar", "start_pressure_0mbar")]
     return (
         f"Single precision moves no actuator's mean loop width by more than {gaps[0]:.2g} Pa, nor the pressure "
         f"at which it begins to move by more than {gaps[1]:.2g} Pa."

@@ -3,6 +3,7 @@
 import html.parser
 import importlib.metadata
 import re
+from typing import Any
 
 import pytest
 from commands import read
@@ -19,11 +20,17 @@ class Page(html.parser.HTMLParser):
         self.references: list[str] = []
         self.tags: list[str] = []
         self.texts: dict[str, list[str]] = {}
+        self.rows: list[list[str]] = []
+        """The cells of every row of every table."""
         self._open: list[str] = []
         self.feed(text)
 
     def handle_starttag(self, tag, attributes):
         self.tags.append(tag)
+        if tag == "tr":
+            self.rows.append([])
+        if tag in ("td", "th"):
+            self.rows[-1].append("")
         self._open.append(tag)
         self.references += [value for name, value in attributes if name in LOADS]
 
@@ -34,9 +41,22 @@ class Page(html.parser.HTMLParser):
     def handle_data(self, data):
         if self._open:
             self.texts.setdefault(self._open[-1], []).append(data)
+        if {"td", "th"} & set(self._open):
+            self.rows[-1][-1] += data
 
     def text(self, tag: str) -> str:
         return "\n".join(self.texts.get(tag, []))
+
+    def table(self, *heading: str) -> list[dict[str, str]]:
+        """The rows below the first whose cells begin like that, each by its heading, up to the next heading."""
+        start = next(index for index, row in enumerate(self.rows) if row[: len(heading)] == list(heading))
+        names = self.rows[start]
+        found = []
+        for row in self.rows[start + 1 :]:
+            if len(row) != len(names):
+                break
+            found.append(dict(zip(names, row, strict=True)))
+        return found
 
 
 @pytest.fixture(scope="module")
@@ -76,6 +96,68 @@ def test_every_parameter_has_its_row(page, fitted):
         size = len(fields["value"]) if isinstance(fields["value"], list) else None
         for entry in [name] if size is None else [f"{name}[{i}]" for i in range(size)]:
             assert entry in shown
+
+
+def entries_of(parameters: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """The fields of `parameters.json` by entry, arrays taken apart."""
+    found = {}
+    for name, fields in parameters.items():
+        if isinstance(fields["value"], list):
+            for index in range(len(fields["value"])):
+                each = {key: field[index] if isinstance(field, list) else field for key, field in fields.items()}
+                found[f"{name}[{index}]"] = each
+        else:
+            found[name] = fields
+    return found
+
+
+def test_the_parameters_shown_are_those_of_the_file(page, fitted):
+    shown = {row["name"]: row for row in page.table("name", "symbol")}
+    entries = entries_of(read(fitted.out / "parameters.json")["parameters"])
+    assert set(shown) == set(entries)
+    for entry, fields in entries.items():
+        row = shown[entry]
+        # As many digits as the report has.
+        assert float(row["value"]) == pytest.approx(fields["value"], rel=5.1e-6), entry
+        assert float(row["start"]) == pytest.approx(fields["initial"], rel=5.1e-5), entry
+        assert row["unit"] == fields["unit"]
+        assert ("held" in row["remark"]) != fields["free"]
+        if fields["std_error"] is None:
+            assert row["standard error"] == ""
+        else:
+            assert float(row["standard error"]) == pytest.approx(fields["std_error"], rel=5.1e-2), entry
+        if fields["free"]:
+            change = 100 * (fields["value"] / fields["initial"] - 1) * (1 if fields["initial"] > 0 else -1)
+            assert float(row["change"].removesuffix(" %")) == pytest.approx(change, abs=0.051), entry
+    moved = [row for row in shown.values() if row["change"]]
+    assert len(moved) == 4
+    assert any(abs(float(row["change"].removesuffix(" %"))) > 1 for row in moved), "the fit moved something"
+
+
+def test_the_traces_shown_are_those_of_the_summary(page, fitted):
+    rows = page.table("trace", "use", "signal")
+    traces = read(fitted.out / "summary.json")["traces"]
+    expected = [(name, channel) for name, found in traces.items() for channel in found["rmse"]]
+    assert len(rows) == len(expected) == 4
+    for row, (name, channel) in zip(rows, expected, strict=True):
+        unit, scale = {"x_d": ("um", 1e6), "p_act": ("Pa", 1.0)}[channel]
+        assert (row["trace"] or name, row["signal"], row["unit"]) == (name, channel, unit)
+        for column, key, digits in (("RMSE", "rmse", 4), ("sensor noise", "noise", 3), ("offset", "offset", 4)):
+            value = scale * traces[name][key][channel]
+            assert float(row[column]) == pytest.approx(value, rel=0.51 * 10 ** (1 - digits)), (name, channel, column)
+
+
+def test_how_the_fit_ended_is_that_of_the_summary(page, fitted):
+    summary = read(fitted.out / "summary.json")
+    figures = page.text("b").splitlines()
+    assert float(figures[1]) == pytest.approx(summary["chi2_per_degree_of_freedom"], rel=5.1e-4)
+    assert int(figures[2]) == summary["iterations"] > 0
+    said = {row["statistic"]: row["value"] for row in page.table("statistic", "value")}
+    counts = [summary[name] for name in ("iterations", "rejected_steps", "failed_simulations")]
+    assert said["steps, rejected, failed simulations"] == ", ".join(map(str, counts))
+    first, last = map(float, said["start and final chi²/N"].split(", "))
+    assert last == pytest.approx(2 * summary["cost"], rel=5.1e-5)
+    assert first > last
 
 
 def test_assumed_values_are_marked(page):

@@ -73,8 +73,7 @@ BAD = [
     (
         "not varied",
         '[[population.correlation]]\nparameters = ["diaphragm.mass", "air.pressure"]\nvalue = 0.3',
-        "[[population.correlation]] names 'air.pressure', which does not vary; vary it too, or did you mean "
-        "'diaphragm.preload'?",
+        "'air.pressure' has a correlation but does not vary; vary it too, or did you mean 'diaphragm.preload'?",
     ),
     (
         "contradiction",
@@ -97,7 +96,7 @@ BAD = [
         "nominal outside",
         '[population.parameters]\n"diaphragm.stiffness" = {lower = 20000}',
         "the nominal 'diaphragm.stiffness' must lie between the ends of its distribution, but 12000 is outside 20000 "
-        "to inf; correct them, or the value under [parameters]",
+        "to inf; correct them, or the value",
     ),
     (
         "fixed and spread",

@@ -11,7 +11,7 @@ from support import EXAMPLE
 
 import vgtjax
 from calibrate.population import ChunkStore, prepare_population
-from calibrate.tolerance.samples import choose_sample
+from vgtjax.population import run
 
 
 @pytest.fixture(scope="module")
@@ -191,12 +191,15 @@ def test_bad_samples_are_counted_and_named_and_touch_no_other(done, tmp_path):
     assert [sample["sample"] for sample in found["failed"]["samples"]] == failed
     volume = samples["quantities"].tolist().index("chamber.volume")
     for sample in found["failed"]["samples"]:
+        assert sample["cause"] == "diverged"
         assert sample["values"]["chamber.volume"] == samples["values"][sample["sample"], volume] < 3.5e-5
     good = np.setdiff1d(np.arange(24), failed)
     assert np.isnan(samples["outputs"][failed]).all()
     assert np.isfinite(samples["outputs"][good]).all()
     assert found["outputs"]["hysteresis_0mbar"]["defined"] == len(good)
-    assert f'failed simulations<b class="bad">{len(failed)}' in (tmp_path / "out" / "report.html").read_text()
+    report = (tmp_path / "out" / "report.html").read_text()
+    assert f'failed simulations<b class="bad">{len(failed)}' in report
+    assert f'<td>{failed[0]}</td><td class="text">diverged</td>' in report
 
 
 SMALL_CHAMBER = STUDY.replace("lower = 4e-5, upper = 8e-5", "lower = 1e-5, upper = 1.01e-5") + (
@@ -253,7 +256,12 @@ def test_nominal_actuator_comes_from_parameters(done, tmp_path):
     assert mine - yours == pytest.approx(-(60.0 - 49.46) / area / 100, abs=0.5)
 
 
-def test_sample_of_a_study_is_the_one_it_names(done):
+def test_the_library_gives_what_the_command_gives(samples, done):
+    """To the bit: the same population, samples and experiments."""
     job = prepare_population(done.parent / "study.toml", None, levels=False)
-    points = choose_sample(job).points(0, 24)
-    np.testing.assert_array_equal(job.population.values(points), np.load(done / "samples.npz")["values"])
+    results = run(job.population, job.experiments, samples=24, lanes=8)
+    factor = {"Pa": 1e-2, "s": 1e3, "m": 1e3}
+    names = samples["output_names"].tolist()
+    for output in results.outputs:
+        column = samples[output.name] if output.axis else samples["outputs"][:, names.index(output.name)]
+        np.testing.assert_array_equal(results[output.name] * factor[output.unit], column)

@@ -74,16 +74,28 @@ def test_a_loop_widens_with_turbine_pressure():
     assert lost[-1] > 5 * lost[0]
 
 
-def test_nothing_is_singular_where_friction_passes_through_zero():
-    """(3.20) divides by the friction itself."""
-    for velocity, deflection in ((0.0, 0.0), (1e-12, 0.0), (-1e-3, 1e-3 * (206.0 + 429.77) / 43135.0)):
+@pytest.mark.parametrize(("velocity", "deflection"), [(0.0, 0.0), (1e-12, 0.0), (-1e-3, 1e-3 * 635.77 / 43135.0)])
+def test_slopes_are_central_differences_where_friction_passes_through_zero(velocity, deflection):
+    """(3.20) divides by the friction itself, and would be singular there."""
 
-        def force(v, z, load, pressure, angle):
-            friction = AdaptiveLuGre(load=load)
-            return friction(Contact(v, 0.63, vanes(pressure, angle)), Bristle(z), 0.0)[0]
+    def force(v, z, load, pressure, angle):
+        friction = AdaptiveLuGre(load=load)
+        return friction(Contact(v, 0.63, vanes(pressure, angle)), Bristle(z), 0.0)[0]
 
-        slopes = jax.grad(force, argnums=range(5))(velocity, deflection, jnp.asarray(LOAD), 2e5, 15.0)
-        assert all(np.all(np.isfinite(slope)) for slope in slopes)
+    at = (velocity, deflection, np.array(LOAD), 2e5, 15.0)
+    slopes = jax.grad(force, argnums=range(5))(*map(jnp.asarray, at))
+    for place, (slope, size) in enumerate(zip(slopes, (1e-8, 1e-9, 1e-3, 1.0, 1e-4), strict=True)):
+        for index, step in enumerate(size * np.eye(np.size(slope))):
+            shift = step.reshape(np.shape(at[place]))
+            ends = [force(*at[:place], at[place] + side * shift, *at[place + 1 :]) for side in (1, -1)]
+            difference = float(ends[0] - ends[1]) / (2 * size)
+            # Steps of the Stribeck curve's 1e-5, whose curvature is left; slopes by the load are forces below 1 N.
+            assert np.ravel(slope)[index] == pytest.approx(difference, rel=1e-4, abs=1e-9)
+    # By hand: bristles at rest carry their dampers' sum, and theta of it.
+    theta = float(FRICTION.theta(vanes(2e5, 15.0)))
+    if deflection == 0.0:
+        assert slopes[0] == pytest.approx(theta * (429.77 + 206.0), rel=1e-9)
+        assert slopes[1] == pytest.approx(theta * 43135.0, rel=1e-6)
 
 
 @pytest.mark.parametrize(

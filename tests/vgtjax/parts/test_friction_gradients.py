@@ -1,5 +1,6 @@
 """Derivatives by every parameter of every friction, against central differences of the same model solved tight."""
 
+import equinox as eqx
 import jax
 import numpy as np
 import pytest
@@ -43,18 +44,25 @@ def slopes():
     return {name: both_ways(friction) for name, friction in MEMBERS.items()}
 
 
+@eqx.filter_jit
+def positions(model, selection, batch):
+    """One compilation for every friction of a kind."""
+
+    def position(theta):
+        return simulate(selection.unpack(model, theta), cycles(), stepping=TIGHT, throw=False).x_d
+
+    return jax.vmap(position)(batch)
+
+
 def both_ways(friction):
     model, trace = MechanicalActuator(friction=friction), cycles()
     every = select(model, ["friction.*"])
     exact = jacobian(model, [trace], every.entries, stepping=TIGHT)[0][:, 0]
 
-    def position(theta):
-        return simulate(every.unpack(model, theta), trace, stepping=TIGHT, throw=False).x_d
-
     theta = np.asarray(every.pack(model))
     size = STEP * np.where(theta == 0, 1.0, np.abs(theta))
     shifted = np.concatenate([theta + np.diag(size), theta - np.diag(size)])
-    up, down = np.split(np.asarray(jax.jit(jax.vmap(position))(shifted)), 2)
+    up, down = np.split(np.asarray(positions(model, every, shifted)), 2)
     return exact, ((up - down) / (2 * size)[:, None]).T
 
 

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from support import duty_trace, rms
 
 import vgtjax
@@ -50,32 +51,88 @@ def test_without_a_plunger_a_step_is_felt_sooner():
     assert np.all(four.p_act[onset] < six.p_act[onset])
 
 
-# Against the full, adiabatic model, whose gas cools to 210 K: heat is most of the difference, not the map. Measured,
-# RMSE in mm and mbar. The thesis reads 0.3 mm and 5 to 8 mbar of steady error off its figures.
-VALIDATION = {
-    "six states": (SIX, {"step_50": (0.151, 12.9), "step_80": (0.332, 18.3), "ramp": (0.064, 4.8)}),
-    "four states": (FOUR, {"step_50": (0.163, 12.9), "step_80": (0.333, 18.6), "ramp": (0.064, 4.8)}),
-    "polynomial": (
-        vgtjax.reduce_to_static_map(FULL, PolynomialFlow()),
-        {"step_50": (0.256, 42.7), "step_80": (0.345, 40.5)},
-    ),
-    "printed map": (
-        vgtjax.reduce_to_static_map(FULL, PrintedFlow()),
-        {"step_50": (0.192, 11.2), "step_80": (0.632, 31.2)},
-    ),
-}
-
-
-@pytest.mark.parametrize("name", VALIDATION)
-def test_they_follow_the_full_model_as_in_section_5_2_3(name):
-    model, limits = VALIDATION[name]
-    for trace in (STEP_50, STEP_80, RAMP)[: len(limits)]:
-        found, (position, pressure) = deviation(model, FULL, trace), limits[trace.name]
-        # Frozen numbers, with a tenth for a coarser sampling of the same run.
-        assert found.position_rmse / MM == pytest.approx(position, rel=0.1)
-        assert found.pressure_rmse / MBAR == pytest.approx(pressure, rel=0.1)
+@pytest.mark.parametrize("trace", [STEP_50, STEP_80, RAMP], ids=lambda trace: trace.name)
+def test_what_separates_them_from_the_full_model_is_heat(trace):
+    """Section 5.2.3. The full model's gas cools to 210 K; the isothermal actuator lacks that, and nothing else."""
+    lost = deviation(ISOTHERMAL, FULL, trace)
+    for model in (SIX, FOUR):
+        found = deviation(model, FULL, trace)
+        # The error of the map, as above, and 11 ms of the plunger's lag, which four states do without.
+        assert found.pressure_rmse == pytest.approx(lost.pressure_rmse, abs=0.7 * MBAR)
+        assert found.position_rmse == pytest.approx(lost.position_rmse, abs=0.02 * MM)
         assert found.position_peak > found.position_rmse
         assert found.pressure_peak > found.pressure_rmse
+
+
+PRINTED_PHI = (-7.94e-6, -4.92e-7, -5.94e-10, -2.48e-12, 5.65e-15, 1.59e-18)
+PRINTED_PSI = (5.19e-7, -5.27e-8, 3.13e-10, -1.13e-13, -4.42e-16)
+WORKING_PRESSURE = (
+    101843.62559540888,
+    -12.98938307030129,
+    -22.38163558106169,
+    0.20506743185078907,
+    -5.242754662840745e-4,
+)
+"""(2.8) with the digits of Table B.1, at 20 kPa of reservoir pressure: Pa over powers of percent."""
+FITTED = vgtjax.reduce_to_static_map(FULL, PolynomialFlow())
+
+
+def tangent_beyond(polynomial, place, low, high):
+    """A polynomial's value, and where it is not given that of its tangent."""
+    within = min(max(place, low), high)
+    return polynomial(within) + polynomial.deriv()(within) * (place - within)
+
+
+def printed_flow(duty, pressure):
+    """(B.4) with the duty as a fraction and the pressure's difference in mbar."""
+    phi, psi = np.polynomial.Polynomial(PRINTED_PHI), np.polynomial.Polynomial(PRINTED_PSI)
+    difference = (pressure - np.polynomial.Polynomial(WORKING_PRESSURE)(duty)) / MBAR
+    return tangent_beyond(phi + duty / 100 * psi, difference, -720.0, 440.0)
+
+
+def fitted_flow(duty, pressure):
+    """(5.10)."""
+    inner = np.polynomial.Polynomial(np.asarray(FITTED.flow_map.pressure))
+    along = np.polynomial.Polynomial([0.0, *np.asarray(FITTED.flow_map.duty)])
+    return tangent_beyond(inner, pressure, *FITTED.flow_map.pressure_range) + along(duty)
+
+
+def integrate_by_scipy(flow, trace):
+    """(5.4) with LuGre friction and Table B.2: position in m and pressure in Pa at the samples."""
+
+    def rates(time, state, duty):
+        x, v, z, p = state
+        slip = v - 43135.0 * abs(v) * z / (2.8 + 0.4 * np.exp(-abs(v) / 1e-3))
+        friction = 43135.0 * z + 429.77 * slip + 206.0 * v
+        stops = 1e6 * (max(-x, 0) * max(1 - 20 * v, 0) - max(x - 10.13e-3, 0) * max(1 + 20 * v, 0))
+        force = 2.9224e-3 * (101_013.0 - p) - 49.46 - 12_000.0 * x + stops - friction
+        pressure_rate = (286.7 * 293.15 * flow(duty, p) + 2.9224e-3 * p * v) / (60e-6 - 2.9224e-3 * x)
+        return v, force / 0.63, slip, pressure_rate
+
+    state = np.array([-49.46 / (1e6 + 12_000.0), 0.0, 0.0, 101_013.0])  # the spring against the open stop
+    found = [state[:, None]]
+    jumps = np.flatnonzero(np.diff(trace.pwm)) + 1
+    for first, last in zip([0, *jumps], [*jumps, len(trace.time) - 1], strict=True):
+        at = trace.time[first : last + 1]
+        run = solve_ivp(
+            rates, at[[0, -1]], found[-1][:, -1], "LSODA", at, args=(trace.pwm[first],), rtol=1e-8, atol=1e-11
+        )
+        found.append(run.y[:, 1:])
+    return np.concatenate(found, axis=1)[[0, 3]]
+
+
+@pytest.mark.parametrize("trace", [STEP_50, STEP_80], ids=lambda trace: trace.name)
+@pytest.mark.parametrize(
+    ("model", "flow"),
+    [(FITTED, fitted_flow), (vgtjax.reduce_to_static_map(FULL, PrintedFlow()), printed_flow)],
+    ids=["polynomial", "printed"],
+)
+def test_four_states_are_the_equations_of_the_thesis(model, flow, trace):
+    run, (position, pressure) = simulate(model, trace), integrate_by_scipy(flow, trace)
+    # What steps of half a millisecond leave; measured: 0.14 um and 0.9 Pa at most.
+    assert rms(run.x_d - position) < 3e-7
+    assert rms(run.p_act - pressure) < 1.2
+    assert np.ptp(position) > 2 * MM
 
 
 def test_they_rest_where_the_full_model_rests():

@@ -8,7 +8,7 @@ import pytest
 import vgtjax
 from vgtjax import Air, InputError, parameter, simulate
 from vgtjax.experiments import SlowLoop, StepResponse, nominal_target
-from vgtjax.population import Evaluator, Factors, choose_factors
+from vgtjax.population import Evaluator, Factors, SobolSample, choose_factors, run, spread_population
 
 MODEL = vgtjax.Actuator(
     vane_force=vgtjax.HysteresisMap(
@@ -62,17 +62,48 @@ def places(evaluator):
 def test_columns_are_outputs_and_points_of_curves(evaluator, step, results):
     names = [output.name for experiment in (LOOP, step) for output in experiment.outputs]
     assert [output.name for output in evaluator.outputs] == names
-    assert evaluator.columns[:5] == (
+    assert tuple(results) == tuple(names)
+    assert results.columns[:5] == (
         "hysteresis_0mbar",
         "start_pressure_0mbar",
         "end_pressure_0mbar",
         "loop_width_0mbar[0]",
         "loop_width_0mbar[1]",
     )
-    assert len(set(evaluator.columns)) == len(evaluator.columns) == results.outputs.shape[1]
-    some = results.only([0, 4])
-    np.testing.assert_array_equal(some.outputs, results.outputs[:, [0, 4]])
-    assert some.failed is results.failed
+    assert len(set(results.columns)) == len(results.columns) == results.matrix.shape[1]
+    for output, columns in places(evaluator):
+        expected = results.matrix[:, columns] if output.axis else results.matrix[:, columns.start]
+        np.testing.assert_array_equal(results[output.name], expected)
+    width, curve = evaluator.outputs[0], evaluator.outputs[4]
+    some = results.select([curve, width])
+    assert list(some) == ["closing_pressure_0mbar", "hysteresis_0mbar"]
+    np.testing.assert_array_equal(some["hysteresis_0mbar"], results["hysteresis_0mbar"])
+    np.testing.assert_array_equal(some["closing_pressure_0mbar"], results["closing_pressure_0mbar"])
+    assert some.causes == results.causes
+
+
+def test_an_unknown_output_is_refused_with_the_nearest_one(results):
+    assert "hysteresis_0mbar" in results
+    assert "hysteresis" not in results
+    with pytest.raises(InputError, match=r"output 'hysteresis_0' matches nothing; did you mean 'hysteresis_0mbar'\?"):
+        results["hysteresis_0"]
+
+
+def test_results_print_themselves_as_a_table(evaluator):
+    failing = ROWS.copy()
+    failing[2] *= np.nan
+    found = evaluator(failing)
+    first, header, *lines = repr(found).splitlines()
+    assert first == "6 samples, 1 failed (1 diverged), 8 curves"
+    assert header.split() == ["output", "unit", "mean", "deviation", "5%", "95%"]
+    printed = {line.split()[0]: line.split()[1:] for line in lines}
+    assert list(printed) == [output.name for output in found.outputs if not output.axis]
+    width = np.delete(found["hysteresis_0mbar"], 2)
+    figures = [width.mean(), width.std(ddof=1), *np.quantile(width, (0.05, 0.95))]
+    assert printed["hysteresis_0mbar"][0] == "Pa"
+    assert [float(cell) for cell in printed["hysteresis_0mbar"][1:]] == pytest.approx(figures, rel=5e-5)  # five digits
+    table = found._repr_html_()
+    assert f"<td>hysteresis_0mbar</td><td>Pa</td><td>{figures[0]:.5g}</td>" in table
 
 
 def test_a_row_is_what_simulating_and_reading_by_hand_gives(evaluator, results, step):
@@ -87,14 +118,14 @@ def test_a_row_is_what_simulating_and_reading_by_hand_gives(evaluator, results, 
         # The same steps, compiled another way: rounding grows over 8,000 of them.
         size = {"Pa": 1e5, "s": 1.0, "m": 1e-2}[output.unit]
         np.testing.assert_allclose(
-            results.outputs[row, columns], np.ravel(by_hand[output.name]), atol=1e-9 * size, err_msg=output.name
+            results.matrix[row, columns], np.ravel(by_hand[output.name]), atol=1e-9 * size, err_msg=output.name
         )
     assert not results.failed.any()
-    assert np.all(np.isfinite(results.outputs))
+    assert np.all(np.isfinite(results.matrix))
 
 
 def test_the_nominal_actuator_has_no_steady_error(evaluator):
-    found = evaluator(NOMINAL[None]).outputs[0, evaluator.columns.index("steady_error_60")]
+    (found,) = evaluator(NOMINAL[None])["steady_error_60"]
     assert abs(found) < 1e-14  # m; the same steps, compiled another way
 
 
@@ -107,30 +138,31 @@ def test_a_row_that_fails_touches_no_other(evaluator, results):
     bad = np.array([False, True, True, False, True, False])
     found = evaluator(mixed)
     np.testing.assert_array_equal(found.failed, bad)
-    assert np.all(np.isnan(found.outputs[bad]))
-    np.testing.assert_array_equal(found.outputs[~bad], results.outputs[~bad])
-    np.testing.assert_array_equal(evaluator(ROWS[~bad]).outputs, results.outputs[~bad])
+    np.testing.assert_array_equal(np.asarray(found.status == vgtjax.RESULTS.diverged), bad)
+    assert found.causes == tuple("diverged" if each else "successful" for each in bad)
+    assert np.all(np.isnan(found.matrix[bad]))
+    np.testing.assert_array_equal(found.matrix[~bad], results.matrix[~bad])
+    np.testing.assert_array_equal(evaluator(ROWS[~bad]).matrix, results.matrix[~bad])
 
 
 def test_lanes_and_their_padding_change_nothing(evaluator, results, step):
-    alone = np.concatenate([evaluator(row[None]).outputs for row in ROWS])
-    np.testing.assert_array_equal(alone, results.outputs)  # three of four lanes are padding
+    alone = np.concatenate([evaluator(row[None]).matrix for row in ROWS])
+    np.testing.assert_array_equal(alone, results.matrix)  # three of four lanes are padding
     other = Evaluator(MODEL, FACTORS, [step], lanes=5)
     assert other.lanes == 6  # a multiple of the tests' two devices
-    columns = [evaluator.columns.index(name) for name in other.columns]
     # Other vector instructions may round otherwise; measured: they don't.
-    np.testing.assert_allclose(other(ROWS).outputs, results.outputs[:, columns], rtol=1e-9, atol=1e-15)
+    np.testing.assert_allclose(other(ROWS).matrix, results.select(other.outputs).matrix, rtol=1e-9, atol=1e-15)
 
 
 def test_single_precision_is_good_enough_for_populations(evaluator, results, step):
     single = Evaluator(MODEL, FACTORS, [LOOP, step], lanes=4, dtype=np.float32)(ROWS)
     assert not single.failed.any()
-    assert single.outputs.dtype == np.float64
+    assert single.matrix.dtype == np.float64
     # README promises 2 um and 25 Pa of signals. Measured here: 0.02 um, 0.1 Pa and 3 us at most; twenty times that is
     # allowed for other processors, but not nothing, or it would not be single precision.
     limit = {"Pa": 2.0, "s": 6e-5, "m": 4e-7}
-    for output, columns in places(evaluator):
-        error = np.abs(single.outputs[:, columns] - results.outputs[:, columns]).max()
+    for output in evaluator.outputs:
+        error = np.abs(single[output.name] - results[output.name]).max()
         assert 0 < error < limit[output.unit], output.name
 
 
@@ -162,8 +194,8 @@ LIMIT = 1e-5
 def derivatives(evaluator):
     """At the nominal actuator: exact and by central differences, both times the value, `(columns, factors)`."""
     size = NOMINAL * STEPS
-    up, down = np.split(evaluator(np.concatenate([NOMINAL + np.diag(size), NOMINAL - np.diag(size)])).outputs, 2)
-    return evaluator.gradient(NOMINAL[None])[0] * NOMINAL, ((up - down) / (2 * STEPS)[:, None]).T
+    up, down = np.split(evaluator(np.concatenate([NOMINAL + np.diag(size), NOMINAL - np.diag(size)])).matrix, 2)
+    return evaluator.gradient(NOMINAL[None]).matrix[0] * NOMINAL, ((up - down) / (2 * STEPS)[:, None]).T
 
 
 @pytest.mark.parametrize("entry", FACTORS.entries)
@@ -188,10 +220,10 @@ def test_exact_derivatives_are_central_differences(entry, derivatives, evaluator
 def test_a_row_that_fails_has_no_derivatives_and_others_do(evaluator):
     bad = NOMINAL.copy()
     bad[0] = 0.0
-    found = evaluator.gradient(np.stack([NOMINAL, bad, ROWS[0]]))
+    found = evaluator.gradient(np.stack([NOMINAL, bad, ROWS[0]])).matrix
     assert np.all(np.isnan(found[1]))
     assert np.all(np.isfinite(found[[0, 2]]))
-    np.testing.assert_array_equal(found[0], evaluator.gradient(NOMINAL[None])[0])
+    np.testing.assert_array_equal(found[0], evaluator.gradient(NOMINAL[None]).matrix[0])
 
 
 # Closed forms, on a model that has them.
@@ -235,10 +267,6 @@ def lag_evaluator(entries, lanes=6):
     return Evaluator(Lag(), Factors(entries), [LAGGING], lanes=lanes)
 
 
-def columns_of(evaluator, *names):
-    return [evaluator.columns.index(name) for name in names]
-
-
 @pytest.fixture(scope="module")
 def lag():
     """Level of the gain, and the rate."""
@@ -251,25 +279,25 @@ TIMES = [f"{name}_{LARGE:g}" for name in ("response_time_63", "response_time_95"
 def test_a_lag_has_its_closed_form_outputs(lag):
     """`x = X (1 - e^(-a t))`, of which the rod goes all but e^-12 in the time that it has."""
     levels, rates = np.array([1.0, 1.2, 0.8]), np.array([20.0, 25.0, 30.0])
-    found = lag(np.column_stack([levels, rates])).outputs
+    found = lag(np.column_stack([levels, rates]))
     ends = levels * (8e-5 * LARGE + 4e-7 * LARGE**2) * -np.expm1(-rates * LAGGING.hold)
     # What Heun's steps are off by has decayed to nothing at the end.
-    np.testing.assert_allclose(found[:, columns_of(lag, f"steady_error_{LARGE:g}")[0]], ends, rtol=1e-6)
+    np.testing.assert_allclose(found[f"steady_error_{LARGE:g}"], ends, rtol=1e-6)
     whole = -np.expm1(-rates * LAGGING.hold)
     exact = np.stack([-np.log(1 - 0.63 * whole), -np.log(1 - 0.95 * whole), np.full(3, -np.log(0.37))]) / rates
     # A chord between samples 2 ms apart is off by a h^2 / 8, 15 us; Heun's steps of 0.5 ms add 2.
-    np.testing.assert_allclose(found[:, columns_of(lag, *TIMES)], exact.T, atol=2e-5)
+    np.testing.assert_allclose([found[name] for name in TIMES], exact, atol=2e-5)
 
 
 def test_a_lag_has_its_closed_form_derivatives(lag):
     """Times go with `1 / a` and not with the gain; the end goes with the gain, and by `X t e^(-a t)` with the rate."""
-    slopes = lag.gradient(np.array([[1.0, 20.0]]))[0]
+    slopes = lag.gradient(np.array([[1.0, 20.0]]))
     end, decay = 8e-5 * LARGE + 4e-7 * LARGE**2, np.exp(-20.0 * LAGGING.hold)
-    (place,) = columns_of(lag, f"steady_error_{LARGE:g}")
-    assert slopes[place, 0] == pytest.approx(end * (1 - decay), rel=1e-6)  # as above
+    (error,) = slopes[f"steady_error_{LARGE:g}"]
+    assert error[0] == pytest.approx(end * (1 - decay), rel=1e-6)  # as above
     # Heun's rate is off by (a h)^2 / 6, 2e-5, which the exponent makes twelve times as much.
-    assert slopes[place, 1] == pytest.approx(end * LAGGING.hold * decay, rel=5e-4)
-    times = slopes[columns_of(lag, *TIMES)]
+    assert error[1] == pytest.approx(end * LAGGING.hold * decay, rel=5e-4)
+    times = np.array([slopes[name][0] for name in TIMES])
     np.testing.assert_allclose(times[:, 0], 0.0, atol=1e-12)
     # Exact for the chord between two samples, whose slope is off by up to a h / 2 from that of the curve.
     exact = -np.log([1 / 0.37, 1 / 0.05, 1 / 0.37]) / 20.0**2
@@ -278,20 +306,33 @@ def test_a_lag_has_its_closed_form_derivatives(lag):
 
 def test_what_a_response_does_not_have_has_no_derivative(lag):
     point = np.array([[1.0, 20.0]])
-    missing = np.isnan(lag(point).outputs[0])
-    assert [name for name, gone in zip(lag.columns, missing, strict=True) if gone] == [
+    found = lag(point)
+    missing = np.isnan(found.matrix[0])
+    assert [name for name, gone in zip(found.columns, missing, strict=True) if gone] == [
         f"{name}_{SMALL:g}" for name in ("response_time_63", "response_time_95", "release_time")
     ]
-    np.testing.assert_array_equal(np.isnan(lag.gradient(point)[0]), np.stack([missing, missing], axis=1))
+    np.testing.assert_array_equal(np.isnan(lag.gradient(point).matrix[0]), np.stack([missing, missing], axis=1))
 
 
 def test_the_derivative_by_a_curve_is_that_of_all_its_entries(lag):
     entries = lag_evaluator(("gain[0]", "gain[1]", "rate"))
-    whole = lag.gradient(np.array([[1.0, 20.0]]))[0]
-    single = entries.gradient(np.array([[8e-5, 4e-7, 20.0]]))[0]
+    whole = lag.gradient(np.array([[1.0, 20.0]])).matrix[0]
+    single = entries.gradient(np.array([[8e-5, 4e-7, 20.0]])).matrix[0]
     kept = ~np.isnan(whole[:, 0])
     summed = 8e-5 * single[:, 0] + 4e-7 * single[:, 1]
     # Rounding, in Pa at 1e4: the same arithmetic in another order.
     np.testing.assert_allclose(whole[kept, 0], summed[kept], rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(whole[kept, 1], single[kept, 2], rtol=1e-9, atol=1e-9)
     assert np.abs(whole[kept, 0]).max() > 1e3
+
+
+def test_a_population_runs_in_one_call():
+    """Defaults: two percent on all that can vary, Sobol' points; the same rows as by hand."""
+    varied = spread_population(Lag())
+    assert varied.factors.entries == ("gain", "rate")
+    found = run(varied, [LAGGING], samples=8)
+    np.testing.assert_array_equal(varied.deviations, 0.02 * np.array([1.0, 20.0]))
+    values = varied.values(SobolSample(2, 8, seed=0).points(0, 8))
+    np.testing.assert_array_equal(found.matrix, lag_evaluator(varied.factors.entries, lanes=8)(values).matrix)
+    other = run(varied, [LAGGING], samples=8, sampler="latin-hypercube", seed=3)
+    assert not np.isin(other[f"steady_error_{LARGE:g}"], found[f"steady_error_{LARGE:g}"]).any()

@@ -3,6 +3,7 @@
 import math
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy.stats
@@ -12,12 +13,14 @@ from vgtjax import InputError, Selection, get_parameter, replace_parameters
 from vgtjax.population import (
     Factors,
     Population,
+    Spread,
     choose_factors,
     domain,
     fitted_levels,
     fitted_population,
     lognormal,
     normal,
+    spread_population,
     triangular,
     uniform,
 )
@@ -211,6 +214,83 @@ def test_a_population_that_can_not_be_is_refused(arguments, sentence):
         population(**arguments)
 
 
+# Tolerances.
+
+AREA, PRELOAD, STIFFNESS = NAMES
+
+
+def test_by_default_all_that_has_a_size_varies_by_two_percent():
+    table = vgtjax.parameter_table(ACTUATOR)
+    found = spread_population(ACTUATOR)
+    left_out = set(table) - set(found.factors.entries)
+    assert all(name.startswith(("air.", "diaphragm.stop_")) for name in left_out - {"diaphragm.damping"})  # it is zero
+    assert found.correlation is None
+    # Cut off at zero, fifty deviations away.
+    np.testing.assert_allclose(found.deviations, 0.02 * np.abs(found.nominal), rtol=1e-9)
+
+
+def test_what_varies_is_chosen_by_pattern_and_by_spread():
+    found = spread_population(
+        ACTUATOR, 0.05, vary=["diaphragm.*"], fixed=["diaphragm.stop_*"], spreads={"chamber.volume": Spread()}
+    )
+    assert set(found.factors.entries) == {"chamber.volume", "diaphragm.mass", "diaphragm.travel", *NAMES}
+    np.testing.assert_allclose(found.deviations, 0.05 * np.abs(found.nominal), rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("spread", "same"),
+    [
+        (Spread(), normal(12000.0, 1200.0, (0.0, math.inf))),
+        (Spread(deviation=300.0), normal(12000.0, 300.0)),
+        (Spread(relative=0.02, lower=11900.0), normal(12000.0, 240.0, (11900.0, math.inf))),
+        (Spread("lognormal", relative=0.3), lognormal(12000.0, math.sqrt(math.log(1.09)))),
+        (Spread("uniform", relative=0.25), uniform(9000.0, 15000.0)),
+        (Spread("uniform", lower=11000.0, upper=20000.0), uniform(11000.0, 20000.0)),
+        (Spread("triangular", deviation=1000.0, upper=15000.0), triangular(11000.0, 12000.0, 15000.0)),
+    ],
+)
+def test_a_spread_is_a_distribution_around_the_nominal_value(spread, same):
+    (margin,) = spread_population(ACTUATOR, 0.1, vary=[STIFFNESS], spreads={STIFFNESS: spread}).margins
+    shares = np.linspace(0.01, 0.99, 25)
+    np.testing.assert_allclose(margin.ppf(shares), same.ppf(shares), rtol=1e-12)
+
+
+def test_correlations_are_stated_by_pairs_or_groups():
+    stated = [((AREA, STIFFNESS), 0.6), ((STIFFNESS, PRELOAD), -0.4)]
+    found = spread_population(ACTUATOR, vary=NAMES, correlations=stated)
+    at = {name: place for place, name in enumerate(found.factors.entries)}
+    expected = np.eye(3)
+    for (one, other), value in stated:
+        expected[at[one], at[other]] = expected[at[other], at[one]] = value
+    np.testing.assert_array_equal(found.correlation, expected)
+    group = spread_population(ACTUATOR, vary=NAMES, correlations=[(NAMES, 0.3)]).correlation
+    np.testing.assert_array_equal(group, np.full((3, 3), 0.3) + 0.7 * np.eye(3))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence", "argument"),
+    [
+        (
+            {"spreads": {STIFFNESS: Spread("gauss")}},
+            f"distribution of '{STIFFNESS}' must be one of normal, lognormal, uniform, triangular, but it is 'gauss'",
+            "spreads",
+        ),
+        ({"spreads": {STIFFNESS: Spread(relative=-0.1)}}, "must be positive, but it is -0.1; correct it", "spreads"),
+        ({"relative": math.nan}, "must be positive, but it is nan; correct it", "relative"),
+        ({"spreads": {STIFFNESS: Spread("lognormal", lower=1.0)}}, "has no ends, but lower or upper is", "spreads"),
+        ({"spreads": {PRELOAD: Spread("lognormal")}}, "must be positive, but it is -5; choose another", "spreads"),
+        ({"vary": []}, "needs a quantity that varies, but vary and fixed leave none; vary one", "vary"),
+        ({"fixed": [AREA], "spreads": {AREA: Spread()}}, f"'{AREA}' can't be fixed and have a spread", "fixed"),
+        ({"correlations": [((AREA, "air.pressure"), 0.3)]}, "'air.pressure' has a correlation but does not", "correl"),
+    ],
+)
+def test_tolerances_that_can_not_be_are_refused(arguments, sentence, argument):
+    slack = replace_parameters(ACTUATOR, {PRELOAD: -5.0})
+    with pytest.raises(InputError, match=sentence) as raised:
+        spread_population(slack, **arguments)
+    assert raised.value.argument.startswith(argument)
+
+
 # Populations of fitted units.
 
 ENTRIES = ("converter.magnetic_force[2]", "diaphragm.area", "diaphragm.preload", "diaphragm.stiffness")
@@ -221,7 +301,7 @@ PAIRED = np.array([[1.0, -0.7, 0.0], [-0.7, 1.0, 0.4], [0.0, 0.4, 1.0]])
 
 
 def unit(entries, values):
-    return Selection(tuple(entries)).unpack(ACTUATOR, np.asarray(values))
+    return Selection(tuple(entries)).unpack(ACTUATOR, jnp.asarray(values))
 
 
 @pytest.fixture(scope="module")

@@ -5,13 +5,8 @@ import pytest
 from scipy.stats import chi2, qmc
 
 from vgtjax import InputError
-from vgtjax.sensitivity import (
-    LatinHypercubeSample,
-    RadialDesign,
-    SobolSample,
-    _permutation as permutation,
-    _sampling as sampling,
-)
+from vgtjax.population import _permutation as permutation, _sampling as sampling, make_sample
+from vgtjax.sensitivity import LatinHypercubeSample, RadialDesign, SobolSample
 
 SAMPLES = [
     RadialDesign(dimensions=3, base=13, seed=5),
@@ -144,3 +139,10 @@ def test_sizes_out_of_range_are_refused():
         SobolSample(dimensions=21202, size=8, seed=0)
     with pytest.raises(InputError, match="size of a sample must be between 1 and 1073741824, but it is 0"):
         LatinHypercubeSample(dimensions=3, size=0, seed=0)
+
+
+def test_a_sample_is_chosen_by_name():
+    assert make_sample(3, 8) == SobolSample(dimensions=3, size=8, seed=0)
+    assert make_sample(3, 8, "latin-hypercube", 5) == LatinHypercubeSample(dimensions=3, size=8, seed=5)
+    with pytest.raises(InputError, match="must be one of sobol, latin-hypercube, but it is 'halton'; choose one"):
+        make_sample(3, 8, "halton")

@@ -1,5 +1,7 @@
 """LuGre friction that grows with the exhaust gas on the vanes [3.18-3.20]."""
 
+from typing import ClassVar
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -28,6 +30,8 @@ class AdaptiveLuGre(AbstractLuGre, AbstractGasTables):
     `load` is linear between knots, held beyond them, zero at zero gauge pressure and linear from there to the first
     knot. While it does not change, friction is passive where that of [`LuGre`][] is.
     """
+
+    feels_gas: ClassVar[bool] = True
 
     static_force: Scalar = parameter(3.2, symbol="F_s", unit="N", source="B.2")
     coulomb_force: Scalar = parameter(2.8, symbol="F_c", unit="N", source="B.2")

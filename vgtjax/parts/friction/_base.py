@@ -29,6 +29,8 @@ class AbstractFriction(Part):
     """
 
     place: ClassVar[str] = "friction"
+    feels_gas: ClassVar[bool] = False
+    """Whether turbine pressure changes it."""
 
     @abc.abstractmethod
     def initial_state(self) -> PyTree[StateLeaf]:

@@ -1,5 +1,7 @@
 """The cold bench: no exhaust gas, no force."""
 
+from typing import ClassVar
+
 import jax.numpy as jnp
 from jaxtyping import Array
 
@@ -10,6 +12,8 @@ from ._base import AbstractVaneForce
 
 class NoVaneForce(AbstractVaneForce):
     """Zero at every position and pressure, without a state."""
+
+    feels_gas: ClassVar[bool] = False
 
     def initial_state(self) -> None:
         """Nothing to remember."""

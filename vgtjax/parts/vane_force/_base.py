@@ -14,6 +14,8 @@ class AbstractVaneForce(Part):
     """Force of the exhaust gas on the rod, positive against +x; its state is a PyTree of scalars, `None` for none."""
 
     place: ClassVar[str] = "vane_force"
+    feels_gas: ClassVar[bool] = True
+    """Whether turbine pressure changes it."""
 
     @abc.abstractmethod
     def initial_state(self) -> PyTree[StateLeaf]:

@@ -6,8 +6,9 @@ import numpy as np
 from jaxtyping import Float
 from scipy.stats import qmc
 
-from ._base import MOST_ROWS, Sample, check_size
+from .._errors import InputError
 from ._permutation import ROUNDS, permute, random_keys, random_words
+from ._sample import MOST_ROWS, Sample, check_size
 
 BITS = 30
 """Of a Sobol' point."""
@@ -85,3 +86,20 @@ class LatinHypercubeSample(Sample):
         strata = permute(index, self.size, keys[:ROUNDS])
         jitter = random_words(index[:, None], keys[ROUNDS]) >> np.uint64(64 - JITTER_BITS)
         return (strata + (jitter + 0.5) * 2.0**-JITTER_BITS) / self.size
+
+
+SAMPLERS: dict[str, type[SobolSample] | type[LatinHypercubeSample]] = {
+    "sobol": SobolSample,
+    "latin-hypercube": LatinHypercubeSample,
+}
+"""What samples are called where one is chosen by name."""
+
+
+def make_sample(dimensions: int, size: int, sampler: str = "sobol", seed: int = 0) -> Sample:
+    """The sample of a name of `SAMPLERS`.
+
+    **Raises:** `InputError` for another name, or a size that such a sample can't have.
+    """
+    if sampler not in SAMPLERS:
+        raise InputError(f"sampler must be one of {', '.join(SAMPLERS)}, but it is '{sampler}'; choose one", "sampler")
+    return SAMPLERS[sampler](dimensions, size, seed)

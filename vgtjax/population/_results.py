@@ -1,0 +1,135 @@
+"""What experiments read off many actuators, by the names of their outputs."""
+
+import dataclasses
+import html
+import math
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from .._printing import html_table, text_table
+from ..experiments import Output
+from ..parameters import unknown_name
+from ..simulation import RESULTS
+
+CAUSES: tuple[str, ...] = tuple(RESULTS._name_to_item)
+"""Names of the members of `RESULTS` in the order of their numbers, which equinox keeps to itself."""
+SHARES = (0.05, 0.95)
+"""Quantiles that results print of themselves."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class OutputTable:
+    """Numbers and curves of some rows, read by name: `table["hysteresis_0mbar"]`.
+
+    `matrix` holds all of them side by side, in SI units, a column for each number and each point of a curve;
+    `columns` are the names of these. NaN where a response does not have an output.
+    """
+
+    outputs: tuple[Output, ...]
+    matrix: Float[np.ndarray, "rows columns *more"]
+
+    def __getitem__(self, name: str) -> Float[np.ndarray, "rows ..."]:
+        """One output of all rows: `(rows,)` of a number, `(rows, points)` of a curve.
+
+        **Raises:** `InputError` for a name that is none of the outputs.
+        """
+        first = 0
+        for output in self.outputs:
+            if output.name == name:
+                return self.matrix[:, first : first + output.size] if output.axis else self.matrix[:, first]
+            first += output.size
+        raise unknown_name("output", name, self)
+
+    def __iter__(self) -> Iterator[str]:
+        """Names of the outputs."""
+        return (output.name for output in self.outputs)
+
+    def __contains__(self, name: object) -> bool:
+        return any(output.name == name for output in self.outputs)
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the columns of `matrix`: outputs, with a number for every point of a curve."""
+        return column_names(self.outputs)
+
+    def select(self, outputs: Sequence[Output]) -> "OutputTable":
+        """The same rows with some of the outputs."""
+        parts = [self[output.name].reshape(len(self.matrix), output.size, -1) for output in outputs]
+        matrix = np.concatenate(parts, axis=1).reshape(len(self.matrix), -1, *self.matrix.shape[2:])
+        return dataclasses.replace(self, outputs=tuple(outputs), matrix=matrix)
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Results(OutputTable):
+    """What the experiments read off some actuators; all outputs of a simulation that failed are NaN.
+
+    `status` says of every row how its simulations ended, by the first that failed: `results.status ==
+    RESULTS.diverged` has the shape `(rows,)`.
+    """
+
+    status: RESULTS
+
+    @property
+    def failed(self) -> Bool[np.ndarray, " rows"]:
+        """Rows of which a simulation failed."""
+        return np.asarray(self.status != RESULTS.successful)
+
+    @property
+    def causes(self) -> tuple[str, ...]:
+        """Of every row the name of its member of `RESULTS`."""
+        return tuple(CAUSES[number] for number in np.asarray(self.status._value).tolist())
+
+    def _summary(self) -> str:
+        counts = Counter(cause for cause in self.causes if cause != CAUSES[0])
+        why = ", ".join(f"{count} {cause}" for cause, count in counts.items())
+        curves = sum(bool(output.axis) for output in self.outputs)
+        return f"{len(self.matrix)} samples, {int(self.failed.sum())} failed{f' ({why})' * bool(why)}, {curves} curves"
+
+    def _cells(self) -> tuple[list[str], list[list[str]]]:
+        rows = []
+        for output in self.outputs:
+            if not output.axis:
+                found = describe(self[output.name], SHARES)
+                figures = [found.mean, found.deviation, *found.quantiles]
+                rows.append([output.name, output.unit, *(f"{figure:.5g}" for figure in figures)])
+        return ["output", "unit", "mean", "deviation", *(f"{share:.0%}" for share in SHARES)], rows
+
+    def __repr__(self) -> str:
+        return f"{self._summary()}\n{text_table(*self._cells())}"
+
+    def _repr_html_(self) -> str:
+        return f"<p>{html.escape(self._summary())}</p>{html_table(*self._cells())}"
+
+
+class Description(NamedTuple):
+    """What is said of a number over many samples; NaN where too few have it."""
+
+    defined: int
+    """Samples that have it."""
+    mean: float
+    deviation: float
+    quantiles: Float[np.ndarray, " shares"]
+
+
+def describe(values: Float[np.ndarray, " rows"], shares: Sequence[float] = SHARES) -> Description:
+    """Mean, standard deviation, and quantiles at `shares`, of the values that are finite."""
+    defined = values[np.isfinite(values)]
+    count = len(defined)
+    return Description(
+        count,
+        float(defined.mean()) if count else math.nan,
+        float(defined.std(ddof=1)) if count > 1 else math.nan,
+        np.quantile(defined, shares) if count else np.full(len(shares), math.nan),
+    )
+
+
+def column_names(outputs: Sequence[Output]) -> tuple[str, ...]:
+    """Outputs, with a number for every point of a curve."""
+    names: list[str] = []
+    for output in outputs:
+        names += [f"{output.name}[{point}]" for point in range(output.size)] if output.axis else [output.name]
+    return tuple(names)
