@@ -13,6 +13,7 @@ from vgtjax.population import Population, Spread, fitted_levels, fitted_populati
 
 from ..output.files import read_json
 from ..study.models import build_model, start_model
+from ..study.places import OF_A_POPULATION, stated
 from ..study.parameter_file import fitted_entries, load_values, unit_files
 from ..study.tables import PopulationTable, Study
 
@@ -87,7 +88,8 @@ def _population(
 ) -> tuple[Population, tuple[str, ...]]:
     table = study.population
     if None in models:
-        population = _stated_population(models[None], table)
+        with stated(OF_A_POPULATION):
+            population = _stated_population(models[None], table)
         notes = []
         if not table.parameters and "relative" not in table.model_fields_set:
             notes.append(
@@ -98,10 +100,10 @@ def _population(
             notes.append("sensitivity indices need independent quantities, so the stated correlations are left out")
         return (population.independent() if levels else population), tuple(notes)
     assert parameters is not None
-    stated = table.model_fields_set - {"units"}
-    if stated:
+    named = table.model_fields_set - {"units"}
+    if named:
         raise InputError(
-            f"a population of fitted units has their spread, but [population] states {', '.join(sorted(stated))} too; "
+            f"a population of fitted units has their spread, but [population] states {', '.join(sorted(named))} too; "
             "drop that, or give the parameters of one actuator"
         )
     entries = [fitted_entries(file) for file in unit_files(parameters).values()]

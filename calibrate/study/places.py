@@ -21,6 +21,8 @@ OF_A_CONTROLLER = {
     "fixed": "[control]",
 }
 """The same for tuning."""
+OF_A_POPULATION = {"fixed": "[population]"}
+"""The same for populations."""
 
 
 @contextlib.contextmanager
