@@ -13,8 +13,8 @@ from vgtjax.population import Population, Spread, fitted_levels, fitted_populati
 
 from ..output.files import read_json
 from ..study.models import build_model, start_model
-from ..study.places import OF_A_POPULATION, stated
 from ..study.parameter_file import fitted_entries, load_values, unit_files
+from ..study.places import OF_A_POPULATION, stated
 from ..study.tables import PopulationTable, Study
 
 
