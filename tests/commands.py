@@ -8,7 +8,7 @@ import pathlib
 from typing import Any
 from unittest import mock
 
-import calibrate.__main__ as command_line
+import calibrate.command_line as command_line
 
 
 @dataclasses.dataclass(frozen=True)

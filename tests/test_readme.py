@@ -8,10 +8,11 @@ import pytest
 from support import EXAMPLE
 
 import vgtjax
-from calibrate.study.models import CHAMBER, FRICTION, LINE, MAGNETIC_FORCE, VANE_FORCE, build_model, start_values
-from calibrate.study.tables import Study
+from calibrate.study.components import CHAMBER, FRICTION, LINE, MAGNETIC_FORCE, VANE_FORCE
+from calibrate.study.models import build_model, start_values
+from calibrate.study.references import build_references
+from calibrate.study.tables import AnyStudy
 from calibrate.tune.designs import DESIGNS
-from calibrate.tune.references import build_references
 
 ROOT = pathlib.Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -39,9 +40,9 @@ def test_python_population_runs():
 
 @pytest.mark.parametrize("text", blocks("toml"))
 def test_study_examples_are_studies(text):
-    study = Study.model_validate({"trace": [{"file": "any.csv"}]} | tomllib.loads(text))
+    study = AnyStudy.validate_python({"trace": [{"file": "any.csv"}]} | tomllib.loads(text))
     model = build_model(study)
-    values, _ = start_values(model, study)
+    values, _ = start_values(model, study.parameters)
     assert set(values) == {name for name, given in study.parameters.items() if given.value is not None}
     assert vgtjax.select(model, study.fit.free, study.fit.fixed).entries
 
@@ -50,12 +51,12 @@ def test_the_controller_of_the_example_can_be_built():
     control = next(found.control for text in blocks("toml") if (found := _study(text)).control.gains)
     controller = DESIGNS[control.design].for_plant(vgtjax.Actuator())
     assert vgtjax.select(controller, free=control.free).entries
-    assert set(start_values(controller, Study(parameters=control.gains))[0]) == set(control.gains)
+    assert set(start_values(controller, control.gains)[0]) == set(control.gains)
     assert len(build_references(control.reference, ROOT)) == 2
 
 
 def _study(text):
-    return Study.model_validate(tomllib.loads(text))
+    return AnyStudy.validate_python(tomllib.loads(text))
 
 
 def test_every_component_is_named():

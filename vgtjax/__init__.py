@@ -18,7 +18,8 @@ from . import (
 )
 from ._errors import InputError as InputError, SimulationError as SimulationError
 from ._runtime import configure as configure
-from .estimation import jacobian as jacobian
+from .estimation import Calibration as Calibration, jacobian as jacobian
+from .identification import fit as fit
 from .parameters import (
     Parameter as Parameter,
     Selection as Selection,

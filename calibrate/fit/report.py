@@ -5,13 +5,12 @@ from typing import Any
 
 import numpy as np
 
-import vgtjax
-from vgtjax.estimation import Calibration, TraceResult
+from vgtjax.estimation import Calibration
 
 from ..output import figures
-from ..output.component_figures import component_figures
-from ..output.hysteresis import loop_pair, loops_figure
 from ..output.page import figure_html, render_page
+from ..output.sections import component_sections, loop_section, trace_section
+from ..resumable import Summaries
 from ..study.models import passivity_note
 from ..study.parameter_file import Row, start_as_study
 from ..study.units import Job
@@ -33,27 +32,19 @@ def render(job: Job, unit: UnitReport) -> str:
     """The report of one unit as HTML, with plots, their library and the study inside."""
     return render_page(
         "fit.html.jinja",
-        title=job.study.name if unit.name is None else f"{job.study.name}: {unit.name}",
-        study=job.study,
-        study_text=job.text,
-        fingerprint=job.fingerprint,
+        **job.heading(unit.name),
         unit=_sections(unit),
     )
 
 
-def render_overview(
-    job: Job, summaries: dict[str | None, dict[str, Any]], population: dict[str, dict[str, Any]]
-) -> str:
+def render_overview(job: Job, summaries: Summaries, population: dict[str, dict[str, Any]]) -> str:
     """The report of a study with several units: how each was met, how they differ, and links to their own reports.
 
     `population` has the parameters of `parameters.json` by unit.
     """
     return render_page(
         "fit_overview.html.jinja",
-        title=job.study.name,
-        study=job.study,
-        study_text=job.text,
-        fingerprint=job.fingerprint,
+        **job.heading(),
         units=[_overview_row(str(name), summary) for name, summary in summaries.items()],
         parameters=_spread(population),
     )
@@ -125,54 +116,4 @@ def _sections(unit: UnitReport) -> dict[str, Any]:
         "convergence": figure_html(figures.convergence_figure(calibration.progress)),
         "autocorrelation": figure_html(figures.autocorrelation_figure(calibration.traces)),
         "correlation": figure_html(figures.correlation_figure(entries, covariance)) if len(entries) > 1 else "",
-    }
-
-
-def component_sections(model: vgtjax.AbstractModel) -> list[dict[str, str]]:
-    """Title and picture of each law of a model."""
-    return [{"title": title, "figure": figure_html(figure)} for title, figure in component_figures(model)]
-
-
-def loop_section(results: list[TraceResult]) -> dict[str, Any] | None:
-    """What a report shows of the slow loops among the traces, if there are any: widths in mbar, and one picture."""
-    figure = loops_figure(results)
-    if figure is None:
-        return None
-    pairs = sorted((pair for result in results if (pair := loop_pair(result)) is not None), key=lambda p: p.turbine)
-    rows = [
-        {
-            "name": pair.name,
-            "turbine": pair.turbine / 100,
-            "measured": pair.measured.mean_width / 100,
-            "simulated": pair.simulated.mean_width / 100,
-            "difference": 100 * (pair.simulated.mean_width / pair.measured.mean_width - 1),
-        }
-        for pair in pairs
-    ]
-    return {"rows": rows, "figure": figure_html(figure)}
-
-
-def trace_section(result: TraceResult) -> dict[str, Any]:
-    """What a report shows of one trace: numbers of each channel, and pictures."""
-    channels = []
-    for name, channel in result.channels.items():
-        unit, scale = ("um", 1e6) if name == "x_d" else ("Pa", 1.0)
-        channels.append(
-            {
-                "name": name,
-                "unit": unit,
-                "rmse": channel.rmse * scale,
-                "noise": channel.noise * scale,
-                "offset": channel.offset * scale,
-                "peak": float(np.max(np.abs(channel.residual))) * scale,
-                "correlation": figures.autocorrelation(channel.residual, 1),
-            }
-        )
-    return {
-        "name": result.trace.name,
-        "use": result.use,
-        "notes": result.trace.notes,
-        "channels": channels,
-        "figure": figure_html(figures.trace_figure(result)),
-        "loop": figure_html(figures.loop_figure(result)),
     }

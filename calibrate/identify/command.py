@@ -1,22 +1,22 @@
 """The command `identify`: the bench tests of chapters 2 and 3 that the traces allow, one after the other."""
 
-import math
 import pathlib
 import time
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 
 import vgtjax
 from vgtjax import SimulationError
-from vgtjax.estimation import Task, TraceResult, compare
+from vgtjax.estimation import TraceResult, compare, plan_task
 from vgtjax.identification import Identified, identify
+from vgtjax.parameters import move_inside
 
-from ..fit.command import trace_summary
-from ..output.console import console, say_notes
-from ..output.files import claim, read_json, write_json, write_text
-from ..study.parameter_file import Estimate, Row, tabulate, to_json
+from ..output.console import console
+from ..output.files import REPORT, SUMMARY, write_json, write_text
+from ..output.sections import trace_summary
+from ..resumable import run_units
+from ..study.parameter_file import Estimate, tabulate, to_json
 from ..study.units import Job, Unit, check_fit, prepare
 from .report import UnitIdentification, render, render_overview
 
@@ -32,20 +32,13 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
     """
     job = prepare(study, parameters, needs=("x_d|p_act",))
     check_fit(job)
-    claim(out, "identify", job.fingerprint)
-    summaries: dict[str | None, dict[str, Any]] = {}
-    for unit in job.units:
-        folder = unit.folder(out)
-        folder.mkdir(exist_ok=True)
-        if not (folder / "report.html").exists():
-            _identify_unit(job, unit, folder)
-        else:
-            console.print(f"{unit.name or 'nothing to do'}: {folder} holds its results")
-        summaries[unit.name] = read_json(folder / "summary.json")
-    if job.units[0].name is not None:
-        write_json(out / "summary.json", {"units": summaries})
-        write_text(out / "report.html", render_overview(job, summaries))
-    console.print(f"report: {(out / 'report.html').resolve()}")
+    summaries = run_units(
+        job,
+        out,
+        "identify",
+        lambda unit, folder: _identify_unit(job, unit, folder),
+        lambda summaries: render_overview(job, summaries),
+    )
     empty = [name or "this study" for name, summary in summaries.items() if not summary["identified"]]
     if empty:
         raise SimulationError(
@@ -54,7 +47,6 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
 
 
 def _identify_unit(job: Job, unit: Unit, folder: pathlib.Path) -> None:
-    say_notes(trace for _, trace in unit.traces)
     began = time.monotonic()
     model, found = unit.model, []
     with console.status(f"{unit.name or 'identify'}: reading the traces") as status:
@@ -66,37 +58,19 @@ def _identify_unit(job: Job, unit: Unit, folder: pathlib.Path) -> None:
             who = "" if unit.name is None else f"{unit.name}: "
             console.print(f"{who}{result.name} [{result.equations}]: {outcome}")
         status.update("simulating all traces")
-        model = _inside_bounds(model, unit)
-        traces = _compare(model, unit, job)
+        model = move_inside(model, unit.bounds)  # so that a fit can start from it
+        traces = _compare(model, unit)
     seconds = time.monotonic() - began
     table = tabulate(unit.model, model, _estimates(model, found, unit), unit.bounds)
     summary = _summary(found, traces, seconds, job)
     report = UnitIdentification(unit.name, model, found, table, traces, seconds)
     write_json(folder / "parameters.json", to_json(job.study, table))
-    write_json(folder / "summary.json", summary)
-    write_text(folder / "report.html", render(job, report))
+    write_json(folder / SUMMARY, summary)
+    write_text(folder / REPORT, render(job, report))
 
 
-def _inside_bounds(model: vgtjax.AbstractModel, unit: Unit) -> Any:
-    """`model` moved to the nearest values inside the study's bounds, so that a fit can start from it."""
-    selection = vgtjax.select(model, free=[entry for entry in unit.bounds if entry in _entries(model)])
-    values = np.array(selection.pack(model))
-    for position, entry in enumerate(selection.entries):
-        low, high = unit.bounds[entry]
-        values[position] = np.clip(
-            values[position], -math.inf if low is None else low, math.inf if high is None else high
-        )
-    return selection.unpack(model, jnp.asarray(values))
-
-
-def _entries(model: vgtjax.AbstractModel) -> set[str]:
-    return set(vgtjax.select(model, free=["*"]).entries)
-
-
-def _compare(model: vgtjax.AbstractModel, unit: Unit, job: Job) -> list[TraceResult]:
-    channels = ("x_d",) if job.study.model == "mechanical" else vgtjax.estimation.CHANNELS
-    nothing = vgtjax.select(model, free=[])
-    return compare(Task(model, nothing, unit.used("fit"), unit.used("validate"), channels=channels), model)
+def _compare(model: vgtjax.AbstractModel, unit: Unit) -> list[TraceResult]:
+    return compare(plan_task(model, unit.used("fit"), unit.used("validate"), free=[]), model)
 
 
 def _estimates(model: vgtjax.AbstractModel, found: list[Identified], unit: Unit) -> dict[str, Estimate]:
@@ -139,8 +113,3 @@ def _without_nan(errors: Any) -> Any:
     if np.ndim(errors) == 0:
         return float(errors) if np.isfinite(errors) else None
     return [_without_nan(error) for error in errors]
-
-
-def rows_of(result: Identified, table: list[Row]) -> list[Row]:
-    """The rows of the parameters that one test determined, with what that test found."""
-    return [row for row in table if row.entry.partition("[")[0] in result.values]

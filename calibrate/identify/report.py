@@ -10,10 +10,11 @@ import vgtjax
 from vgtjax.estimation import TraceResult
 from vgtjax.identification import Curve, Identified
 
-from ..fit.report import component_sections, loop_section, trace_section
 from ..output.component_figures import CURVES
 from ..output.figures import MEASURED, styled, thin
 from ..output.page import figure_html, render_page
+from ..output.sections import component_sections, loop_section, trace_section
+from ..resumable import Summaries
 from ..study.parameter_file import Row
 from ..study.units import Job
 
@@ -37,10 +38,7 @@ def render(job: Job, unit: UnitIdentification) -> str:
     """The report of one unit as HTML, with plots, their library and the study inside."""
     return render_page(
         "identify.html.jinja",
-        title=job.study.name if unit.name is None else f"{job.study.name}: {unit.name}",
-        study=job.study,
-        study_text=job.text,
-        fingerprint=job.fingerprint,
+        **job.heading(unit.name),
         unit=unit,
         sections=[_section(result, unit.table) for result in unit.found],
         traces=[trace_section(result) for result in unit.traces],
@@ -49,15 +47,12 @@ def render(job: Job, unit: UnitIdentification) -> str:
     )
 
 
-def render_overview(job: Job, summaries: dict[str | None, dict[str, Any]]) -> str:
+def render_overview(job: Job, summaries: Summaries) -> str:
     """The report of a study with several units: what each one's tests determined, with a link to its own report."""
     names = [section["name"] for section in next(iter(summaries.values()))["sections"]]
     return render_page(
         "identify_overview.html.jinja",
-        title=job.study.name,
-        study=job.study,
-        study_text=job.text,
-        fingerprint=job.fingerprint,
+        **job.heading(),
         names=names,
         units=summaries,
     )

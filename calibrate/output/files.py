@@ -9,6 +9,7 @@ from vgtjax import InputError
 
 MARKER = ".study.json"
 PROGRESS = ".progress.json"
+SUMMARY, REPORT = "summary.json", "report.html"
 
 
 def write_text(path: pathlib.Path, text: str) -> None:

@@ -8,11 +8,13 @@ import numpy as np
 
 import vgtjax
 from vgtjax import InputError
+from vgtjax.plants import on_given_knots
 from vgtjax.population import Population, Spread, fitted_levels, fitted_population, spread_population
 
 from ..output.files import read_json
-from ..study.models import build_model, check_bounds, on_given_knots, start_values
+from ..study.models import build_model, start_model
 from ..study.parameter_file import fitted_entries, load_values, unit_files
+from ..study.places import OF_A_POPULATION, stated
 from ..study.tables import PopulationTable, Study
 
 
@@ -43,7 +45,7 @@ def read_actuators(
     """
     if parameters is None and study.population.units is not None:
         parameters = path.parent / study.population.units
-    model = on_given_knots(build_model(study), {name: given.value for name, given in study.parameters.items()})
+    model = build_model(study)
     values = _given_values(parameters, study, model)
     models = _models(model, study, values)
     population, notes = _population(study, dict(zip(values, models, strict=True)), parameters, levels)
@@ -70,10 +72,7 @@ def _models(
     models: list[vgtjax.AbstractModel] = []
     knots: dict[str, Any] = {}
     for given in values.values():
-        start = vgtjax.replace_parameters(on_given_knots(model, given), given)
-        stated, bounds = start_values(start, study)
-        start = vgtjax.replace_parameters(start, stated)
-        check_bounds(start, bounds)
+        start, _ = start_model(model, study, given)
         knots = knots or {
             name: np.asarray(vgtjax.get_parameter(start, name)).tolist() for name in vgtjax.parameter_table(start)
         }
@@ -89,7 +88,8 @@ def _population(
 ) -> tuple[Population, tuple[str, ...]]:
     table = study.population
     if None in models:
-        population = _stated_population(models[None], table)
+        with stated(OF_A_POPULATION):
+            population = _stated_population(models[None], table)
         notes = []
         if not table.parameters and "relative" not in table.model_fields_set:
             notes.append(
@@ -100,10 +100,10 @@ def _population(
             notes.append("sensitivity indices need independent quantities, so the stated correlations are left out")
         return (population.independent() if levels else population), tuple(notes)
     assert parameters is not None
-    stated = table.model_fields_set - {"units"}
-    if stated:
+    named = table.model_fields_set - {"units"}
+    if named:
         raise InputError(
-            f"a population of fitted units has their spread, but [population] states {', '.join(sorted(stated))} too; "
+            f"a population of fitted units has their spread, but [population] states {', '.join(sorted(named))} too; "
             "drop that, or give the parameters of one actuator"
         )
     entries = [fitted_entries(file) for file in unit_files(parameters).values()]

@@ -83,7 +83,7 @@ def _more_notes(
 
 def _measured(study: Study, sources: list[TraceSource], model: vgtjax.AbstractModel) -> dict[str, MeasuredLoops]:
     """Loops by unit of all traces that are such."""
-    bounds = start_values(model, study)[1]
+    bounds = start_values(model, study.parameters)[1]
     points = POINTS if study.experiments.turbine_pressure is None else study.experiments.turbine_pressure
     found = {}
     for unit in sorted({source.unit for source in sources}, key=str):

@@ -9,8 +9,9 @@ import pathlib
 import rich.status
 
 from ..output.console import console
-from ..output.files import claim, write_json, write_text
+from ..output.files import REPORT, write_json, write_text
 from ..output.page import figure_html, render_page
+from ..resumable import run_once
 from . import ROWS, Result, evaluate, figures
 
 
@@ -19,12 +20,10 @@ def run(out: pathlib.Path) -> None:
 
     **Raises:** `InputError` when the folder belongs to something else.
     """
-    claim(out, "reproduce", _fingerprint())
-    report = out / "report.html"
-    if report.exists():
-        console.print(f"nothing to do: {out} holds this table")
-        console.print(f"report: {report.resolve()}")
-        return
+    run_once(out, "reproduce", _fingerprint(), lambda: _compute(out))
+
+
+def _compute(out: pathlib.Path) -> None:
     results = []
     with rich.status.Status("reproduce", console=console) as status:
         for result in evaluate():
@@ -32,10 +31,9 @@ def run(out: pathlib.Path) -> None:
             console.print(f"{result.verdict:17} {result.row.quantity}")
         status.update("reproduce: writing the report")
         write_json(out / "reproduction.json", [result.to_json() for result in results])
-        write_text(report, render(results))
+        write_text(out / REPORT, render(results))
     counts = collections.Counter(result.verdict for result in results)
     console.print(", ".join(f"{count} {verdict}" for verdict, count in counts.items()))
-    console.print(f"report: {report.resolve()}")
 
 
 def _fingerprint() -> str:

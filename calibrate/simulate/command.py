@@ -12,6 +12,7 @@ from vgtjax.traces import SIGNALS
 
 from ..output.console import console, say_notes
 from ..output.files import claim, write_text
+from ..resumable import unit_folders
 from ..study.units import prepare
 
 
@@ -24,9 +25,7 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
     job = prepare(study, parameters)
     claim(out, "simulate", job.fingerprint)
     failed = []
-    for unit in job.units:
-        folder = unit.folder(out)
-        folder.mkdir(exist_ok=True)
+    for unit, folder in unit_folders(job, out):
         say_notes(trace for _, trace in unit.traces)
         for _, trace in unit.traces:
             path = folder / f"{trace.name}.csv"

@@ -10,11 +10,12 @@ import numpy as np
 
 import vgtjax
 from vgtjax import InputError
-from vgtjax.estimation import Bounds, Calibration
-from vgtjax.parameters import entry_names, unknown_name
+from vgtjax.estimation import Calibration
+from vgtjax.parameters import Bounds, entry_names, unknown_name
+from vgtjax.plants import on_given_knots
 
 from ..output.files import read_json
-from .models import check_value, on_given_knots
+from .models import check_length
 from .tables import Study
 
 
@@ -118,7 +119,7 @@ def to_json(study: Study, found: list[Row]) -> dict[str, Any]:
                 vector[field].append(fields[field])
         else:
             parameters[name] = fields
-    return {"model": study.model, "components": study.components.model_dump(), "parameters": parameters}
+    return {"model": study.model, "components": study.components.names(), "parameters": parameters}
 
 
 def _without_infinity(value: Any) -> Any:
@@ -139,7 +140,7 @@ def load_values(path: pathlib.Path, unit: str | None, study: Study, model: vgtja
     content = read_json(path)
     if not isinstance(content, dict) or not isinstance(content.get("parameters"), dict):
         raise InputError(f"{path.name}: this is no parameters.json of a fit; give one that 'fit' wrote")
-    wanted = study.components.model_dump()
+    wanted = study.components.names()
     if content.get("model") != study.model:
         raise InputError(
             f"{path.name}: these are parameters of the model '{content.get('model')}', but the study's is "
@@ -159,9 +160,14 @@ def load_values(path: pathlib.Path, unit: str | None, study: Study, model: vgtja
             raise InputError(f"{path.name}: the parameter '{name}' has no value; add it")
         values[name] = math.inf if fields["value"] is None else fields["value"]
         _check_numbers(path, name, values[name])
-    model = on_given_knots(model, values)
-    for name, value in values.items():
-        check_value(model, name, value)
+    try:
+        model = on_given_knots(model, values)
+        table = vgtjax.parameter_table(model)
+        for name, value in values.items():
+            check_length(name, "value", value, entry_names({name: table[name]}))
+        vgtjax.replace_parameters(model, values)
+    except InputError as error:  # the file is at fault, not what the study states
+        raise InputError(f"{path.name}: {error}") from error
     return values
 
 

@@ -7,14 +7,15 @@ import importlib.metadata
 import pathlib
 import re
 import tomllib
-import typing
 from typing import Any
 
 import pydantic
 
 from vgtjax import InputError
 
-from .tables import Study, Table
+from .base import Table
+from .sentences import sentence
+from .tables import AnyStudy, Study
 
 EXAMPLE = pathlib.Path(__file__).parents[1] / "example" / "study.toml"
 """The study that runs when none is named."""
@@ -43,51 +44,9 @@ def load_study(path: pathlib.Path) -> Study:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"{path.name}: this is not valid TOML ({error}); repair the file") from error
     try:
-        return Study.model_validate(raw)
+        return AnyStudy.validate_python(raw)
     except pydantic.ValidationError as error:
-        raise InputError(f"{path.name}: {_sentence(error)}") from error
-
-
-def _sentence(error: pydantic.ValidationError) -> str:
-    """The first problem that pydantic found, as one sentence with a remedy."""
-    problems = error.errors(include_url=False)
-    # A misspelt key is also a missing one: the misspelling says more.
-    first = next((problem for problem in problems if problem["type"] == "extra_forbidden"), problems[0])
-    # Without the position in a list, and without the branch of "a number or a list of them".
-    place = [part for part in first["loc"] if not isinstance(part, int) and part not in ("float", "list[float]")]
-    where = ".".join(map(str, place)) or "the study"
-    if first["type"] == "extra_forbidden":
-        if len(place) == 3 and isinstance(first["input"], dict):
-            return f'a parameter\'s name must be in quotes; write "{".".join(place[1:])}" = ...'
-        known = _keys_at(place[:-1])
-        near = difflib.get_close_matches(str(place[-1]), known, n=1, cutoff=0.0)
-        return f"unknown key '{where}'; did you mean '{near[0]}'?"
-    if first["type"] == "missing":
-        return f"the key '{where}' is missing; add it"
-    if first["type"] == "literal_error":
-        given, known = str(first["input"]), re.findall(r"'([^']+)'", first["ctx"]["expected"])
-        near = difflib.get_close_matches(given, known, n=1, cutoff=0.0)
-        return f"{where} must be one of {', '.join(known)}, but it is '{given}'; did you mean '{near[0]}'?"
-    if first["type"] == "model_type":
-        example = "{relative = 0.02}" if place[0] == "population" else f"{{value = {first['input']!r}}}"
-        return f"'{where}' must be a table, but it is {first['input']!r}; write e.g. {example}"
-    message = first["msg"].removeprefix("Value error, ")
-    if first["type"] == "value_error":
-        return message
-    return f"{where}: {message}, but it is {first['input']!r}; correct it"
-
-
-def _keys_at(place: list[Any]) -> list[str]:
-    """Keys of the table at a place in a study, found by walking down its types."""
-    table: Any = Study
-    for part in place:
-        field = table.model_fields.get(part) if isinstance(table, type) and issubclass(table, Table) else None
-        found = table if field is None else field.annotation
-        # A list or a dictionary of tables: whatever its index or key, the table inside.
-        while typing.get_args(found):
-            found = typing.get_args(found)[-1]
-        table = found
-    return list(table.model_fields)
+        raise InputError(f"{path.name}: {sentence(error)}") from error
 
 
 def expand_traces(study: Study, folder: pathlib.Path) -> list[TraceSource]:

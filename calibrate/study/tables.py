@@ -4,28 +4,15 @@ from typing import Annotated, Any, Literal
 
 import pydantic
 
-
-class Table(pydantic.BaseModel):
-    """What all tables share: no unknown keys, no conversions, no changes."""
-
-    model_config = pydantic.ConfigDict(extra="forbid", frozen=True, strict=True)
-
-
-class Components(Table):
-    """Which variant of each component; the names are checked where the model is built."""
-
-    friction: str = "lugre"
-    vane_force: str = "none"
-    line: str = "none"
-    magnetic_force: str = "static"
-    chamber: str = "adiabatic"
-    flow_map: str | None = None
-    """Of the reduced models only."""
-
-    @pydantic.model_serializer(mode="wrap")
-    def _without_missing(self, serialise: pydantic.SerializerFunctionWrapHandler) -> dict[str, Any]:
-        # So that files of models without a flow map stay what they were.
-        return {name: value for name, value in serialise(self).items() if value is not None}
+from .base import Count, Finite, Gauge, Positive, Seed, Share, StartValue, Table
+from .components import (
+    Components,
+    FullComponents,
+    MechanicalComponents,
+    PlungerMapComponents,
+    StaticMapComponents,
+)
+from .control import ControlTable
 
 
 class TraceEntry(Table):
@@ -52,20 +39,6 @@ class Fit(Table):
 
     free: list[str] | None = None
     fixed: list[str] = []
-
-
-class StartValue(Table):
-    """Start value and bounds of a parameter in SI units; lists for vectors."""
-
-    value: float | list[float] | None = None
-    lower: float | list[float] | None = None
-    upper: float | list[float] | None = None
-
-
-Positive = Annotated[float, pydantic.Field(gt=0, allow_inf_nan=False)]
-Share = Annotated[float, pydantic.Field(gt=0, lt=1)]
-Finite = Annotated[float, pydantic.Field(allow_inf_nan=False)]
-Count = Annotated[int, pydantic.Field(ge=1)]
 
 
 class Spread(Table):
@@ -104,8 +77,7 @@ class PopulationTable(Table):
 class ExperimentsTable(Table):
     """What every actuator goes through."""
 
-    turbine_pressure: list[Annotated[float, pydantic.Field(ge=0, le=1e6)]] | None = None
-    """Pa gauge."""
+    turbine_pressure: list[Gauge] | None = None
     loop_seconds: float = 30.0
     loop_duty: float = 100.0
     steps: list[float] = [50.0, 80.0]
@@ -134,7 +106,7 @@ class ToleranceTable(Table):
 
     samples: Count = 1024
     sampler: Literal["sobol", "latin-hypercube"] = "sobol"
-    seed: Annotated[int, pydantic.Field(ge=0)] = 0
+    seed: Seed = 0
     lanes: Count = 1024
     precision: Literal["double", "single"] = "double"
     limits: dict[str, Limit] = {}
@@ -144,7 +116,7 @@ class SensitivityTable(Table):
     """The sensitivity study."""
 
     base: Annotated[int, pydantic.Field(ge=16)] = 512
-    seed: Annotated[int, pydantic.Field(ge=0)] = 0
+    seed: Seed = 0
     lanes: Count = 1024
     gradient_points: Count = 16
     replicates: Annotated[int, pydantic.Field(ge=20)] = 200
@@ -152,97 +124,12 @@ class SensitivityTable(Table):
     threshold: Share = 0.05
 
 
-NotNegative = Annotated[float, pydantic.Field(ge=0, allow_inf_nan=False)]
-Gauge = Annotated[float, pydantic.Field(ge=0, le=1e6)]
-"""Pa gauge at the turbine's inlet."""
-
-
-class ReferenceEntry(Table):
-    """One reference of the position: m, s, rad/s. Which keys it has depends on its kind."""
-
-    kind: Literal["sine", "steps", "ramps", "signal-1", "signal-2", "trace"]
-    name: str | None = None
-    begin: NotNegative = 0.0
-    """s of the signal at which runs begin."""
-    amplitude: Finite | None = None
-    rate: Positive | None = None
-    offset: Finite | None = None
-    phase: Finite | None = None
-    times: list[Finite] | None = None
-    levels: list[Finite] | None = None
-    initial: Finite | None = None
-    rise: Positive | None = None
-    rounding: Positive | None = None
-    file: str | None = None
-
-    @property
-    def given(self) -> dict[str, Any]:
-        """What the study states of the signal itself."""
-        own = self.model_fields_set - {"kind", "name", "begin"}
-        return {key: getattr(self, key) for key in sorted(own)}
-
-
-class CostTable(Table):
-    """What counts as one in the cost of a closed loop; a scale that is not given leaves its term out."""
-
-    tracking: Positive = 1e-5
-    """m"""
-    effort: Positive | None = None
-    """%"""
-    chatter: Positive | None = 5.0
-    """% from one sample to the next."""
-    largest_error: Positive | None = None
-    """m; beyond it every error costs ten times more."""
-    worst: Annotated[float, pydantic.Field(ge=0, le=1)] = 0.5
-
-
-class UnseenTable(Table):
-    """What tuned gains are tried on that they were not tuned on."""
-
-    reference: Annotated[list[ReferenceEntry], pydantic.Field(min_length=1)] | None = None
-    turbine_pressure: Annotated[list[Gauge], pydantic.Field(min_length=1)] | None = None
-    plants: Annotated[int, pydantic.Field(ge=0)] = 12
-
-
-class ControlTable(Table):
-    """A controller, what it has to do, and which of its gains are tuned."""
-
-    design: Literal["pi", "pid", "pi-knocker", "friction-compensation", "backstepping", "adaptive-backstepping"] = (
-        "backstepping"
-    )
-    free: list[str] | None = None
-    fixed: list[str] = []
-    gains: dict[str, StartValue] = {}
-    reference: list[ReferenceEntry] | None = None
-    turbine_pressure: Annotated[list[Gauge], pydantic.Field(min_length=1)] = [0.0]
-    plants: Count = 8
-    duration: Positive = 8.0
-    settled: NotNegative = 2.0
-    period: Positive = 1e-3
-    sensors: Literal["bench", "ideal"] = "bench"
-    seed: Annotated[int, pydantic.Field(ge=0)] = 0
-    lanes: Count = 64
-    derivative_memory: list[Annotated[float, pydantic.Field(gt=0)]] | None = None
-    """s; infinite is exact."""
-    cost: CostTable = CostTable()
-    unseen: UnseenTable = UnseenTable()
-
-    @pydantic.model_validator(mode="after")
-    def _long_enough(self) -> "ControlTable":
-        if not self.settled < self.duration or not self.period < self.duration:
-            raise ValueError(
-                f"a run must go on after settled and be longer than a period, but duration is {self.duration:g} s, "
-                f"settled {self.settled:g} s and period {self.period:g} s; lengthen duration"
-            )
-        return self
-
-
 class Study(Table):
-    """A whole study file."""
+    """A whole study file; a class a model."""
 
     name: str = "study"
-    model: Literal["full", "mechanical", "plunger-map", "static-map"] = "full"
-    components: Components = Components()
+    model: str
+    components: Components
     trace: list[TraceEntry] = []
     fit: Fit = Fit()
     parameters: dict[str, StartValue] = {}
@@ -251,3 +138,48 @@ class Study(Table):
     tolerance: ToleranceTable = ToleranceTable()
     sensitivity: SensitivityTable = SensitivityTable()
     control: ControlTable = ControlTable()
+
+
+class FullStudy(Study):
+    """Of converter, hose, chamber and rod."""
+
+    model: Literal["full"] = "full"
+    components: FullComponents = FullComponents()
+
+
+class MechanicalStudy(Study):
+    """Of the rod alone."""
+
+    model: Literal["mechanical"]
+    components: MechanicalComponents = MechanicalComponents()
+
+
+class PlungerMapStudy(Study):
+    """Of the model for control with six states."""
+
+    model: Literal["plunger-map"]
+    components: PlungerMapComponents = PlungerMapComponents()
+
+
+class StaticMapStudy(Study):
+    """Of the model for control with four states."""
+
+    model: Literal["static-map"]
+    components: StaticMapComponents = StaticMapComponents()
+
+
+def _model_of(raw: Any) -> str:
+    return str(raw.get("model", "full")) if isinstance(raw, dict) else "full"
+
+
+AnyStudy: pydantic.TypeAdapter[Study] = pydantic.TypeAdapter(
+    Annotated[
+        Annotated[FullStudy, pydantic.Tag("full")]
+        | Annotated[MechanicalStudy, pydantic.Tag("mechanical")]
+        | Annotated[PlungerMapStudy, pydantic.Tag("plunger-map")]
+        | Annotated[StaticMapStudy, pydantic.Tag("static-map")],
+        pydantic.Discriminator(_model_of),
+    ]
+)
+"""Reads a study of any model."""
+STUDIES = (FullStudy, MechanicalStudy, PlungerMapStudy, StaticMapStudy)

@@ -6,10 +6,11 @@ from typing import Any
 
 import vgtjax
 from vgtjax import InputError
-from vgtjax.estimation import Bounds
+from vgtjax.parameters import Bounds
 from vgtjax.traces import STANDARD_ATMOSPHERE, TRAVEL
 
-from .models import build_model, check_bounds, on_given_knots, start_values
+from .job import StudyJob
+from .models import build_model, parameters_of, start_model, start_values
 from .parameter_file import load_values
 from .read import EXAMPLE, TraceSource, expand_traces, fingerprint, load_study
 from .tables import Study
@@ -35,12 +36,9 @@ class Unit:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Job:
-    """Everything a command needs; nothing has been written yet."""
+class Job(StudyJob):
+    """Everything that a command on measured traces needs."""
 
-    study: Study
-    text: str
-    fingerprint: str
     units: list[Unit]
 
 
@@ -56,9 +54,8 @@ def prepare(path: pathlib.Path | None, parameters: pathlib.Path | None, needs: t
     study = _holding_replaced(load_study(path))
     if not study.trace:
         raise InputError(f"{path.name}: a study needs at least one [[trace]], but it has none; add one with its file")
-    stated_values = {name: given.value for name, given in study.parameters.items()}
-    model = on_given_knots(build_model(study), stated_values)
-    start_values(model, study)
+    model = build_model(study)
+    start_values(model, parameters_of(study))  # mistakes are found before the traces are read, which takes longer
     sources = expand_traces(study, path.parent)
     names = sorted({source.unit for source in sources}, key=str)
     units, given = [], {}
@@ -66,11 +63,7 @@ def prepare(path: pathlib.Path | None, parameters: pathlib.Path | None, needs: t
         mine = [source for source in sources if source.unit == name]
         values: dict[str, Any] = {} if parameters is None else load_values(parameters, name, study, model)
         given[name] = values
-        # An earlier fit is the start; what the study states itself goes before it.
-        start = vgtjax.replace_parameters(on_given_knots(model, values), values)
-        stated, bounds = start_values(start, study)
-        start = vgtjax.replace_parameters(start, stated)
-        check_bounds(start, bounds)
+        start, bounds = start_model(model, study, values)
         traces = [(source.use, load_source(source, start, bounds, (*start.needs, *needs))) for source in mine]
         units.append(Unit(name, start, bounds, traces))
     return Job(study, path.read_text(encoding="utf-8-sig"), fingerprint(study, sources, given), units)

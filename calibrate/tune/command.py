@@ -1,16 +1,15 @@
 """The command `tune`: gains by the exact gradient of their closed loops, resumably, with a report."""
 
-import dataclasses
 import pathlib
-import time
 
 import numpy as np
 
-from vgtjax import InputError, SimulationError
+from vgtjax import SimulationError
 from vgtjax.tuning import Tuner, TuningProgress, conditions
 
 from ..output.console import console
-from ..output.files import PROGRESS, claim, read_json, write_json, write_text
+from ..output.files import REPORT, SUMMARY, read_json, write_json, write_text
+from ..resumable import ProgressFile, run_once
 from .gains_file import gain_rows, gains_json
 from .job import TuneJob, prepare_tuning
 from .outcome import compare, summarise
@@ -24,75 +23,53 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
     after everything is written, when tuning did not converge or tuned gains fail in a true closed loop.
     """
     job = prepare_tuning(study, parameters)
-    claim(out, "tune", job.fingerprint)
-    if (out / "report.html").exists():
-        console.print(f"nothing to do: {out} holds this study's results")
-    else:
-        _compute(job, out)
-    console.print(f"report: {(out / 'report.html').resolve()}")
-    _verdict(read_json(out / "summary.json"))
+    run_once(out, "tune", job.fingerprint, lambda: _compute(job, out))
+    _verdict(read_json(out / SUMMARY))
 
 
 def _compute(job: TuneJob, out: pathlib.Path) -> None:
     for note in job.notes:
         console.print(f"note: {note}")
     console.print(f"{len(job.smooth.cases)} closed loops, {len(job.smooth.selection.entries)} free gains")
-    progress, seconds = _tune(job, out / PROGRESS)
+    progress, seconds = _tune(job, out)
     with console.status("simulating all closed loops"):
         outcome = compare(job, progress, seconds)
     tuned = job.true.controller_at(outcome.coordinates)
     rows = gain_rows(job, outcome.coordinates)
     summary = summarise(job, outcome, {name: float(value) for name, value in conditions(tuned).items()})
     write_json(out / "gains.json", gains_json(job, rows))
-    write_json(out / "summary.json", summary)
+    write_json(out / SUMMARY, summary)
     with console.status("writing the report"):
-        write_text(out / "report.html", render(job, outcome, rows, summary))
-    (out / PROGRESS).unlink(missing_ok=True)
+        write_text(out / REPORT, render(job, outcome, rows, summary))
+    ProgressFile.remove_from(out)
 
 
-def _tune(job: TuneJob, saved: pathlib.Path) -> tuple[TuningProgress, float]:
+def _tune(job: TuneJob, folder: pathlib.Path) -> tuple[TuningProgress, float]:
     """Tunes, keeping the progress on disk; also the seconds it took."""
-    earlier, resume = _load_progress(saved)
-    began = time.monotonic() - earlier
+    saved = ProgressFile(folder, TuningProgress, "tuning")
     with console.status("compiling the closed loops and their derivatives"):
-        tuner = Tuner(job.smooth, resume)
-    if resume is not None:
-        console.print(f"resuming after step {resume.iteration}")
+        tuner = Tuner(job.smooth, saved.progress)
     console.print(f"{'step':>6} {'cost':>12} {'worst um':>10} {'trials':>7} {'exact':>9} {'seconds':>8}")
-    _show(tuner, began)
+    _show(tuner, saved.seconds)
     while not tuner.progress.finished:
         before = tuner.progress.iteration
         with console.status(f"step {before + 1}"):
             progress = tuner.step()
-        write_json(saved, {"seconds": time.monotonic() - began, "progress": dataclasses.asdict(progress)})
+        saved.save(progress)
         if progress.iteration > before:
-            _show(tuner, began)
+            _show(tuner, saved.seconds)
     console.print(tuner.progress.verdict)
-    return tuner.progress, time.monotonic() - began
+    return tuner.progress, saved.seconds
 
 
-def _show(tuner: Tuner, began: float) -> None:
+def _show(tuner: Tuner, seconds: float) -> None:
     """A line; `exact` counts the closed loops whose derivatives remember all that the problem lets them."""
     progress = tuner.progress
     exact = f"{progress.memories.count(0)} of {len(progress.memories)}"
     console.print(
         f"{progress.iteration:6d} {progress.cost:12.6g} {1e6 * np.max(tuner.cases.rms):10.4g} {progress.trials:7d} "
-        f"{exact:>9} {time.monotonic() - began:8.1f}"
+        f"{exact:>9} {seconds:8.1f}"
     )
-
-
-def _load_progress(saved: pathlib.Path) -> tuple[float, TuningProgress | None]:
-    """Seconds already spent, and where tuning was; nothing where nothing is saved."""
-    if not saved.exists():
-        return 0.0, None
-    try:
-        content = read_json(saved)
-        progress = content["progress"]
-        lists = {name: tuple(progress[name]) for name in ("coordinates", "here", "memories", "history")}
-        return float(content["seconds"]), TuningProgress(**{**progress, **lists})
-    except (InputError, KeyError, TypeError, ValueError):
-        console.print(f"note: {saved} can't be read, so tuning starts again")
-        return 0.0, None
 
 
 def _verdict(summary: dict) -> None:

@@ -5,7 +5,7 @@ import hashlib
 import itertools
 import math
 import pathlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import jax
@@ -14,35 +14,33 @@ import numpy as np
 import vgtjax
 from vgtjax import InputError
 from vgtjax.control import AbstractController, Sensors
-from vgtjax.estimation import Bounds
+from vgtjax.parameters import Bounds, check_bounds
 from vgtjax.parts import feels_gas
 from vgtjax.population import SobolSample
 from vgtjax.tuning import MEMORIES, Cases, Objective, Problem, cross_cases, plan_tuning, soften, soften_cases
 
 from ..population import Actuators, read_actuators
-from ..study.models import check_bounds, start_values
+from ..study.control import ControlTable
+from ..study.job import StudyJob
+from ..study.models import start_values
+from ..study.places import OF_A_CONTROLLER, stated
 from ..study.read import expand_traces, fingerprint, load_study
-from ..study.tables import ControlTable, ReferenceEntry, Study
+from ..study.references import AbstractReference, TraceReference, build_references
+from ..study.tables import Study
 from .designs import DESIGNS
-from .references import DEFAULT, DEFAULT_UNSEEN, build_references
 
 EXAMPLE = pathlib.Path(__file__).parents[1] / "example" / "control" / "study.toml"
 """The study that runs when none is named."""
-GAINS_TABLE = "[control.gains]"
-"""Where a study states start values and bounds of gains."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class TuneJob:
-    """Everything that tuning needs; nothing has been written yet.
+class TuneJob(StudyJob):
+    """Everything that tuning needs.
 
     `smooth` is what is tuned, with switching laws softened; `true` has the same cases as they are; `unseen` has other
     references, turbine pressures, plants and noise.
     """
 
-    study: Study
-    text: str
-    fingerprint: str
     bounds: Bounds
     smooth: Problem
     true: Problem
@@ -62,10 +60,12 @@ def prepare_tuning(path: pathlib.Path | None, parameters: pathlib.Path | None) -
     table, folder = study.control, path.parent
     actuators = read_actuators(path, study, parameters)
     nominal: Any = actuators.population.model
-    controller, bounds = _controller(table, nominal)
+    with stated(OF_A_CONTROLLER):
+        controller, bounds = _controller(table, nominal)
     tuned_on, tried_on, notes = choose_plants(study, actuators)
-    cases = _cases(table, tuned_on, DEFAULT if table.reference is None else table.reference, folder, table.seed)
-    smooth = _plan(table, soften(controller), soften_cases(cases), bounds)
+    cases = _cases(table, tuned_on, table.reference, folder, table.seed)
+    with stated(OF_A_CONTROLLER):
+        smooth = _plan(table, soften(controller), soften_cases(cases), bounds)
     unseen = _unseen_cases(table, tried_on, folder)
     if max(table.turbine_pressure) > 0 and not feels_gas(nominal):
         notes += ("turbine pressure acts on nothing, as the study's vane_force is 'none'",)
@@ -83,18 +83,17 @@ def prepare_tuning(path: pathlib.Path | None, parameters: pathlib.Path | None) -
 
 def _reference_files(table: ControlTable, folder: pathlib.Path) -> dict[str | None, dict[str, str]]:
     """What the traces hold that are references, for the fingerprint."""
-    entries = [*(table.reference or ()), *(table.unseen.reference or ())]
-    files = [entry.file for entry in entries if entry.file is not None]
+    entries = [*table.reference, *table.unseen.reference]
+    files = [entry.file for entry in entries if isinstance(entry, TraceReference)]
     digests = {file: hashlib.sha256((folder / file).read_bytes()).hexdigest() for file in files}
     return {"[[control.reference]]": digests} if digests else {}
 
 
 def _controller(table: ControlTable, nominal: vgtjax.Actuator) -> tuple[AbstractController, Bounds]:
     controller = DESIGNS[table.design].for_plant(nominal)
-    stated = Study(parameters=table.gains)
-    values, bounds = start_values(controller, stated, GAINS_TABLE)
+    values, bounds = start_values(controller, table.gains)
     controller = vgtjax.replace_parameters(controller, values)
-    check_bounds(controller, bounds, GAINS_TABLE)
+    check_bounds(controller, bounds)
     return controller, bounds
 
 
@@ -126,7 +125,7 @@ def choose_plants(
 def _cases(
     table: ControlTable,
     plants: Mapping[str, vgtjax.AbstractModel],
-    references: tuple[ReferenceEntry, ...] | list[ReferenceEntry],
+    references: Sequence[AbstractReference],
     folder: pathlib.Path,
     seed: int,
     pressures: list[float] | None = None,
@@ -144,13 +143,12 @@ def _cases(
 
 def _unseen_cases(table: ControlTable, plants: Mapping[str, vgtjax.AbstractModel], folder: pathlib.Path) -> Cases:
     unseen = table.unseen
-    references = DEFAULT_UNSEEN if unseen.reference is None else unseen.reference
     pressures = unseen.turbine_pressure
     if pressures is None:
         seen = sorted(set(table.turbine_pressure))
         # Between those that were seen, and the highest of them.
         pressures = [*(0.5 * (low + high) for low, high in itertools.pairwise(seen)), seen[-1]]
-    return _cases(table, plants, references, folder, table.seed + 1, pressures)
+    return _cases(table, plants, unseen.reference, folder, table.seed + 1, pressures)
 
 
 def _plan(table: ControlTable, controller: AbstractController, cases: Cases, bounds: Bounds) -> Problem:

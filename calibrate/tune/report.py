@@ -18,10 +18,7 @@ def render(job: TuneJob, outcome: Outcome, rows: list[Row], summary: dict[str, A
     """The report as HTML."""
     return render_page(
         "tune.html.jinja",
-        title=job.study.name,
-        study=job.study,
-        study_text=job.text,
-        fingerprint=job.fingerprint,
+        **job.heading(),
         summary=summary,
         rows=rows,
         convergence=figure_html(figures.convergence(outcome.progress)),

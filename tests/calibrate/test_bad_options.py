@@ -61,7 +61,7 @@ def test_parameters_that_do_not_fit_the_study(folder, fit, content, sentence):
 )
 def test_parameters_that_no_actuator_has(folder, fit, name, value, sentence):
     (folder / "p.json").write_text(json.dumps(given(name, value)))
-    assert_refused(fit("--parameters", folder / "p.json"), sentence, folder / "out")
+    assert_refused(fit("--parameters", folder / "p.json"), f"p.json: {sentence}", folder / "out")
 
 
 def test_parameters_that_are_no_json(folder, fit):

@@ -11,7 +11,7 @@ from support import EXAMPLE
 
 import vgtjax
 from calibrate.study.models import build_model, start_values
-from calibrate.study.tables import Study
+from calibrate.study.tables import AnyStudy
 from vgtjax.estimation import plan_task
 from vgtjax.parameters import build_transform
 
@@ -41,9 +41,9 @@ fixed = ["diaphragm.area"]
 
 def test_the_printed_study_is_a_task():
     """It frees `diaphragm.damping` too, which starts at zero."""
-    study = Study.model_validate(tomllib.loads(PRINTED))
+    study = AnyStudy.validate_python(tomllib.loads(PRINTED))
     model = build_model(study)
-    values, bounds = start_values(model, study)
+    values, bounds = start_values(model, study.parameters)
     trace = vgtjax.load_trace(EXAMPLE / "levels_1.csv").window(*study.trace[0].window)
     task = plan_task(model, [trace], free=study.fit.free, fixed=study.fit.fixed, values=values, bounds=bounds)
     assert "diaphragm.damping" in task.selection.entries

@@ -1,9 +1,9 @@
 """Estimation: exact Jacobians, weighted residuals, Levenberg-Marquardt, and what the data can tell."""
 
+from ..parameters import Bounds as Bounds
 from ._bundle import CHANNELS as CHANNELS, SEGMENT as SEGMENT, Bundle as Bundle, bundle_traces as bundle_traces
 from ._calibration import (
     RUNAWAY as RUNAWAY,
-    Bounds as Bounds,
     Calibration as Calibration,
     Calibrator as Calibrator,
     Comparison as Comparison,

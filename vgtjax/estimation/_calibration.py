@@ -9,24 +9,25 @@ from jaxtyping import Bool, Float
 
 from .._errors import InputError
 from ..parameters import (
+    Bounds,
     Selection,
     Transform,
+    bounds_by_entry,
     build_transform,
-    match_entries,
     parameter_table,
     replace_parameters,
     select,
+    table_row,
 )
-from ..plants import AbstractModel
+from ..plants import AbstractModel, MechanicalActuator
 from ..simulation import FixedStep, model_dtype
 from ..traces import Trace, noise_level
 from ._bundle import CHANNELS, bundle_traces
 from ._fit import LevenbergMarquardt, Progress
 from ._least_squares import LeastSquares, estimate_uncertainty
+from ._printing import as_html, as_text
 from ._residuals import build_fit_problem
 from ._sensitivities import observe
-
-Bounds = dict[str, tuple[float | None, float | None]]
 
 RUNAWAY = 1e5
 """Factor by which a positive value may leave its start. In fits of twenty actuators none moves by more than 10^1.7;
@@ -58,7 +59,7 @@ def plan_task(
     fixed: Sequence[str] = (),
     values: dict[str, Any] | None = None,
     bounds: Bounds | None = None,
-    channels: Sequence[str] = CHANNELS,
+    channels: Sequence[str] | None = None,
 ) -> Task:
     """Puts a task together from names.
 
@@ -66,16 +67,17 @@ def plan_task(
 
     - `free`, `fixed`: names or fnmatch patterns; all that is not held by default, and `fixed` beats `free`.
     - `values`: start values by name, in the units of the table.
-    - `bounds`: `(lower, upper)` by name or entry, either `None`; for the model itself its own names.
+    - `bounds`: `(lower, upper)` by name or entry, either `None`.
+    - `channels`: measured signals to fit; by default those that are no input of the model.
 
     **Raises:** `InputError` for unknown names, and when no trace is to be fitted.
     """
     if not fit:
-        raise InputError("a fit needs at least one trace to be fitted, but there is none; give one", "fit")
+        raise InputError("a fit needs at least one trace, but there is none; give one", "traces")
     model = replace_parameters(model, values or {})
-    table = parameter_table(model)
-    by_entry = {entry: pair for name, pair in (bounds or {}).items() for entry in sorted(match_entries(table, [name]))}
-    return Task(model, select(model, free, fixed), fit, validate, by_entry, channels)
+    if channels is None:
+        channels = ("x_d",) if isinstance(model, MechanicalActuator) else CHANNELS
+    return Task(model, select(model, free, fixed), fit, validate, bounds_by_entry(model, bounds or {}), channels)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -128,10 +130,18 @@ class TraceResult:
         """Constant offset of each sensor, sensor minus model, in m and Pa."""
         return {name: channel.offset for name, channel in self.channels.items()}
 
+    @property
+    def failed(self) -> bool:
+        """Whether the simulation left the finite numbers."""
+        return not all(map(np.isfinite, self.rmse.values()))
 
-@dataclasses.dataclass(frozen=True, eq=False)
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Calibration:
-    """A finished calibration; vectors are in the order of `selection.entries` and in the units of the table."""
+    """A finished calibration; vectors are in the order of `selection.entries` and in the units of the table.
+
+    It prints itself as a table. `notes` say what the fit did with its start.
+    """
 
     model: AbstractModel
     task: Task
@@ -143,6 +153,44 @@ class Calibration:
     traces: list[TraceResult]
     count: int
     """Number of measurements fitted."""
+    notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        return as_text(self)
+
+    def _repr_html_(self) -> str:
+        return as_html(self)
+
+    @property
+    def converged(self) -> bool:
+        """Whether the search came to an end whose values may be used."""
+        return self.progress.converged and not self.troubles
+
+    @property
+    def verdict(self) -> str:
+        """What is wrong with the values, or else why the search ended."""
+        return "; ".join(self.troubles) or self.progress.verdict
+
+    @property
+    def troubles(self) -> tuple[str, ...]:
+        """A sentence on each thing that is wrong with the values, however the search ended."""
+        troubles = []
+        if failed := [result.trace.name for result in self.traces if result.failed]:
+            names = ", ".join(failed)
+            troubles.append(f"the simulation of {names} with the fitted values left the finite numbers")
+        if away := self.ran_away:
+            table, entries = parameter_table(self.model), self.task.selection.entries
+            start = np.asarray(self.task.selection.pack(self.task.model))
+            ends = [
+                f"{entry} ended at {value:.4g} {table_row(table, entry).unit} (start {begin:.4g})"
+                for entry, value, begin in zip(entries, self.values, start, strict=True)
+                if entry in away
+            ]
+            troubles.append(
+                f"fitted values must stay within a factor {RUNAWAY:g} of their start values, but {', '.join(ends)}; "
+                "give bounds or better start values"
+            )
+        return tuple(troubles)
 
     @property
     def at_bound(self) -> Bool[np.ndarray, " parameters"]:
@@ -166,16 +214,23 @@ class Calibration:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Calibrator:
-    """A calibration under way."""
+    """A calibration under way; `notes` say what was done with its start."""
 
     task: Task
     transform: Transform
     minimiser: LevenbergMarquardt
+    notes: tuple[str, ...] = ()
 
     def unidentifiable(self) -> list[str]:
         """Free entries that the traces do not determine at the current values."""
         found = estimate_uncertainty(*self.minimiser.linearisation(), self.minimiser.problem.count)
         return [entry for entry, seen in zip(self.task.selection.entries, found.determined, strict=True) if not seen]
+
+    def run(self, report: Callable[[Progress], None] = lambda progress: None) -> Calibration:
+        """Steps on to the end, calling `report` after every step."""
+        while not self.minimiser.progress.finished:
+            report(self.minimiser.step())
+        return self.finish()
 
     def finish(self) -> Calibration:
         """What came of it: values, covariance, and every trace simulated with them."""
@@ -198,6 +253,7 @@ class Calibrator:
             uncertainty,
             compare(self.task, model),
             problem.count,
+            self.notes,
         )
 
 
@@ -230,10 +286,7 @@ def calibrate(task: Task, report: Callable[[Progress], None] = lambda progress: 
 
     **Raises:** as [`start_calibration`][].
     """
-    calibrator = start_calibration(task)
-    while not calibrator.minimiser.progress.finished:
-        report(calibrator.minimiser.step())
-    return calibrator.finish()
+    return start_calibration(task).run(report)
 
 
 def compare(task: Task, model: AbstractModel) -> list[TraceResult]:

@@ -1,5 +1,11 @@
 """Names, units and domains of parameters, and the coordinates that an optimiser moves."""
 
+from ._bounds import (
+    Bounds as Bounds,
+    bounds_by_entry as bounds_by_entry,
+    check_bounds as check_bounds,
+    move_inside as move_inside,
+)
 from ._selection import (
     Selection as Selection,
     entry_names as entry_names,

@@ -27,10 +27,10 @@ def _split(entry: str) -> tuple[str, int | None]:
     return (match[1], int(match[2])) if match else (entry, None)
 
 
-def match_entries(table: dict[str, Parameter], patterns: Sequence[str]) -> set[str]:
+def match_entries(table: dict[str, Parameter], patterns: Sequence[str], argument: str | None = None) -> set[str]:
     """Entries that any of the names or fnmatch patterns addresses.
 
-    A vector's name addresses all its entries, `name[2]` one of them.
+    A vector's name addresses all its entries, `name[2]` one of them. `argument` is what the caller calls `patterns`.
 
     **Raises:** `InputError` for a pattern that matches nothing, with the nearest name.
     """
@@ -44,7 +44,7 @@ def match_entries(table: dict[str, Parameter], patterns: Sequence[str]) -> set[s
             if fnmatch.fnmatchcase(_split(entry)[0], base) and index in (None, _split(entry)[1])
         }
         if not hits:
-            raise unknown_name("parameter name or pattern", pattern, [*table, *entries])
+            raise unknown_name("parameter name or pattern", pattern, [*table, *entries], argument)
         found |= hits
     return found
 
@@ -94,8 +94,8 @@ def select(model: eqx.Module, free: Sequence[str] | None = None, fixed: Sequence
     if free is None:
         chosen = {entry for entry in entry_names(table) if not table[_split(entry)[0]].held}
     else:
-        chosen = match_entries(table, free)
-    chosen -= match_entries(table, fixed)
+        chosen = match_entries(table, free, "free")
+    chosen -= match_entries(table, fixed, "fixed")
     return Selection(tuple(entry for entry in entry_names(table) if entry in chosen))
 
 

@@ -179,8 +179,8 @@ def replace_parameters(model: eqx.Module, values: dict[str, Any]) -> Any:
     return eqx.tree_at(lambda m: [old for name, _, old in _walk(m, "") if name in values], model, new)
 
 
-def unknown_name(kind: str, given: str, known: Iterable[str]) -> InputError:
+def unknown_name(kind: str, given: str, known: Iterable[str], argument: str | None = None) -> InputError:
     """The sentence for a name or pattern that matches nothing, with the nearest known one."""
     near = difflib.get_close_matches(given, list(known), n=1, cutoff=0.0)
     hint = f"; did you mean '{near[0]}'?" if near else ""
-    return InputError(f"{kind} '{given}' matches nothing{hint}")
+    return InputError(f"{kind} '{given}' matches nothing{hint}", argument)

@@ -14,8 +14,11 @@ from jaxtyping import Array, Bool, Float
 
 from .._errors import InputError
 from .._types import Vector
+from ._bounds import Bounds
 from ._selection import table_row
 from ._table import Parameter
+
+Flags = Bool[Array | np.ndarray, " parameters"]
 
 
 class Transform(eqx.Module):
@@ -44,15 +47,15 @@ class Transform(eqx.Module):
         logarithm = jnp.log(jnp.where(self.positive, values, 1.0))
         return jnp.where(self.positive, logarithm, values / self.scale)
 
-    def clip(self, coordinates: Vector) -> Float[Array, " parameters"]:
+    def clip(self, coordinates: Vector) -> Vector:
         """The nearest coordinates inside the bounds."""
         return jnp.clip(coordinates, self.lower, self.upper)
 
-    def pinned(self, coordinates: Vector, gradient: Vector) -> Bool[Array, " parameters"]:
+    def pinned(self, coordinates: Vector, gradient: Vector) -> Flags:
         """Which coordinates lie on a bound that the cost, of this gradient, would push them through."""
         return ((coordinates <= self.lower) & (gradient > 0)) | ((coordinates >= self.upper) & (gradient < 0))
 
-    def at_bound(self, coordinates: Vector) -> Bool[Array, " parameters"]:
+    def at_bound(self, coordinates: Vector) -> Flags:
         """Which coordinates lie on a bound."""
         return (coordinates <= self.lower) | (coordinates >= self.upper)
 
@@ -61,7 +64,7 @@ def build_transform(
     table: dict[str, Parameter],
     entries: Sequence[str],
     start: Float[np.ndarray, " parameters"],
-    bounds: dict[str, tuple[float | None, float | None]],
+    bounds: Bounds,
 ) -> Transform:
     """The transform of the given entries: the table's domain and the user's bounds.
 
@@ -87,11 +90,13 @@ def build_transform(
 def _check_start(entry: str, value: float, row: Parameter, lower: float, upper: float) -> None:
     if row.positive and value <= 0:
         raise InputError(
-            f"the start value of '{entry}' must be positive to be fitted, but it is {value:g}; change it under "
-            "[parameters], or hold it with fixed"
+            f"the start value of '{entry}' must be positive to be fitted, but it is {value:g}; change it, or hold it "
+            "with fixed",
+            "values",
         )
     if not lower <= value <= upper:
         raise InputError(
             f"the start value of '{entry}' must lie between {lower:g} and {upper:g}, but it is {value:g}; change the "
-            "value or the bounds under [parameters], or hold it with fixed"
+            "value or the bounds, or hold it with fixed",
+            "bounds",
         )

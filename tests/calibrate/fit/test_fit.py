@@ -1,5 +1,8 @@
 """What a fit writes, and that it is true."""
 
+import dataclasses
+import re
+
 import numpy as np
 import pytest
 from commands import read, run_command
@@ -120,6 +123,82 @@ def test_the_fit_is_better_than_its_start(fitted, actuator, summary):
     trace = vgtjax.load_trace(fitted.study.parent / "step_80.csv")
     before = np.std(trace.x_d - np.asarray(vgtjax.simulate(actuator, trace).x_d))
     assert summary["traces"]["step_80"]["rmse"]["x_d"] < before / 5
+
+
+# -- the same from Python ----------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def calibration(fitted):
+    """The study of the command, as a user of the library writes it."""
+    fit, validate = (
+        vgtjax.load_trace(fitted.study.parent / f"{name}.csv", atmosphere=atmosphere)
+        for name, atmosphere in (("step_80", 101013.0), ("step_50", 101100.0))
+    )
+    return vgtjax.fit(
+        vgtjax.Actuator(),
+        [fit],
+        [validate],
+        free=sorted(FREE),
+        values={"diaphragm.stiffness": 11500.0},
+        bounds={"diaphragm.stiffness": (8000.0, 16000.0)},
+    )
+
+
+def test_one_call_from_python_gives_the_same_answer(calibration, parameters, summary):
+    found = dict(entries(parameters))
+    for entry, value, error in zip(
+        calibration.task.selection.entries, calibration.values, calibration.std_errors, strict=True
+    ):
+        assert (float(value), float(error)) == (found[entry]["value"], found[entry]["std_error"])
+    assert calibration.progress.cost == summary["cost"]
+    assert (calibration.converged, calibration.progress.iteration) == (True, summary["iterations"])
+    assert calibration.verdict == summary["verdict"]
+
+
+def test_a_calibration_prints_itself_as_a_table(calibration, parameters):
+    head, *lines = repr(calibration).splitlines()
+    assert head == (
+        f"Calibration: converged after {calibration.progress.iteration} steps; {calibration.progress.verdict}"
+    )
+    rows = {line.split()[0]: line.split()[1:] for line in lines}
+    stiffness = parameters["diaphragm.stiffness"]
+    assert rows["diaphragm.stiffness"] == [f"{stiffness['value']:.6g}", f"{stiffness['std_error']:.2g}", "N/m", "free"]
+    assert set(rows) == {"parameter", "trace", "step_80", "step_50", *FREE}
+    assert rows["step_50"][0] == "validate"
+    assert float(rows["step_80"][1]) == pytest.approx(calibration.traces[0].rmse["x_d"], rel=1e-2)
+    assert len({line.index("free") for line in lines if line.endswith("free")}) == 1, "columns are aligned"
+
+
+def test_a_notebook_shows_the_same_table(calibration):
+    cells = re.findall(r"<t[dh]>(.*?)</t[dh]>", calibration._repr_html_())
+    words = repr(calibration).partition("\n")[2].split()
+    assert " ".join(cells).split() == words
+
+
+def test_what_is_wrong_with_a_fit_is_part_of_its_answer(calibration):
+    """A value on its bound, one that the data don't tell, one that ran away, and a trace that failed."""
+    far = dataclasses.replace(
+        calibration,
+        progress=dataclasses.replace(
+            calibration.progress,
+            coordinates=tuple(np.array(calibration.progress.coordinates) + np.array([0.0, 0.0, 0.0, 20.0])),
+        ),
+        values=calibration.values * np.exp([0.0, 0.0, 0.0, 20.0]),
+        traces=[dataclasses.replace(calibration.traces[0], rmse={"x_d": np.nan}), calibration.traces[1]],
+        uncertainty=dataclasses.replace(
+            calibration.uncertainty, identifiable=np.array([False, *calibration.uncertainty.identifiable[1:]])
+        ),
+    )
+    assert far.task.selection.entries[3] == "friction.viscous_damping"
+    assert far.ran_away == ("friction.viscous_damping",)
+    assert not far.converged
+    failed, away = far.troubles
+    assert failed == "the simulation of step_80 with the fitted values left the finite numbers"
+    assert away.startswith("fitted values must stay within a factor 100000 of their start values, but friction.viscous")
+    assert far.verdict == f"{failed}; {away}"
+    assert repr(far).startswith("Calibration: NOT converged after ")
+    assert re.search(rf"{re.escape(far.task.selection.entries[0])} .* not determined", repr(far))
 
 
 # -- what a fit must not depend on, and what it must respect -----------------------------------------------------------
@@ -282,11 +361,11 @@ def test_a_fit_that_ran_away_did_not_converge(small, monkeypatch):
     """Nothing moves a rod of 1e88 kg: there every step gains nothing, which looks like the end of a fit."""
     small.write_text(MECHANICAL.replace('"diaphragm.stiffness", "diaphragm.preload"', '"diaphragm.mass"'))
     end = Progress(coordinates=(88 * float(np.log(10)),), converged=True, history=(7.0,))
-    monkeypatch.setattr("calibrate.fit.command._first", lambda task: end)
+    monkeypatch.setattr("vgtjax.identification._fit.better_start", lambda task: end)
     outcome, found, said = refit(small)
     sentence = (
         "fitted values must stay within a factor 100000 of their start values, but diaphragm.mass ended at 1e+88 kg "
-        "(start 0.63); give bounds or better start values under [parameters]"
+        "(start 0.63); give bounds or better start values"
     )
     assert (outcome.status, outcome.err) == (1, f"failed: the fit: {sentence}\n")
     assert (said["converged"], said["error"]) == (False, sentence)

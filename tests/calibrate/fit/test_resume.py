@@ -25,7 +25,7 @@ def test_a_second_run_does_nothing(fitted):
     before = contents(fitted.out)
     outcome = run_command("fit", fitted.study, "--out", fitted.out)
     assert (outcome.status, outcome.err) == (0, "")
-    assert outcome.out.startswith(f"nothing to do: {fitted.out} holds this study's results\n")
+    assert outcome.out.startswith(f"nothing to do: {fitted.out} holds the results already\n")
     assert contents(fitted.out) == before
 
 
@@ -70,11 +70,11 @@ ENDED = """
 import os, signal, sys
 import platformdirs, vgtjax
 vgtjax.configure(cpu_devices=2, cache=platformdirs.user_cache_path("vgtjax") / "tests")
-import calibrate.fit
+import calibrate.resumable
 from commands import run_command
 from test_resume import end_after_two_steps
 number, *arguments = sys.argv[1:]
-calibrate.fit.command.write_json = end_after_two_steps(lambda: os.kill(os.getpid(), int(number)))
+calibrate.resumable.write_json = end_after_two_steps(lambda: os.kill(os.getpid(), int(number)))
 run_command("fit", *arguments)
 """
 

@@ -315,7 +315,7 @@ def test_a_second_run_does_nothing(reproduced):
     before = contents(reproduced.out)
     outcome = run_command("reproduce", "--out", reproduced.out)
     assert (outcome.status, outcome.err) == (0, "")
-    assert outcome.out.startswith(f"nothing to do: {reproduced.out} holds this table\n")
+    assert outcome.out.startswith(f"nothing to do: {reproduced.out} holds the results already\n")
     assert contents(reproduced.out) == before
 
 

@@ -101,7 +101,7 @@ BAD = [
     (
         "fixed and spread",
         '[population]\nfixed = ["diaphragm.mass"]\n[population.parameters]\n"diaphragm.mass" = {relative = 0.1}',
-        "'diaphragm.mass' can't be fixed and have a spread; drop one of the two",
+        "'diaphragm.mass' can't be fixed and have a spread; drop one of the two (see [population] in the study)",
     ),
     (
         "correlated twice",

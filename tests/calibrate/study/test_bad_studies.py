@@ -10,8 +10,9 @@ TRACE = '[[trace]]\nfile = "bench.csv"\n'
 TWO_UNITS = '[[trace]]\nfile = "bench.csv"\nunit = "a"\n[[trace]]\nfile = "bench.csv"\nname = "second"\n'
 
 
-def bad(rule: str, study: str, sentence: str):
-    return pytest.param(study, sentence, id=rule)
+def bad(rule: str, study: str, sentence: str, place: str = ""):
+    """`place` is the table of the study that the library's argument at fault stands in."""
+    return pytest.param(study, f"{sentence} (see {place} in the study)" if place else sentence, id=rule)
 
 
 KEYS = [
@@ -47,6 +48,12 @@ VALUES = [
         "use",
         f'{TRACE}use = "valdate"\n',
         "trace.use must be one of fit, validate, but it is 'valdate'; did you mean 'validate'?",
+    ),
+    bad(
+        "no such component",
+        f'{TRACE}[components]\nfriction = "lugr"\n',
+        "components.friction must be one of lugre, lugre-squared, lugre-passive, adaptive-lugre, dahl, karnopp, "
+        "coulomb, but it is 'lugr'; did you mean 'lugre'?",
     ),
     bad("no traces", 'name = "a"\n', "a study needs at least one [[trace]], but it has none; add one with its file"),
     bad("an empty trace", "[[trace]]\n", "the key 'trace.file' is missing; add it"),
@@ -93,21 +100,19 @@ MODELS = [
         f'{TRACE}[components]\nvane_force = "map"\n[parameters]\n"vane_force.crank_angle" = {{value = [4, 3]}}\n',
         "vane_force.crank_angle must be at least two knots that increase, in deg, but it is [4.0, 3.0]; sort them and "
         "remove repeated ones",
+        "[parameters]",
     ),
     bad(
         "a table of another size",
         f'{TRACE}[components]\nvane_force = "map"\n[parameters]\n"vane_force.closing" = {{value = [1, 2]}}\n',
         "'vane_force.closing' needs 12 numbers under value, but it has 2; give a list of 12",
+        "[parameters]",
     ),
     bad(
         "below its least value",
         f'{TRACE}[components]\nfriction = "lugre-passive"\n[parameters]\n"friction.excess_damping" = {{value = -1}}\n',
         "'friction.excess_damping' must be finite and not negative, but it is -1; correct it",
-    ),
-    bad(
-        "no such component",
-        f'{TRACE}[components]\nfriction = "lugr"\n',
-        "friction = 'lugr' matches nothing; did you mean 'lugre'?",
+        "[parameters]",
     ),
 ]
 
@@ -116,31 +121,37 @@ NAMES = [
         "free",
         f'{TRACE}[fit]\nfree = ["diaphragm.stifness"]\n',
         "parameter name or pattern 'diaphragm.stifness' matches nothing; did you mean 'diaphragm.stiffness'?",
+        "[fit]",
     ),
     bad(
         "fixed",
         f'{TRACE}[fit]\nfixed = ["chamber.volum"]\n',
         "parameter name or pattern 'chamber.volum' matches nothing; did you mean 'chamber.volume'?",
+        "[fit]",
     ),
     bad(
         "parameters",
         f'{TRACE}[parameters]\n"air.presure" = {{value = 1e5}}\n',
         "parameter name or pattern 'air.presure' matches nothing; did you mean 'air.pressure'?",
+        "[parameters]",
     ),
     bad(
         "another model's",
         f'model = "mechanical"\n{TRACE}[fit]\nfree = ["diaphragm.volume"]\n',
         "parameter name or pattern 'diaphragm.volume' matches nothing; did you mean 'diaphragm.travel'?",
+        "[fit]",
     ),
     bad(
         "a pattern for values",
         f'{TRACE}[parameters]\n"air.*" = {{value = 1e5}}\n',
-        "[parameters] takes names, not patterns, but it has 'air.*'; write one line a parameter",
+        "start values and bounds have names, not patterns, but there is 'air.*'; write one line a parameter",
+        "[parameters]",
     ),
     bad(
         "nothing free",
         f'{TRACE}[fit]\nfree = ["air.*"]\nfixed = ["air.*"]\n',
         "a fit needs at least one free parameter, but free and fixed leave none; free one",
+        "[fit]",
     ),
 ]
 
@@ -148,53 +159,63 @@ START_VALUES = [
     bad(
         "below its bound",
         f'{TRACE}[parameters]\n"chamber.volume" = {{value = 5e-5, lower = 6e-5}}\n',
-        "'chamber.volume' must be at least 6e-05, but it is 5e-05; change one under [parameters]",
+        "'chamber.volume' must be at least 6e-05, but it is 5e-05; change one",
+        "[parameters]",
     ),
     bad(
         "printed value above its bound",
         f'{TRACE}[parameters]\n"chamber.volume" = {{upper = 5e-5}}\n',
-        "'chamber.volume' must be at most 5e-05, but it is 6e-05; change one under [parameters]",
+        "'chamber.volume' must be at most 5e-05, but it is 6e-05; change one",
+        "[parameters]",
     ),
     bad(
         "held and outside",
         f'{TRACE}[parameters]\n"diaphragm.area" = {{value = 1.0, lower = 2.0, upper = 3.0}}\n',
-        "'diaphragm.area' must be at least 2, but it is 1; change one under [parameters]",
+        "'diaphragm.area' must be at least 2, but it is 1; change one",
+        "[parameters]",
     ),
     bad(
         "zero where only positive values have a logarithm",
         f'{TRACE}[parameters]\n"diaphragm.mass" = {{value = 0}}\n',
-        "the start value of 'diaphragm.mass' must be positive to be fitted, but it is 0; change it under [parameters], "
-        "or hold it with fixed",
+        "the start value of 'diaphragm.mass' must be positive to be fitted, but it is 0; change it, or hold it with "
+        "fixed",
+        "[parameters]",
     ),
     bad(
         "bounds that fall",
         f'{TRACE}[parameters]\n"chamber.volume" = {{lower = 2, upper = 1}}\n',
         "the bounds of 'chamber.volume' must rise, but they are 2 and 1; swap them",
+        "[parameters]",
     ),
     bad(
         "negative",
         f'{TRACE}[parameters]\n"diaphragm.mass" = {{value = -1}}\n',
         "'diaphragm.mass' must be finite and not negative, but it is -1; correct it",
+        "[parameters]",
     ),
     bad(
         "not a number",
         f'{TRACE}[parameters]\n"diaphragm.preload" = {{value = nan}}\n',
         "'diaphragm.preload' must be finite, but it is nan; correct it",
+        "[parameters]",
     ),
     bad(
         "too few numbers",
         f'{TRACE}[parameters]\n"converter.magnetic_force" = {{value = [1, 2, 3]}}\n',
         "'converter.magnetic_force' needs 5 numbers under value, but it has 3; give a list of 5",
+        "[parameters]",
     ),
     bad(
         "one bound for a vector",
         f'{TRACE}[parameters]\n"converter.magnetic_force" = {{lower = 0}}\n',
         "'converter.magnetic_force' needs 5 numbers under lower, but it has 1; give a list of 5",
+        "[parameters]",
     ),
     bad(
         "a list for a number",
         f'{TRACE}[parameters]\n"diaphragm.mass" = {{value = [0.6]}}\n',
         "'diaphragm.mass' needs one number under value, but it has a list; give one number",
+        "[parameters]",
     ),
 ]
 

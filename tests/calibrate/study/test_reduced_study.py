@@ -1,13 +1,16 @@
 """Studies with model = "plunger-map" and "static-map": simulated, fitted, refused."""
 
-import json
-
 import numpy as np
 import pytest
 from commands import assert_refused, cut_example, read, run_command
 
 import vgtjax
-from calibrate.study.tables import Components
+from calibrate.study.components import (
+    FullComponents,
+    MechanicalComponents,
+    PlungerMapComponents,
+    StaticMapComponents,
+)
 from calibrate.study.units import prepare
 
 STATES = {
@@ -108,32 +111,46 @@ def test_a_fit_of_four_states_finds_the_spring_and_reads_back(tmp_path):
     assert float(again.diaphragm.stiffness) == found["diaphragm.stiffness"]["value"]
 
 
-def test_other_models_files_know_nothing_of_maps():
-    assert "flow_map" not in Components().model_dump()
-    assert "flow_map" not in json.loads(Components().model_dump_json())
-    assert Components(flow_map="printed").model_dump()["flow_map"] == "printed"
+ALL = {"friction": "lugre", "vane_force": "none", "line": "none", "magnetic_force": "static", "chamber": "adiabatic"}
+
+
+@pytest.mark.parametrize("components", [FullComponents, MechanicalComponents, PlungerMapComponents])
+def test_files_of_all_models_state_the_same_components(components):
+    assert components().names() == ALL
+
+
+def test_a_map_is_stated_where_there_is_one():
+    assert StaticMapComponents(flow_map="printed").names() == {**ALL, "flow_map": "printed"}
 
 
 BAD = {
     "a map in the full model": (
         f'{TRACE}[components]\nflow_map = "printed"\n',
-        "flow_map belongs to the models plunger-map and static-map, but the study's is 'full'; remove it",
+        "study.toml: the key 'components.flow_map' belongs to model = 'plunger-map' or 'static-map', but it is 'full'; "
+        "remove the key",
     ),
     "a map that there is not": (
         f'model = "static-map"\n{TRACE}[components]\nflow_map = "polynomal"\n',
-        "flow_map = 'polynomal' matches nothing; did you mean 'polynomial'?",
+        "study.toml: components.flow_map must be one of steady-plunger, polynomial, printed, but it is 'polynomal'; "
+        "did you mean 'polynomial'?",
     ),
     "a map over duty for a plunger": (
         f'model = "plunger-map"\n{TRACE}[components]\nflow_map = "printed"\n',
-        "flow_map = 'printed' matches nothing; did you mean 'table'?",
+        "study.toml: with model = 'plunger-map', components.flow_map can only be 'table', but it is 'printed'; remove "
+        "it",
     ),
     "a line": (
         f'model = "static-map"\n{TRACE}[components]\nline = "delay"\n',
-        "model = 'static-map' has line = 'none' only, but it is 'delay'; remove it",
+        "study.toml: with model = 'static-map', components.line can only be 'none', but it is 'delay'; remove it",
+    ),
+    "a line on a rod alone": (
+        f'model = "mechanical"\n{TRACE}[components]\nline = "wave"\n',
+        "study.toml: with model = 'mechanical', components.line can only be 'none', but it is 'wave'; remove it",
     ),
     "heat": (
         f'model = "plunger-map"\n{TRACE}[components]\nchamber = "adiabatic"\n',
-        "model = 'plunger-map' has chamber = 'isothermal' only, but it is 'adiabatic'; remove it",
+        "study.toml: with model = 'plunger-map', components.chamber can only be 'isothermal', but it is 'adiabatic'; "
+        "remove it",
     ),
     "bounds of what the map replaced": (
         f'model = "static-map"\n{TRACE}[parameters]\n"converter.plunger_damping" = {{lower = 10}}\n',
@@ -143,11 +160,12 @@ BAD = {
     "a wrong name": (
         f'model = "static-map"\n{TRACE}[parameters]\n"converter.membrane_stifness" = {{value = 10}}\n',
         "parameter name or pattern 'converter.membrane_stifness' matches nothing; did you mean "
-        "'converter.membrane_stiffness'?",
+        "'converter.membrane_stiffness'? (see [parameters] in the study)",
     ),
     "a value that is not physical": (
         f'model = "static-map"\n{TRACE}[parameters]\n"converter.membrane_stiffness" = {{value = -1}}\n',
-        "'converter.membrane_stiffness' must be finite and not negative, but it is -1; correct it",
+        "'converter.membrane_stiffness' must be finite and not negative, but it is -1; correct it (see "
+        "[parameters] in the study)",
     ),
 }
 

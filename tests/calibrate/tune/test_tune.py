@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 from commands import assert_refused, read, run_command
 
-import calibrate.tune.command as command
+import calibrate.resumable as resumable
 import vgtjax
-from calibrate.study.tables import ReferenceEntry
+from calibrate.study.references import PrintedReference, SineReference, TraceReference, build_references
 from calibrate.tune.job import EXAMPLE, prepare_tuning
-from calibrate.tune.references import build_references
 from vgtjax.control import reference_at
 
 STUDY = """
@@ -112,7 +111,7 @@ def test_the_same_command_again_does_nothing_and_another_study_is_refused(done):
 def test_a_run_that_was_interrupted_goes_on_where_it_was(done, summary, monkeypatch):
     """Killed after two steps; the rest is what the run in one go did."""
     out, steps = done.parent / "resumed", []
-    write_json = command.write_json
+    write_json = resumable.write_json
 
     def stop(path, content):
         write_json(path, content)
@@ -120,11 +119,11 @@ def test_a_run_that_was_interrupted_goes_on_where_it_was(done, summary, monkeypa
         if len(steps) == 2:
             raise RuntimeError("killed")
 
-    monkeypatch.setattr(command, "write_json", stop)
+    monkeypatch.setattr(resumable, "write_json", stop)
     with pytest.raises(RuntimeError, match="killed"):
         run_command("tune", done.parent / "study.toml", "--out", out)
     assert {path.name for path in out.iterdir()} == {".study.json", ".progress.json"}
-    monkeypatch.setattr(command, "write_json", write_json)
+    monkeypatch.setattr(resumable, "write_json", write_json)
     outcome = run_command("tune", done.parent / "study.toml", "--out", out)
     assert outcome.status == 0
     assert "resuming after step 2" in outcome.out
@@ -163,15 +162,17 @@ def test_a_report_carries_everything(done):
         ('fre = ["*"]', "study.toml: unknown key 'control.fre'; did you mean 'free'?"),
         (
             'free = ["propotional_gain"]',
-            "parameter name or pattern 'propotional_gain' matches nothing; did you mean 'proportional_gain'?",
+            "parameter name or pattern 'propotional_gain' matches nothing; did you mean 'proportional_gain'? (see "
+            "[control] in the study)",
         ),
         (
             "gains = {proportional_gain = {value = -1.0}}",
-            "'proportional_gain' must be finite and not negative, but it is -1; correct it",
+            "'proportional_gain' must be finite and not negative, but it is -1; correct it (see [control.gains] in the "
+            "study)",
         ),
         (
             "gains = {proportional_gain = {lower = 7000.0}}",
-            "'proportional_gain' must be at least 7000, but it is 6000; change one under [control.gains]",
+            "'proportional_gain' must be at least 7000, but it is 6000; change one (see [control.gains] in the study)",
         ),
         (
             "derivative_memory = [0.0]",
@@ -187,26 +188,44 @@ def test_bad_studies_get_one_sentence(more, sentence, tmp_path):
 @pytest.mark.parametrize(
     ("entry", "sentence"),
     [
-        ({"kind": "sine", "rate": 1.0}, "a reference of kind 'sine' needs amplitude; add it"),
-        ({"kind": "signal-1", "times": [1.0]}, "a reference of kind 'signal-1' has no times; remove it"),
-        ({"kind": "trace"}, "a reference of kind 'trace' needs file; add it"),
+        (
+            'kind = "sine"\nrate = 1.0',
+            "the key 'control.reference.amplitude' is missing, which kind = 'sine' needs; add it",
+        ),
+        (
+            'kind = "signal-1"\ntimes = [1.0]',
+            "the key 'control.reference.times' belongs to kind = 'steps' or 'ramps', but it is 'signal-1'; remove the "
+            "key",
+        ),
+        (
+            'kind = "trace"',
+            "the key 'control.reference.file' is missing, which kind = 'trace' needs; add it",
+        ),
+        ('kind = "ramps"\nlevls = [1.0]', "unknown key 'control.reference.levls'; did you mean 'levels'?"),
+        ("rate = 1.0", "the key 'control.reference.kind' is missing; add it"),
+        (
+            'kind = "signal1"',
+            "control.reference.kind must be one of sine, steps, ramps, signal-1, signal-2, trace, but it is 'signal1'; "
+            "did you mean 'signal-1'?",
+        ),
     ],
 )
 def test_references_have_the_keys_of_their_kind(entry, sentence, tmp_path):
-    with pytest.raises(vgtjax.InputError, match=sentence):
-        build_references([ReferenceEntry(**entry)], tmp_path)
+    (tmp_path / "study.toml").write_text(f"[[control.reference]]\n{entry}\n", encoding="utf-8")
+    outcome = run_command("tune", tmp_path / "study.toml", "--out", tmp_path / "out")
+    assert_refused(outcome, f"study.toml: {sentence}", tmp_path / "out")
 
 
 def test_two_references_of_one_name_are_refused(tmp_path):
     with pytest.raises(vgtjax.InputError, match="two references are called 'signal-1'; give each its own name"):
-        build_references([ReferenceEntry(kind="signal-1")] * 2, tmp_path)
+        build_references([PrintedReference(kind="signal-1")] * 2, tmp_path)
 
 
 def test_a_reference_may_begin_later_and_be_a_trace():
     folder = pathlib.Path(vgtjax.__file__).parents[1] / "calibrate" / "example"
     entries = [
-        ReferenceEntry(kind="sine", amplitude=0.001, rate=2.0, begin=1.5),
-        ReferenceEntry(kind="trace", file="step_80.csv"),
+        SineReference(kind="sine", amplitude=0.001, rate=2.0, begin=1.5),
+        TraceReference(kind="trace", file="step_80.csv"),
     ]
     signals = build_references(entries, folder)
     assert float(reference_at(signals["sine"], 0.25).position) == pytest.approx(0.001 * np.sin(2 * 1.75))

@@ -240,7 +240,7 @@ def test_a_fit_in_single_precision_is_refused():
 
 
 def test_a_fit_without_traces_is_refused():
-    with pytest.raises(vgtjax.InputError, match="at least one trace to be fitted"):
+    with pytest.raises(vgtjax.InputError, match="at least one trace, but there is none; give one"):
         plan_task(vgtjax.Actuator(), [])
 
 

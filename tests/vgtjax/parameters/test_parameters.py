@@ -236,5 +236,5 @@ def test_a_start_value_must_lie_inside_its_bounds(table, start, bounds):
 
 
 def test_a_positive_parameter_has_no_logarithm_at_zero(table):
-    with pytest.raises(vgtjax.InputError, match="must be positive to be fitted, but it is 0; change it under"):
+    with pytest.raises(vgtjax.InputError, match="must be positive to be fitted, but it is 0; change it, or hold"):
         build_transform(table, ["diaphragm.stiffness"], np.array([0.0]), {})

@@ -1,0 +1,29 @@
+"""What all tables of a study share, and the numbers that stand in them."""
+
+from typing import Annotated
+
+import pydantic
+
+
+class Table(pydantic.BaseModel):
+    """What all tables share: no unknown keys, no conversions, no changes."""
+
+    model_config = pydantic.ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+Finite = Annotated[float, pydantic.Field(allow_inf_nan=False)]
+Positive = Annotated[float, pydantic.Field(gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, pydantic.Field(ge=0, allow_inf_nan=False)]
+Share = Annotated[float, pydantic.Field(gt=0, lt=1)]
+Count = Annotated[int, pydantic.Field(ge=1)]
+Seed = Annotated[int, pydantic.Field(ge=0)]
+Gauge = Annotated[float, pydantic.Field(ge=0, le=1e6)]
+"""Pa gauge at the turbine's inlet."""
+
+
+class StartValue(Table):
+    """Start value and bounds of a parameter in SI units; lists for vectors."""
+
+    value: float | list[float] | None = None
+    lower: float | list[float] | None = None
+    upper: float | list[float] | None = None

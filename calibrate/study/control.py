@@ -1,0 +1,63 @@
+"""`[control]`: a controller, what it has to do, and which of its gains are tuned."""
+
+from typing import Annotated, Literal
+
+import pydantic
+
+from .base import Count, Gauge, NotNegative, Positive, Seed, StartValue, Table
+from .references import TRIED_ON, TUNED_ON, Reference
+
+
+class CostTable(Table):
+    """What counts as one in the cost of a closed loop; a scale that is not given leaves its term out."""
+
+    tracking: Positive = 1e-5
+    """m"""
+    effort: Positive | None = None
+    """%"""
+    chatter: Positive | None = 5.0
+    """% from one sample to the next."""
+    largest_error: Positive | None = None
+    """m; beyond it every error costs ten times more."""
+    worst: Annotated[float, pydantic.Field(ge=0, le=1)] = 0.5
+
+
+class UnseenTable(Table):
+    """What tuned gains are tried on that they were not tuned on."""
+
+    reference: Annotated[list[Reference], pydantic.Field(min_length=1)] = TRIED_ON
+    turbine_pressure: Annotated[list[Gauge], pydantic.Field(min_length=1)] | None = None
+    plants: Annotated[int, pydantic.Field(ge=0)] = 12
+
+
+class ControlTable(Table):
+    """A controller, what it has to do, and which of its gains are tuned."""
+
+    design: Literal["pi", "pid", "pi-knocker", "friction-compensation", "backstepping", "adaptive-backstepping"] = (
+        "backstepping"
+    )
+    free: list[str] | None = None
+    fixed: list[str] = []
+    gains: dict[str, StartValue] = {}
+    reference: list[Reference] = TUNED_ON
+    turbine_pressure: Annotated[list[Gauge], pydantic.Field(min_length=1)] = [0.0]
+    plants: Count = 8
+    duration: Positive = 8.0
+    settled: NotNegative = 2.0
+    period: Positive = 1e-3
+    sensors: Literal["bench", "ideal"] = "bench"
+    seed: Seed = 0
+    lanes: Count = 64
+    derivative_memory: list[Annotated[float, pydantic.Field(gt=0)]] | None = None
+    """s; infinite is exact."""
+    cost: CostTable = CostTable()
+    unseen: UnseenTable = UnseenTable()
+
+    @pydantic.model_validator(mode="after")
+    def _long_enough(self) -> "ControlTable":
+        if not self.settled < self.duration or not self.period < self.duration:
+            raise ValueError(
+                f"a run must go on after settled and be longer than a period, but duration is {self.duration:g} s, "
+                f"settled {self.settled:g} s and period {self.period:g} s; lengthen duration"
+            )
+        return self

@@ -1,0 +1,131 @@
+"""`[[control.reference]]`: a reference of the position by its kind, each with keys of its own; m, s, rad/s."""
+
+import abc
+import pathlib
+from collections.abc import Sequence
+from typing import Annotated, Any, Literal
+
+import jax.numpy as jnp
+import pydantic
+
+import vgtjax
+from vgtjax import InputError
+from vgtjax.control import AbstractSignal, Later, Ramps, Sampled, Sine, Steps, signal_1, signal_2
+
+from .base import Finite, NotNegative, Positive, Table
+
+
+class AbstractReference(Table):
+    """What references of every kind share; a key that is left out has the default of the library."""
+
+    kind: str
+    name: str | None = None
+    begin: NotNegative = 0.0
+    """s of the signal at which runs begin."""
+
+    @abc.abstractmethod
+    def signal(self, folder: pathlib.Path) -> AbstractSignal:
+        """Position in m over time, from the signal's own beginning; files lie in `folder`."""
+
+    @property
+    def stated(self) -> dict[str, Any]:
+        """What the study states of the signal itself."""
+        return {key: getattr(self, key) for key in sorted(self.model_fields_set - {"kind", "name", "begin"})}
+
+
+class SineReference(AbstractReference):
+    """`offset + amplitude sin(rate t + phase)`."""
+
+    kind: Literal["sine"]
+    amplitude: Finite
+    rate: Positive
+    offset: Finite | None = None
+    phase: Finite | None = None
+
+    def signal(self, folder: pathlib.Path) -> AbstractSignal:
+        """See the base class."""
+        return Sine(**self.stated)
+
+
+class StepsReference(AbstractReference):
+    """Smooth steps to `levels` that begin at `times`."""
+
+    kind: Literal["steps"]
+    times: list[Finite]
+    levels: list[Finite]
+    initial: Finite | None = None
+    rise: Positive | None = None
+
+    def signal(self, folder: pathlib.Path) -> AbstractSignal:
+        """See the base class."""
+        return Steps(**self.stated)
+
+
+class RampsReference(AbstractReference):
+    """Straight lines through `levels` at `times`, with round corners."""
+
+    kind: Literal["ramps"]
+    times: list[Finite]
+    levels: list[Finite]
+    rounding: Positive | None = None
+
+    def signal(self, folder: pathlib.Path) -> AbstractSignal:
+        """See the base class."""
+        return Ramps(**self.stated)
+
+
+class PrintedReference(AbstractReference):
+    """One of the thesis's two signals [5.44, 5.45]."""
+
+    kind: Literal["signal-1", "signal-2"]
+    rise: Positive | None = None
+
+    def signal(self, folder: pathlib.Path) -> AbstractSignal:
+        """See the base class."""
+        return {"signal-1": signal_1, "signal-2": signal_2}[self.kind](**self.stated)
+
+
+class TraceReference(AbstractReference):
+    """The measured position of a trace."""
+
+    kind: Literal["trace"]
+    file: str
+
+    def signal(self, folder: pathlib.Path) -> AbstractSignal:
+        """See the base class."""
+        trace = vgtjax.load_trace(folder / self.file, needs=("x_d",))
+        position = trace.channels["x_d"]
+        return Sampled.through(position.time - trace.time[0], position.value)
+
+
+Reference = Annotated[
+    SineReference | StepsReference | RampsReference | PrintedReference | TraceReference,
+    pydantic.Field(discriminator="kind"),
+]
+
+TUNED_ON: list[Reference] = [
+    SineReference(kind="sine", amplitude=0.003, rate=1.0, offset=0.005),
+    StepsReference(kind="steps", times=[1.0, 3.5, 6.0], levels=[0.003, 0.008, 0.005], initial=0.002, rise=0.5),
+]
+"""References that gains are tuned on where the study names none."""
+TRIED_ON: list[Reference] = [
+    PrintedReference(kind="signal-1", begin=10.0),
+    RampsReference(kind="ramps", times=[0.5, 3.0, 4.0, 7.0], levels=[0.001, 0.009, 0.009, 0.004]),
+    PrintedReference(kind="signal-2"),
+]
+"""References that tuned gains are tried on where the study names none."""
+
+
+def build_references(entries: Sequence[AbstractReference], folder: pathlib.Path) -> dict[str, AbstractSignal]:
+    """Signals in m by name, which is the kind where the study gives none.
+
+    **Raises:** `InputError` for two references of one name.
+    """
+    signals: dict[str, AbstractSignal] = {}
+    for entry in entries:
+        name = entry.name or entry.kind
+        if name in signals:
+            raise InputError(f"two references are called '{name}'; give each its own name")
+        signal = entry.signal(folder)
+        signals[name] = Later(signal, jnp.asarray(entry.begin)) if entry.begin > 0 else signal
+    return signals

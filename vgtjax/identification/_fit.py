@@ -1,0 +1,81 @@
+"""A fit of all free parameters at once, begun where identification says that it had better begin."""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from .._errors import InputError
+from ..estimation import Calibration, Calibrator, Progress, Task, plan_task, start_calibration
+from ..parameters import Bounds, build_transform, parameter_table
+from ..plants import AbstractModel
+from ..traces import Trace
+from ._axis import better_start, moves_at_start
+
+
+def fit(
+    model: AbstractModel,
+    traces: Sequence[Trace],
+    validate: Sequence[Trace] = (),
+    *,
+    free: Sequence[str] | None = None,
+    fixed: Sequence[str] = (),
+    values: dict[str, Any] | None = None,
+    bounds: Bounds | None = None,
+    channels: Sequence[str] | None = None,
+    report: Callable[[Progress], None] = lambda progress: None,
+) -> Calibration:
+    """Calibrates a model to traces by exact gradients; the same as the command `fit`.
+
+    **Arguments:**
+
+    - `traces`, `validate`: measured traces to fit, and others that the result is only compared with.
+    - `free`, `fixed`: names or fnmatch patterns; by default all that the table does not hold. `fixed` beats `free`.
+    - `values`: start values by name, in the units of the table; by default those of `model`.
+    - `bounds`: `(lower, upper)` by name, pattern or entry, either `None`.
+    - `channels`: measured signals to fit; by default those that are no input of the model.
+    - `report`: called with the progress after every step.
+
+    **Returns:** values, standard errors, and how the traces are met; it prints itself as a table. Ask `converged`.
+
+    **Raises:** `InputError` as [`plan_fit`][]; `SimulationError` when the start can't be simulated.
+    """
+    task = plan_fit(model, traces, validate, free=free, fixed=fixed, values=values, bounds=bounds, channels=channels)
+    return start_fit(task).run(report)
+
+
+def plan_fit(model: AbstractModel, traces: Sequence[Trace], validate: Sequence[Trace] = (), **choices: Any) -> Task:
+    """A task whose start may be fitted; arguments as those of [`fit`][].
+
+    **Raises:** `InputError` for unknown names, no trace, nothing free, or a start value outside its domain or bounds.
+    """
+    task = plan_task(model, traces, validate, **choices)
+    if not task.selection.entries:
+        raise InputError("a fit needs at least one free parameter, but free and fixed leave none; free one", "free")
+    start = np.asarray(task.selection.pack(task.model))
+    build_transform(parameter_table(task.model), task.selection.entries, start, task.bounds)
+    return task
+
+
+def start_fit(task: Task, resume: Progress | None = None) -> Calibrator:
+    """Compiles a task and finds where its search begins; its notes say where that is not the start values.
+
+    **Arguments:** `resume`: the last progress of the same task, interrupted.
+
+    **Raises:** as [`start_calibration`][].
+    """
+    if resume is not None:
+        return start_calibration(task, resume)
+    notes = []
+    for trace in task.fit:
+        moving = moves_at_start(trace)
+        if moving is not None:
+            notes.append(
+                f"{trace.name}: it begins at {moving[0]:.2g} m/s, but a simulation begins at rest; "
+                f"window = [{moving[1]:.3f}, {trace.time[-1]:.3f}] leaves that out"
+            )
+    begin = better_start(task)
+    if begin is not None:
+        notes.append("the search begins at what a regression of force and position tells")
+    return dataclasses.replace(start_calibration(task, begin), notes=tuple(notes))
