@@ -1,25 +1,44 @@
-"""How results print themselves: a table of text in a terminal, of HTML in a notebook."""
+"""How results print themselves: a title and tables, of text in a terminal and of HTML in a notebook."""
 
+import abc
 import html
 from collections.abc import Sequence
 
 Cells = Sequence[Sequence[str]]
 
 
-def text_table(header: Sequence[str], rows: Cells) -> str:
+class Printed(abc.ABC):
+    """A result that prints itself."""
+
+    @abc.abstractmethod
+    def _title(self) -> str:
+        """What stands above the tables."""
+
+    @abc.abstractmethod
+    def _tables(self) -> Sequence[Cells]:
+        """Tables of cells, the header of each first."""
+
+    def __repr__(self) -> str:
+        return "\n".join([self._title(), *map(text_table, self._tables())])
+
+    def _repr_html_(self) -> str:
+        return f"<p>{html.escape(self._title())}</p>{''.join(map(html_table, self._tables()))}"
+
+
+def text_table(rows: Cells) -> str:
     """Columns as wide as they must be, the first to the left and the others to the right."""
-    widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = []
-    for cells in (header, *rows):
-        first, *rest = (cell.rjust(width) for cell, width in zip(cells, widths, strict=True))
-        lines.append("  ".join([first.strip().ljust(widths[0]), *rest]))
+    for row in rows:
+        first, *rest = (cell.rjust(width) for cell, width in zip(row, widths, strict=True))
+        lines.append("  ".join([first.strip().ljust(widths[0]), *rest]).rstrip())
     return "\n".join(lines)
 
 
-def html_table(header: Sequence[str], rows: Cells) -> str:
+def html_table(rows: Cells) -> str:
     """The same cells as HTML."""
 
     def line(cells: Sequence[str], tag: str) -> str:
         return "<tr>" + "".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in cells) + "</tr>"
 
-    return "<table>" + line(header, "th") + "".join(line(cells, "td") for cells in rows) + "</table>"
+    return f"<table>{line(rows[0], 'th')}{''.join(line(row, 'td') for row in rows[1:])}</table>"

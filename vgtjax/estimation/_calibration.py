@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from .._errors import InputError
+from .._printing import Cells, Printed
 from ..parameters import (
     Bounds,
     Selection,
@@ -21,11 +22,10 @@ from ..parameters import (
 )
 from ..plants import AbstractModel, MechanicalActuator
 from ..simulation import FixedStep, model_dtype
-from ..traces import Trace, noise_level
+from ..traces import SIGNALS, Trace, noise_level
 from ._bundle import CHANNELS, bundle_traces
 from ._fit import LevenbergMarquardt, Progress
 from ._least_squares import LeastSquares, estimate_uncertainty
-from ._printing import as_html, as_text
 from ._residuals import build_fit_problem
 from ._sensitivities import observe
 
@@ -137,7 +137,7 @@ class TraceResult:
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Calibration:
+class Calibration(Printed):
     """A finished calibration; vectors are in the order of `selection.entries` and in the units of the table.
 
     It prints itself as a table. `notes` say what the fit did with its start.
@@ -155,11 +155,33 @@ class Calibration:
     """Number of measurements fitted."""
     notes: tuple[str, ...] = ()
 
-    def __repr__(self) -> str:
-        return as_text(self)
+    def _title(self) -> str:
+        word = "converged" if self.converged else "NOT converged"
+        steps = self.progress.iteration
+        return f"Calibration: {word} after {steps} step{'' if steps == 1 else 's'}; {self.verdict}"
 
-    def _repr_html_(self) -> str:
-        return as_html(self)
+    def _tables(self) -> list[Cells]:
+        return [self._estimates(), self._comparisons()]
+
+    def _estimates(self) -> Cells:
+        table, rows = parameter_table(self.model), [("parameter", "value", "std. error", "unit", "")]
+        found = zip(self.task.selection.entries, self.values, self.std_errors, self.at_bound, strict=True)
+        for entry, value, error, at_bound in found:
+            unknown = not np.isfinite(error)
+            status = "at bound" if at_bound else "not determined" if unknown else "free"
+            unit = str(table_row(table, entry).unit)
+            rows.append((entry, f"{value:.6g}", "" if unknown else f"{error:.2g}", unit, status))
+        return rows
+
+    def _comparisons(self) -> Cells:
+        channels = self.task.channels
+        units = (SIGNALS[channel].unit.split()[0] for channel in channels)  # a difference of pressures is not absolute
+        heads = (f"RMSE of {channel}, {unit}" for channel, unit in zip(channels, units, strict=True))
+        rows: list[tuple[str, ...]] = [("trace", "use", *heads)]
+        for result in self.traces:
+            errors = (result.rmse.get(channel) for channel in channels)
+            rows.append((result.trace.name, result.use, *("" if error is None else f"{error:.3g}" for error in errors)))
+        return rows
 
     @property
     def converged(self) -> bool:

@@ -2,13 +2,13 @@
 
 import dataclasses
 import functools
-import html
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 from .._errors import SimulationError
+from .._printing import Cells, Printed
 from ..parameters import Parameter, parameter_table, table_row
 from ..traces import Trace
 
@@ -60,7 +60,7 @@ def thinned(count: int) -> slice:
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Identified:
+class Identified(Printed):
     """Parameters that one bench test determines, with standard errors, and what it could not determine.
 
     `values` and `std_errors` are by parameter name, in the units of the parameter table; scalars have shape `()`,
@@ -91,16 +91,16 @@ class Identified:
             found += list(zip(entries, values.tolist(), errors.tolist(), units, strict=True))
         return found
 
-    def __repr__(self) -> str:
+    def _title(self) -> str:
+        title = f"{self.name} [{self.equations}]" + ("" if self.values else ": not possible")
+        return "\n".join([title, *self.limitations])
+
+    def _tables(self) -> list[Cells]:
         rows = [
-            f"  {entry:<42}{value:>12.5g} {f'+- {error:.2g}' if np.isfinite(error) else '':<12}{unit}"
+            (entry, f"{value:.5g}", f"{error:.2g}" if np.isfinite(error) else "", unit)
             for entry, value, error, unit in self.rows()
         ]
-        title = f"{self.name} [{self.equations}]" + ("" if self.values else ": not possible")
-        return "\n".join([title, *rows, *(f"  {sentence}" for sentence in self.limitations)])
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{html.escape(repr(self))}</pre>"
+        return [[("parameter", "value", "std. error", "unit"), *rows]] if rows else []
 
 
 Test = Callable[[Any, Sequence[Trace]], Identified]

@@ -1,7 +1,6 @@
 """What experiments read off many actuators, by the names of their outputs."""
 
 import dataclasses
-import html
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -10,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
-from .._printing import html_table, text_table
+from .._printing import Cells, Printed
 from ..experiments import Output
 from ..parameters import unknown_name
 from ..simulation import RESULTS
@@ -64,7 +63,7 @@ class OutputTable:
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Results(OutputTable):
+class Results(Printed, OutputTable):
     """What the experiments read off some actuators; all outputs of a simulation that failed are NaN.
 
     `status` says of every row how its simulations ended, by the first that failed: `results.status ==
@@ -83,26 +82,20 @@ class Results(OutputTable):
         """Of every row the name of its member of `RESULTS`."""
         return tuple(CAUSES[number] for number in np.asarray(self.status._value).tolist())
 
-    def _summary(self) -> str:
+    def _title(self) -> str:
         counts = Counter(cause for cause in self.causes if cause != CAUSES[0])
         why = ", ".join(f"{count} {cause}" for cause, count in counts.items())
         curves = sum(bool(output.axis) for output in self.outputs)
         return f"{len(self.matrix)} samples, {int(self.failed.sum())} failed{f' ({why})' * bool(why)}, {curves} curves"
 
-    def _cells(self) -> tuple[list[str], list[list[str]]]:
-        rows = []
+    def _tables(self) -> list[Cells]:
+        rows = [["output", "unit", "mean", "deviation", *(f"{share:.0%}" for share in SHARES)]]
         for output in self.outputs:
             if not output.axis:
                 found = describe(self[output.name], SHARES)
                 figures = [found.mean, found.deviation, *found.quantiles]
                 rows.append([output.name, output.unit, *(f"{figure:.5g}" for figure in figures)])
-        return ["output", "unit", "mean", "deviation", *(f"{share:.0%}" for share in SHARES)], rows
-
-    def __repr__(self) -> str:
-        return f"{self._summary()}\n{text_table(*self._cells())}"
-
-    def _repr_html_(self) -> str:
-        return f"<p>{html.escape(self._summary())}</p>{html_table(*self._cells())}"
+        return [rows]
 
 
 class Description(NamedTuple):

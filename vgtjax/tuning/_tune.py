@@ -1,12 +1,12 @@
 """Tuning by one call, and its result."""
 
 import dataclasses
-import html
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
+from .._printing import Cells, Printed
 from ..control import AbstractController
 from ..parameters import parameter_table, table_row
 from ._cases import Cases
@@ -27,7 +27,7 @@ class TunedGain:
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Tuning:
+class Tuning(Printed):
     """A controller with tuned gains, and what tuning gained. Prints itself as a table; unpacks as the first two.
 
     `problem` holds the closed loops as they are, e.g. for `problem.simulate(problem.start, [0])`, which has the gains
@@ -44,29 +44,16 @@ class Tuning:
     def __iter__(self) -> Iterator[Any]:
         return iter((self.controller, self.progress))
 
-    def __repr__(self) -> str:
-        head, rows = ("gain", "unit", "start", "tuned"), self._rows()
-        name, unit = (max(len(row[column]) for row in (head, *rows)) for column in (0, 1))
-        lines = [f"{row[0]:{name}}  {row[1]:{unit}}  {row[2]:>10}  {row[3]:>10}" for row in (head, *rows)]
-        return "\n".join([self._summary(), *lines])
-
-    def _repr_html_(self) -> str:
-        def line(cells: tuple[str, ...], tag: str) -> str:
-            return "<tr>" + "".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in cells) + "</tr>"
-
-        body = "".join(line(row, "td") for row in self._rows())
-        head = line(("gain", "unit", "start", "tuned"), "th")
-        return f"<p>{html.escape(self._summary())}</p><table>{head}{body}</table>"
-
-    def _summary(self) -> str:
+    def _title(self) -> str:
         now, ended = self.progress, "converged" if self.progress.converged else "not converged"
         return (
             f"Tuning of {type(self.controller).__name__} on {len(self.problem.cases)} closed loops: cost "
             f"{now.history[0]:.4g} before, {now.cost:.4g} after {now.iteration} steps, {ended}: {now.verdict}"
         )
 
-    def _rows(self) -> list[tuple[str, ...]]:
-        return [(gain.name, gain.unit, f"{gain.start:.4g}", f"{gain.tuned:.4g}") for gain in self.gains]
+    def _tables(self) -> list[Cells]:
+        rows = [(gain.name, gain.unit, f"{gain.start:.4g}", f"{gain.tuned:.4g}") for gain in self.gains]
+        return [[("gain", "unit", "start", "tuned"), *rows]]
 
 
 def tune(controller: AbstractController, cases: Cases, objective: Objective, **options: Any) -> Tuning:

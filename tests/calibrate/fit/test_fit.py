@@ -176,6 +176,12 @@ def test_a_notebook_shows_the_same_table(calibration):
     assert " ".join(cells).split() == words
 
 
+def _failed(result):
+    channel = result.channels["x_d"]
+    lost = dataclasses.replace(channel, simulated=np.full_like(channel.simulated, np.nan))
+    return dataclasses.replace(result, channels={**result.channels, "x_d": lost})
+
+
 def test_what_is_wrong_with_a_fit_is_part_of_its_answer(calibration):
     """A value on its bound, one that the data don't tell, one that ran away, and a trace that failed."""
     far = dataclasses.replace(
@@ -185,9 +191,9 @@ def test_what_is_wrong_with_a_fit_is_part_of_its_answer(calibration):
             coordinates=tuple(np.array(calibration.progress.coordinates) + np.array([0.0, 0.0, 0.0, 20.0])),
         ),
         values=calibration.values * np.exp([0.0, 0.0, 0.0, 20.0]),
-        traces=[dataclasses.replace(calibration.traces[0], rmse={"x_d": np.nan}), calibration.traces[1]],
+        traces=[_failed(calibration.traces[0]), calibration.traces[1]],
         uncertainty=dataclasses.replace(
-            calibration.uncertainty, identifiable=np.array([False, *calibration.uncertainty.identifiable[1:]])
+            calibration.uncertainty, determined=np.array([False, *calibration.uncertainty.determined[1:]])
         ),
     )
     assert far.task.selection.entries[3] == "friction.viscous_damping"
