@@ -6,6 +6,7 @@ Sensors are those of the bench, whose offset is known. Each controller has one s
 import dataclasses
 import functools
 from collections.abc import Callable
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -51,13 +52,19 @@ class Course:
 
     def scenario(self, pressure: Float[Array, ""], key: Array) -> Scenario:
         """At a turbine pressure in Pa gauge, with the noise of a seed."""
-        begin = {} if self.start is None else {"start": control.balanced_at(self.start), "duty_before": DUTY_BEFORE}
+        begin: dict[str, Any] = (
+            {} if self.start is None else {"start": control.balanced_at(self.start), "duty_before": DUTY_BEFORE}
+        )
         turbine, sensors = control.Constant(pressure), control.Sensors.bench()
         return Scenario(self.signal(), turbine, sensors=sensors, key=key, **begin)
 
 
 COURSES = {
-    "slow": Course(lambda: control.Ramps([0.1, 0.11, 20.11], [0.004, 0.005, 0.0058], rounding=0.01), 20.0, 0.004),
+    "slow": Course(
+        lambda: control.Ramps(np.array([0.1, 0.11, 20.11]), np.array([0.004, 0.005, 0.0058]), rounding=0.01),
+        20.0,
+        0.004,
+    ),
     "Signal 1": Course(control.signal_1, SETTLED + PERIOD),
     "Signal 2": Course(control.signal_2, 8.0),
 }

@@ -78,8 +78,8 @@ class Steps(AbstractSignal):
     **Raises:** `InputError` for shapes that differ, or a `rise` that is not positive.
     """
 
-    times: Float[Array, " steps"] = number()
-    levels: Float[Array, " steps"] = number()
+    times: Float[Array | np.ndarray, " steps"] = number()
+    levels: Float[Array | np.ndarray, " steps"] = number()
     initial: Scalar = number(default=0.0)
     rise: Scalar = number(default=0.1)
 
@@ -104,8 +104,8 @@ class Ramps(AbstractSignal):
     **Raises:** `InputError` for shapes that differ, times that don't increase, or a `rounding` that is not positive.
     """
 
-    times: Float[Array, " corners"] = number()
-    levels: Float[Array, " corners"] = number()
+    times: Float[Array | np.ndarray, " corners"] = number()
+    levels: Float[Array | np.ndarray, " corners"] = number()
     rounding: Scalar = number(default=0.1)
 
     def __check_init__(self) -> None:
@@ -215,7 +215,7 @@ def _smooth_ramp(share: Array) -> Array:
     return s**5 * (7 + s * (-14 + s * (10 - 2.5 * s))) + jnp.maximum(share - 1.0, 0.0)
 
 
-def _require_equal_length(times: Array, levels: Array) -> None:
+def _require_equal_length(times: Array | np.ndarray, levels: Array | np.ndarray) -> None:
     if times.shape != levels.shape or times.ndim < 1:
         raise InputError(
             f"times and levels must have one level a time, but have shapes {times.shape} and {levels.shape}; "

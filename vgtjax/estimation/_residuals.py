@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from .._lanes import replicate
 from ..parameters import Selection, Transform
@@ -17,7 +17,7 @@ from ..traces import Trace, noise_level
 from ._bundle import CHANNELS, Bundle, bundle_traces
 from ._sensitivities import observe, observe_with_jacobian
 
-Weights = Float[Array, "lanes sample channel"]
+Weights = Float[Array | np.ndarray, "lanes sample channel"]
 
 
 class Measured(eqx.Module):
@@ -29,7 +29,7 @@ class Measured(eqx.Module):
 
     values: Weights
     weights: Weights
-    owner: Array
+    owner: Int[Array | np.ndarray, " lanes"]
     traces: int = eqx.field(static=True)
 
 
@@ -37,7 +37,7 @@ def _measure(bundle: Bundle, traces: Sequence[Trace], channels: Sequence[str]) -
     values, weights = [], []
     for channel in CHANNELS:
         filled = [
-            _fill(traces[index], channel if channel in channels else None, count)
+            _fill(traces[index] if channel in channels else None, channel, count)
             for index, count in zip(bundle.indices, bundle.samples, strict=True)
         ]
         values.append(bundle.to_lanes([value for value, _ in filled]))
@@ -45,11 +45,11 @@ def _measure(bundle: Bundle, traces: Sequence[Trace], channels: Sequence[str]) -
     return Measured(np.stack(values, -1), np.stack(weights, -1), bundle.lane_trace, traces=len(bundle.indices))
 
 
-def _fill(trace: Trace, channel: str | None, count: int) -> tuple[np.ndarray, np.ndarray]:
+def _fill(trace: Trace | None, channel: str, count: int) -> tuple[np.ndarray, np.ndarray]:
     """A channel at the times at which its trace is simulated, and its weights: zero where it was not sampled."""
     values, weights = np.zeros((2, count))
-    sampled = None if channel is None else trace.sampled(channel)
-    if sampled is not None:
+    sampled = None if trace is None else trace.sampled(channel)
+    if trace is not None and sampled is not None:
         rows = trace.rows(channel)
         values[rows], weights[rows] = sampled.value, 1 / noise_level(sampled.value, channel)
     return values, weights

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 from scipy import optimize
 
+from .._types import Vector
 from ..estimation import clustered_errors, determined_within, error_factor
 from ..parameters import Selection, Transform, build_transform, entry_names, get_parameter, parameter_table, select
 from ..parts import Gas, NoLine
@@ -278,7 +279,7 @@ def _reach(
 
 @eqx.filter_jit
 def _residuals(
-    coordinates: Array, start: Actuator, every: Selection, transform: Transform, samples: _Samples
+    coordinates: Vector, start: Actuator, every: Selection, transform: Transform, samples: _Samples
 ) -> Float[Array, " samples"]:
     """Rate of the pressure by the model less the measured one, in units of its noise."""
     model = every.unpack(start, transform.to_physical(coordinates))

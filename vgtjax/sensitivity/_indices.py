@@ -90,7 +90,7 @@ def analyse(
         return _radial_statistics(
             (u_a[points], u_b[points]),
             grouped_x[points],
-            grouped_y[np.ix_(points, range(design.members), columns)],
+            grouped_y[np.ix_(points, np.arange(design.members), columns)],
         )
 
     complete = np.isfinite(grouped_y).all(axis=1)

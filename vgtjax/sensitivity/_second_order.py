@@ -29,9 +29,10 @@ import equinox as eqx
 import jax.core
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 from .._errors import InputError
+from .._types import Values
 from ..parts import Diaphragm, LuGre, Scalar
 
 SERIES_WITHIN = 1.0
@@ -55,7 +56,7 @@ def damping_ratio(diaphragm: Diaphragm) -> Scalar:
     return diaphragm.damping / (2 * jnp.sqrt(diaphragm.mass * diaphragm.stiffness))
 
 
-def step_response(diaphragm: Diaphragm, pressure: Scalar, time: Float[Array, "*time"]) -> Float[Array, "*time"]:
+def step_response(diaphragm: Diaphragm, pressure: Scalar, time: Values) -> Values:
     """Position in m after a step of the applied pressure [4.4], corrected; its derivation is this module's docstring.
 
     Area, mass, stiffness and damping act; preload and stops don't. All derivatives exist, at critical damping too.

@@ -7,14 +7,15 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._errors import InputError
+from .._types import Scalar, Values
 from ..parameters import parameter_table
-from ..parts import Bristle, Contact, LuGre, Scalar, Vanes
+from ..parts import Bristle, Contact, LuGre, Vanes
 
 SMALL = 1e-6
 """Relaxation times `x = rate * time` below which `(1 - e^(-x)) / x` is `1 - x/2`, off by less than `x^2 / 6`."""
 
 
-def steady_force(friction: LuGre, velocity: Float[Array, "*speeds"]) -> Float[Array, "*speeds"]:
+def steady_force(friction: LuGre, velocity: Values) -> Values:
     """Friction in N that has slid at a constant velocity in m/s for long, `g(v) sign(v) + sigma_2 v` [4.6, 4.7].
 
     The bristles have settled at `z = g(v) sign(v) / sigma_0`: neither `sigma_0` nor `sigma_1` acts. Zero at rest, where
@@ -24,7 +25,7 @@ def steady_force(friction: LuGre, velocity: Float[Array, "*speeds"]) -> Float[Ar
     return jnp.sign(velocity) * friction.stribeck(velocity) + friction.viscous_damping * velocity
 
 
-def starting_force(friction: LuGre, velocity: Scalar, time: Float[Array, "*time"]) -> Float[Array, "*time"]:
+def starting_force(friction: LuGre, velocity: Scalar, time: Values) -> Values:
     """Friction in N after a start with relaxed bristles at a velocity in m/s that is constant from then on [4.6].
 
     At a constant velocity `z' = v - rate z` is linear with `rate = sigma_0 |v| / g(v)`: `z = v/rate (1 - e^(-rate t))`.

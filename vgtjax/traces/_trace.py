@@ -175,7 +175,7 @@ class Trace:
             time = min((channel.time for channel in measured), key=len, default=self.time)
             linear = [channel.time for name, channel in self.channels.items() if not SIGNALS[name].held]
             time = time[(time >= max(t[0] for t in linear)) & (time <= min(t[-1] for t in linear))]
-        return self.replace(**{name: Channel(time, self.at(name, time)) for name in self.channels})
+        return self.replace(**{name: Channel(time, np.asarray(self.at(name, time))) for name in self.channels})
 
     def drive(self) -> Drive:
         """Inputs over the interval that each time begins; the last one has no length."""
