@@ -52,19 +52,17 @@ class Course:
 
     def scenario(self, pressure: Float[Array, ""], key: Array) -> Scenario:
         """At a turbine pressure in Pa gauge, with the noise of a seed."""
-        begin: dict[str, Any] = (
-            {} if self.start is None else {"start": control.balanced_at(self.start), "duty_before": DUTY_BEFORE}
-        )
+        begin: dict[str, Any] = {}
+        if self.start is not None:
+            begin = {"start": control.balanced_at(self.start), "duty_before": DUTY_BEFORE}
         turbine, sensors = control.Constant(pressure), control.Sensors.bench()
         return Scenario(self.signal(), turbine, sensors=sensors, key=key, **begin)
 
 
+SLOW = (np.array([0.1, 0.11, 20.11]), np.array([0.004, 0.005, 0.0058]))
+"""s and m; corners of the slow reference."""
 COURSES = {
-    "slow": Course(
-        lambda: control.Ramps(np.array([0.1, 0.11, 20.11]), np.array([0.004, 0.005, 0.0058]), rounding=0.01),
-        20.0,
-        0.004,
-    ),
+    "slow": Course(lambda: control.Ramps(*SLOW, rounding=0.01), 20.0, 0.004),
     "Signal 1": Course(control.signal_1, SETTLED + PERIOD),
     "Signal 2": Course(control.signal_2, 8.0),
 }
