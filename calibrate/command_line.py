@@ -21,68 +21,63 @@ def main() -> None:
     """Calibrates electro-pneumatic actuators from bench traces by exact gradients."""
 
 
-def _study_command(function: Callable[..., None]) -> Callable[..., None]:
-    for decorate in (
-        click.option("--out", type=PATH, required=True, metavar="DIR", help="Folder for the results."),
-        click.option(
-            "--parameters",
-            type=PATH,
-            metavar="FILE",
-            help="Start from a parameters.json, or from the folder of a fit with several units.",
-        ),
-        click.argument("study", type=PATH, required=False),
-    ):
-        function = decorate(function)
-    return main.command()(function)
+Decorator = Callable[[Callable[..., None]], Any]
+OUT = click.option("--out", type=PATH, required=True, metavar="DIR", help="Folder for the results.")
+START = "Start from a parameters.json, or from the folder of a fit with several units."
+POPULATION = "The nominal actuator's parameters.json, or the folder of a fit with several units: the population."
 
 
-@_study_command
+def _study_command(parameters: str, *options: Decorator) -> Decorator:
+    """A command on a study; what `--parameters` is for, and options of its own."""
+    given = click.option("--parameters", type=PATH, metavar="FILE", help=parameters)
+
+    def decorate(function: Callable[..., None]) -> Any:
+        for each in (*options, OUT, given, click.argument("study", type=PATH, required=False)):
+            function = each(function)
+        return main.command()(function)
+
+    return decorate
+
+
+def _population_command(function: Callable[..., None]) -> Any:
+    """A command that may run in several processes."""
+    options = (
+        click.option("--process", type=int, metavar="INDEX", help="Which of them this one is, from 0."),
+        click.option("--processes", type=int, metavar="COUNT", help="How many processes run this command together."),
+        click.option("--coordinator", metavar="HOST:PORT", help="Where the first of several processes listens."),
+    )
+    return _study_command(POPULATION, *options)(function)
+
+
+@_study_command(START)
 def simulate(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathlib.Path) -> None:
     """Runs the model on every trace of STUDY (a TOML file; a small example if omitted)."""
     _run("simulate", study, parameters, out)
 
 
-@_study_command
+@_study_command(START)
 def fit(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathlib.Path) -> None:
     """Calibrates the model to the traces of STUDY (a TOML file; a small example if omitted)."""
     _run("fit", study, parameters, out)
 
 
 @main.command()
-@click.option("--out", type=PATH, required=True, metavar="DIR", help="Folder for the results.")
+@OUT
 def reproduce(out: pathlib.Path) -> None:
     """Checks the numbers of the thesis's chapters 2 to 5 against this model."""
     _run("reproduction", out)
 
 
-@_study_command
+@_study_command(START)
 def identify(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathlib.Path) -> None:
     """Identifies part by part from STUDY, as its traces allow (a TOML file; a small example if omitted)."""
     _run("identify", study, parameters, out)
 
 
-@_study_command
+@_study_command(START)
 def tune(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathlib.Path) -> None:
     """Tunes a controller's gains by the gradient of its closed loops (a fleet of twenty if STUDY is omitted)."""
     _run("tune", study, parameters, out)
-
-
-def _population_command(function: Callable[..., None]) -> Callable[..., None]:
-    for decorate in (
-        click.option("--process", type=int, metavar="INDEX", help="Which of them this one is, from 0."),
-        click.option("--processes", type=int, metavar="COUNT", help="How many processes run this command together."),
-        click.option("--coordinator", metavar="HOST:PORT", help="Where the first of several processes listens."),
-        click.option("--out", type=PATH, required=True, metavar="DIR", help="Folder for the results."),
-        click.option(
-            "--parameters",
-            type=PATH,
-            metavar="FILE",
-            help="The nominal actuator's parameters.json, or the folder of a fit with several units: the population.",
-        ),
-        click.argument("study", type=PATH, required=False),
-    ):
-        function = decorate(function)
-    return main.command()(function)
 
 
 @_population_command

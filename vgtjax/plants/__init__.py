@@ -2,10 +2,10 @@
 
 from ._actuator import Actuator as Actuator
 from ._air_path import AbstractAirPath as AbstractAirPath, AirPath as AirPath, AirPathState as AirPathState
-from ._base import AbstractModel as AbstractModel, State as State
+from ._base import AbstractModel as AbstractModel, State as State, assemble as assemble
 from ._knots import on_given_knots as on_given_knots
 from ._mechanical import MechanicalActuator as MechanicalActuator
-from ._plant import AbstractPlant as AbstractPlant, Plant as Plant, PlantState as PlantState, assemble as assemble
+from ._plant import AbstractPlant as AbstractPlant, Plant as Plant, PlantState as PlantState
 from ._pneumatic import PneumaticActuator as PneumaticActuator
 from ._rod import Rod as Rod, RodState as RodState
 from .reduced import (

@@ -10,12 +10,13 @@ from ..parts import (
     Converter,
     Diaphragm,
 )
-from ._air_path import AirPath
-from ._plant import AbstractPlant, assemble
+from ._air_path import AbstractAirPathModel, AirPath
+from ._base import assemble
+from ._plant import AbstractPlant
 from ._rod import Rod
 
 
-class Actuator(AbstractPlant):
+class Actuator(AbstractAirPathModel, AbstractPlant):
     """Converter, line, chamber, diaphragm, friction and vanes, put together [2.58, corrected].
 
     Without arguments it has the parameters printed in the thesis's Tables B.1 to B.3.
@@ -43,13 +44,3 @@ class Actuator(AbstractPlant):
         self.air_path = assemble(air_path or AirPath(), converter=converter, line=line, chamber=chamber)
         self.rod = assemble(rod or Rod(), diaphragm=diaphragm, friction=friction, vane_force=vane_force)
         self.air = air or Air()
-
-    @property
-    def converter(self) -> Converter:
-        """The air path's."""
-        return self.air_path.converter
-
-    @property
-    def line(self) -> AbstractLine:
-        """The air path's."""
-        return self.air_path.line

@@ -20,6 +20,7 @@ from ..parts import (
     NoLine,
 )
 from ..traces import Drive
+from ._base import AbstractModel
 
 
 def ambient_pressure(air: Air, drive: Drive) -> Values:
@@ -161,3 +162,24 @@ class AirPath(AbstractAirPath):
             return self.converter.flow(air, lift, ambient, reservoir, into.pressure, into.temperature)
 
         return self.line.port(air, state.line, state.gas, flow)
+
+
+class AbstractAirPathModel(AbstractModel):
+    """A model with the full air path, whose parts are its own too."""
+
+    air_path: eqx.AbstractVar[AirPath]
+
+    @property
+    def converter(self) -> Converter:
+        """The air path's."""
+        return self.air_path.converter
+
+    @property
+    def line(self) -> AbstractLine:
+        """The air path's."""
+        return self.air_path.line
+
+    @property
+    def chamber(self) -> AbstractChamber:
+        """The air path's."""
+        return self.air_path.chamber

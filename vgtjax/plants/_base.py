@@ -1,6 +1,7 @@
 """What the integrator, the fit and the studies need of a model of the actuator."""
 
 import abc
+import dataclasses
 from typing import Any
 
 import equinox as eqx
@@ -55,3 +56,8 @@ class AbstractModel(eqx.Module):
     @abc.abstractmethod
     def needs(self) -> tuple[str, ...]:
         """Columns that a trace must have to drive this model, alternatives joined by `|`."""
+
+
+def assemble(whole: Any, **parts: Any) -> Any:
+    """`whole` with those of its parts replaced that are given."""
+    return dataclasses.replace(whole, **{name: part for name, part in parts.items() if part is not None})

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..parameters import as_float_array
 from ..parts import AbstractGasTables
-from ._plant import assemble
+from ._base import assemble
 
 KNOTS = ("turbine_pressure", "crank_angle")
 

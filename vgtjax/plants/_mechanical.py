@@ -11,12 +11,11 @@ from ..parameters import nested
 from ..parts import AbstractFriction, AbstractVaneForce, Air, Diaphragm
 from ..traces import Drive, Start
 from ._air_path import ambient_pressure
-from ._base import AbstractModel
-from ._plant import assemble
-from ._rod import Rod, RodState
+from ._base import assemble
+from ._rod import AbstractRodModel, Rod, RodState
 
 
-class MechanicalActuator(AbstractModel):
+class MechanicalActuator(AbstractRodModel):
     """Diaphragm, friction and vanes, moved by the measured chamber pressure or a measured force [2.34]."""
 
     rod: Rod = nested()
@@ -33,21 +32,6 @@ class MechanicalActuator(AbstractModel):
     ):
         self.rod = assemble(rod or Rod(), diaphragm=diaphragm, friction=friction, vane_force=vane_force)
         self.air = air or Air()
-
-    @property
-    def diaphragm(self) -> Diaphragm:
-        """The rod's."""
-        return self.rod.diaphragm
-
-    @property
-    def friction(self) -> AbstractFriction:
-        """The rod's."""
-        return self.rod.friction
-
-    @property
-    def vane_force(self) -> AbstractVaneForce:
-        """The rod's."""
-        return self.rod.vane_force
 
     @property
     def needs(self) -> tuple[str, ...]:

@@ -1,6 +1,5 @@
 """A plant: an air path whose pressure moves a rod [2.58]."""
 
-import dataclasses
 from typing import Any
 
 import equinox as eqx
@@ -8,11 +7,10 @@ from jaxtyping import Array, PyTree
 
 from .._types import StateLeaf, Values
 from ..parameters import nested
-from ..parts import AbstractChamber, AbstractFriction, AbstractVaneForce, Air, Diaphragm
+from ..parts import AbstractChamber, Air
 from ..traces import Drive, Start
 from ._air_path import AbstractAirPath, AirPath, ambient_pressure
-from ._base import AbstractModel
-from ._rod import Rod, RodState
+from ._rod import AbstractRodModel, Rod, RodState
 
 
 class PlantState(eqx.Module):
@@ -22,31 +20,15 @@ class PlantState(eqx.Module):
     rod: RodState
 
 
-class AbstractPlant(AbstractModel):
+class AbstractPlant(AbstractRodModel):
     """Duty in, chamber pressure and position out: an air path and a rod, coupled by the diaphragm."""
 
     air_path: eqx.AbstractVar[AbstractAirPath]
-    rod: eqx.AbstractVar[Rod]
 
     @property
     def chamber(self) -> AbstractChamber:
         """The air path's."""
         return self.air_path.chamber
-
-    @property
-    def diaphragm(self) -> Diaphragm:
-        """The rod's."""
-        return self.rod.diaphragm
-
-    @property
-    def friction(self) -> AbstractFriction:
-        """The rod's."""
-        return self.rod.friction
-
-    @property
-    def vane_force(self) -> AbstractVaneForce:
-        """The rod's."""
-        return self.rod.vane_force
 
     @property
     def needs(self) -> tuple[str, ...]:
@@ -116,8 +98,3 @@ class Plant(AbstractPlant):
     air_path: AbstractAirPath = nested(default_factory=AirPath)
     rod: Rod = nested(default_factory=Rod)
     air: Air = eqx.field(default_factory=Air)
-
-
-def assemble(whole: Any, **parts: Any) -> Any:
-    """`whole` with those of its parts replaced that are given."""
-    return dataclasses.replace(whole, **{name: part for name, part in parts.items() if part is not None})

@@ -10,12 +10,11 @@ from .._types import Values
 from ..parameters import nested
 from ..parts import AbstractChamber, AbstractLine, Air, Converter, Diaphragm
 from ..traces import Drive, Start
-from ._air_path import AirPath, AirPathState, ambient_pressure
-from ._base import AbstractModel
-from ._plant import assemble
+from ._air_path import AbstractAirPathModel, AirPath, AirPathState, ambient_pressure
+from ._base import assemble
 
 
-class PneumaticActuator(AbstractModel):
+class PneumaticActuator(AbstractAirPathModel):
     """Converter, line and chamber, whose volume follows a given position of the diaphragm.
 
     The counterpart of the mechanical half: friction, springs and vanes have no say, so that the measured
@@ -39,21 +38,6 @@ class PneumaticActuator(AbstractModel):
         self.air_path = assemble(air_path or AirPath(), converter=converter, line=line, chamber=chamber)
         self.diaphragm = diaphragm or Diaphragm()
         self.air = air or Air()
-
-    @property
-    def converter(self) -> Converter:
-        """The air path's."""
-        return self.air_path.converter
-
-    @property
-    def line(self) -> AbstractLine:
-        """The air path's."""
-        return self.air_path.line
-
-    @property
-    def chamber(self) -> AbstractChamber:
-        """The air path's."""
-        return self.air_path.chamber
 
     @property
     def needs(self) -> tuple[str, ...]:

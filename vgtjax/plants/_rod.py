@@ -6,6 +6,7 @@ from jaxtyping import Array, PyTree
 from .._types import StateLeaf, Values
 from ..parts import AbstractFriction, AbstractVaneForce, Body, Contact, Diaphragm, LuGre, NoVaneForce, Vanes
 from ..traces import Start
+from ._base import AbstractModel
 
 
 class RodState(eqx.Module):
@@ -71,3 +72,24 @@ class Rod(eqx.Module):
 
     def _contact(self, body: Body, vanes: Vanes) -> Contact:
         return Contact(body.velocity, self.diaphragm.mass, vanes)
+
+
+class AbstractRodModel(AbstractModel):
+    """A model with a rod, whose parts are its own too."""
+
+    rod: eqx.AbstractVar[Rod]
+
+    @property
+    def diaphragm(self) -> Diaphragm:
+        """The rod's."""
+        return self.rod.diaphragm
+
+    @property
+    def friction(self) -> AbstractFriction:
+        """The rod's."""
+        return self.rod.friction
+
+    @property
+    def vane_force(self) -> AbstractVaneForce:
+        """The rod's."""
+        return self.rod.vane_force

@@ -20,7 +20,8 @@ from ...parts import (
 from ...traces import Drive
 from .._actuator import Actuator
 from .._air_path import AbstractAirPath, ambient_pressure
-from .._plant import AbstractPlant, assemble
+from .._base import assemble
+from .._plant import AbstractPlant
 from .._rod import Rod
 from ._fitting import fit_flow_map
 from ._gas import flow_signals, pressure_rate
