@@ -7,8 +7,7 @@ import platformdirs
 import pytest
 from jaxtyping import install_import_hook
 
-ROOMS = ("parameters", "traces", "parts", "plants", "simulation")
-with install_import_hook([f"vgtjax.{room}" for room in ROOMS], "typechecker.checked"):
+with install_import_hook("vgtjax", "typechecker.checked"):
     import vgtjax
 
 CACHE = platformdirs.user_cache_path("vgtjax") / "tests"

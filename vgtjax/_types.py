@@ -13,6 +13,7 @@ if TYPE_CHECKING:  # mypy knows no shapes, and would complain of sums and produc
     Values = Any
     StateLeaf = Any
     Vector = Any
+    Knots = Any
 else:
     Scalar = Float[ArrayLike, ""]
     """One number: an array without axes inside of `jit` and `vmap`, or a number of Python or NumPy outside."""
@@ -22,3 +23,5 @@ else:
     """One number of a state or of its time derivative; in a tree of relaxation rates (1/s) `None` where it is slow."""
     Vector = Float[ArrayLike, " parameters"]
     """One number per free entry of a model."""
+    Knots = Float[ArrayLike, " _"]
+    """Where a table has its values."""

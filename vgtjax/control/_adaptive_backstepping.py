@@ -7,8 +7,8 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
+from .._types import Scalar
 from ..parameters import parameter
-from ..parts import Scalar
 from ..plants import Actuator
 from ._base import FULL_DUTY, AbstractController, Log, Measurement, Memory, Reference
 from ._design import Condition, positive

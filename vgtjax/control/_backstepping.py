@@ -6,8 +6,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from .._types import Scalar
 from ..parameters import parameter
-from ..parts import Scalar
 from ..plants import Actuator
 from ._base import FULL_DUTY, AbstractController, Log, Measurement, Memory, Reference, saturate
 from ._design import Condition, positive

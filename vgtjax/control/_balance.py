@@ -6,8 +6,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
+from .._types import Scalar
 from ..parameters import parameter
-from ..parts import Converter, Diaphragm, Scalar
+from ..parts import Converter, Diaphragm
 from ..plants import Actuator
 from ._base import FULL_DUTY, AbstractController, Log, Measurement, Reference, saturate
 

@@ -7,7 +7,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
-from ..parts import Scalar
+from .._types import Scalar, Values
 from ..plants import Actuator
 from ._design import AbstractDesign
 
@@ -15,34 +15,34 @@ FULL_DUTY = 100.0
 """Percent; the duty lies between zero and this."""
 
 Memory = PyTree[Array]
-Log = dict[str, Scalar]
+Log = dict[str, Values]
 
 
 class Measurement(eqx.Module):
     """What a controller measures at one sample, or at all samples of a run (leading axis)."""
 
-    position: Scalar
+    position: Values
     """Position of the rod in m."""
-    pressure: Scalar
+    pressure: Values
     """Chamber pressure in Pa absolute."""
-    reservoir: Scalar
+    reservoir: Values
     """Reservoir pressure in Pa absolute."""
-    ambient: Scalar
+    ambient: Values
     """Atmospheric pressure in Pa."""
-    turbine: Scalar = eqx.field(default_factory=lambda: jnp.zeros(()))
+    turbine: Values = eqx.field(default_factory=lambda: jnp.zeros(()))
     """Pressure at the turbine's inlet in Pa gauge."""
 
 
 class Reference(eqx.Module):
     """Where the rod should be at one sample, or at all samples of a run (leading axis)."""
 
-    position: Scalar
+    position: Values
     """m"""
-    velocity: Scalar
+    velocity: Values
     """m/s"""
-    acceleration: Scalar
+    acceleration: Values
     """m/s2"""
-    jerk: Scalar
+    jerk: Values
     """m/s3"""
 
 

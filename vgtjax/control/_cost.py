@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
-from ..parts import Scalar
+from .._types import Scalar
 from ._loop import ClosedLoop
 
 

@@ -6,11 +6,10 @@ from collections.abc import Iterator
 
 import jax
 import numpy as np
-from jaxtyping import Array
 
 from .._errors import InputError, is_traced
+from .._types import Values
 from ..parameters import Part
-from ..parts import Scalar
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -20,13 +19,13 @@ class Condition:
     An error says "`rule`, but it is `value`; `remedy`", with `limit` in the place that the rule has for it.
     """
 
-    margin: Array
+    margin: Values
     """Positive where it is kept, with derivatives with respect to the gains; as a part of the limit."""
     rule: str
     """E.g. `gain must be below {limit:.4g} 1/s`."""
-    value: Scalar
+    value: Values
     remedy: str
-    limit: Scalar | float = math.nan
+    limit: Values = math.nan
     closed: bool = False
     """Whether a margin of zero will do."""
     bounds_gains: bool = True

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from .._errors import InputError
+from .._types import Scalar
 from ..parameters import Part, parameter
 from ..parts import (
     AbstractFlowMap,
@@ -17,7 +18,6 @@ from ..parts import (
     LuGre,
     NoVaneForce,
     PolynomialFlow,
-    Scalar,
 )
 from ..plants import Actuator, StaticMapActuator, fit_flow_map
 from ._vane_load import Motion, vane_load, vane_load_rate, vane_state_after
@@ -101,7 +101,7 @@ class DesignModel(Part):
         """`S(v)` in N/m; negative for `|v| > g / sigma_1`, some 6.5 mm/s."""
         return self.friction.bristle_stiffness - self.friction.bristle_damping * self.relaxation_rate(velocity)
 
-    def stiffness_slope(self, velocity: Scalar, width: Scalar | float = 0.0) -> Scalar:
+    def stiffness_slope(self, velocity: Scalar, width: Scalar = 0.0) -> Scalar:
         """`dS/dv` in N s/m2; zero where the velocity is, a jump unless `v / (|v| + width)` stands for its sign."""
         model, speed = self.friction, jnp.abs(velocity)
         sign = velocity / jnp.where(speed > 0, speed + width, 1.0)
@@ -174,7 +174,7 @@ class DesignModel(Part):
         swept = self.diaphragm.area * velocity * pressure
         return (self.volume(position) * pressure_rate / self.exponent - swept) / self.gas_energy
 
-    def rates(self, state: DesignState, duty: Scalar, ambient: Scalar, turbine: Scalar | float = 0.0) -> DesignState:
+    def rates(self, state: DesignState, duty: Scalar, ambient: Scalar, turbine: Scalar = 0.0) -> DesignState:
         """Time derivative of the state [5.4] under a duty in percent, an atmosphere in Pa and a turbine in Pa gauge."""
         position, velocity, pressure = state.position, state.velocity, state.pressure
         motion = Motion(position, velocity, ambient, turbine)

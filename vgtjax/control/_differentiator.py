@@ -6,8 +6,8 @@ from typing import Any
 import equinox as eqx
 import jax.numpy as jnp
 
+from .._types import Scalar
 from ..parameters import parameter
-from ..parts import Scalar
 from ._base import Memory
 from ._design import AbstractDesign
 
@@ -20,7 +20,7 @@ class AbstractDifferentiator(AbstractDesign):
         """What it remembers before the first sample, which is given and at rest."""
 
     @abc.abstractmethod
-    def update(self, state: Any, value: Scalar, period: float, expected: Scalar | float = 0.0) -> tuple[Memory, Scalar]:
+    def update(self, state: Any, value: Scalar, period: float, expected: Scalar = 0.0) -> tuple[Memory, Scalar]:
         """One sample: what it remembers next, and the derivative a second.
 
         `expected` is the second derivative since the last sample as far as it is known beforehand, that of a reference
@@ -49,7 +49,7 @@ class FilteredDifference(AbstractDifferentiator):
         return FilteredSlope(value, jnp.zeros_like(value))
 
     def update(
-        self, state: FilteredSlope, value: Scalar, period: float, expected: Scalar | float = 0.0
+        self, state: FilteredSlope, value: Scalar, period: float, expected: Scalar = 0.0
     ) -> tuple[FilteredSlope, Scalar]:
         """See the base class."""
         held = self.filter_time * (state.slope + period * expected)
@@ -79,7 +79,7 @@ class LevantDifferentiator(AbstractDifferentiator):
         return FilteredSlope(value, jnp.zeros_like(value))
 
     def update(
-        self, state: FilteredSlope, value: Scalar, period: float, expected: Scalar | float = 0.0
+        self, state: FilteredSlope, value: Scalar, period: float, expected: Scalar = 0.0
     ) -> tuple[FilteredSlope, Scalar]:
         """See the base class."""
         bound = self.largest_second_derivative

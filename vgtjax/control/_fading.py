@@ -6,7 +6,7 @@ import equinox as eqx
 import jax
 from jaxtyping import Array
 
-from ..parts import Scalar
+from .._types import Scalar
 
 
 def fade(tree: Any, kept: Scalar) -> Any:

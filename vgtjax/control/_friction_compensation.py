@@ -6,8 +6,9 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
+from .._types import Scalar
 from ..parameters import parameter
-from ..parts import AbstractVaneForce, Converter, Diaphragm, LuGre, NoVaneForce, Scalar
+from ..parts import AbstractVaneForce, Converter, Diaphragm, LuGre, NoVaneForce
 from ..plants import Actuator
 from ._balance import holding_duty
 from ._base import AbstractController, Log, Measurement, Memory, Reference

@@ -4,8 +4,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .._types import Scalar
 from ..parameters import parameter
-from ..parts import Scalar
 from ._design import AbstractDesign, Condition, positive
 from ._design_model import DesignModel
 

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from ..parts import Scalar
+from .._types import Scalar
 from ..plants import AbstractModel, State
 from ..simulation import (
     RESULTS,
@@ -33,7 +33,7 @@ from ._scenario import Scenario
 
 
 class ClosedLoop(eqx.Module):
-    """What a closed loop returns, at its samples; every array has the shape `(time,)`.
+    """What a closed loop returns, at its samples; every array has the shape `(time,)`, and axes of a batch before it.
 
     `plant` is what [`simulate`][] would return, with the true signals; `measured` is what the controller was given.
     `command` is the duty in percent that it asked for, `duty` what the converter got, held to the next sample.
@@ -43,32 +43,32 @@ class ClosedLoop(eqx.Module):
     plant: Solution
     measured: Measurement
     reference: Reference
-    command: Float[Array, " time"]
-    duty: Float[Array, " time"]
+    command: Float[Array, "*batch time"]
+    duty: Float[Array, "*batch time"]
     log: Log
 
     @property
-    def time(self) -> Float[Array, " time"]:
+    def time(self) -> Float[Array, "*batch time"]:
         """s"""
         return self.plant.time
 
     @property
-    def position(self) -> Float[Array, " time"]:
+    def position(self) -> Float[Array, "*batch time"]:
         """True position in m."""
         return self.plant.x_d
 
     @property
-    def velocity(self) -> Float[Array, " time"]:
+    def velocity(self) -> Float[Array, "*batch time"]:
         """True velocity in m/s."""
         return self.plant.v_d
 
     @property
-    def pressure(self) -> Float[Array, " time"]:
+    def pressure(self) -> Float[Array, "*batch time"]:
         """True chamber pressure in Pa absolute."""
         return self.plant.p_act
 
     @property
-    def error(self) -> Float[Array, " time"]:
+    def error(self) -> Float[Array, "*batch time"]:
         """Reference minus true position in m."""
         return self.reference.position - self.position
 

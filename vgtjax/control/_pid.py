@@ -5,8 +5,8 @@ from typing import Any
 import equinox as eqx
 import jax.numpy as jnp
 
+from .._types import Scalar
 from ..parameters import parameter
-from ..parts import Scalar
 from ..plants import Actuator
 from ._balance import ConstantDuty, StaticBalance
 from ._base import AbstractController, Log, Measurement, Memory, Reference, saturate

@@ -8,8 +8,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from .._errors import InputError
+from .._types import Scalar
 from ..parameters import parameter
-from ..parts import AbstractFlowMap, Scalar
+from ..parts import AbstractFlowMap
 from ..plants import Actuator
 from ._base import FULL_DUTY
 from ._design import AbstractDesign, Condition, positive

@@ -11,8 +11,8 @@ from jaxtyping import Array, Float
 from scipy.interpolate import PPoly, make_interp_spline
 
 from .._errors import InputError
+from .._types import Scalar
 from ..parameters import as_float_array
-from ..parts import Scalar
 from ._base import Reference
 
 ORDER = 5

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from ..parts import Scalar
+from .._types import Scalar
 from ..traces import ASSUMED_RESERVOIR, Drive, Ramp, Start
 from ._base import Reference
 from ._reference import AbstractSignal, Constant, number, reference_at

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from .._errors import InputError
-from ..parts import Scalar
+from .._types import Scalar
 from ._base import Measurement
 from ._reference import number
 

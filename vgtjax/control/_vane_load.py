@@ -7,7 +7,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from ..parts import AbstractVaneForce, Diaphragm, Scalar, Vanes
+from .._types import Scalar
+from ..parts import AbstractVaneForce, Diaphragm, Vanes
 
 
 class Motion(eqx.Module):

@@ -131,6 +131,11 @@ class TraceResult:
         return {name: channel.offset for name, channel in self.channels.items()}
 
     @property
+    def noise(self) -> dict[str, float]:
+        """The sensors' own noise that the fit took, by channel, in m and Pa."""
+        return {name: channel.noise for name, channel in self.channels.items()}
+
+    @property
     def failed(self) -> bool:
         """Whether the simulation left the finite numbers."""
         return not all(map(np.isfinite, self.rmse.values()))

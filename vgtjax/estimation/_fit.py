@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 
 from .._errors import SimulationError
 from .._lanes import replicate
+from .._types import Vector
 from ._least_squares import estimate_uncertainty
 from ._residuals import FitProblem
 from ._seminormal import SeminormalEquations
@@ -77,7 +78,7 @@ class Progress:
         return "running"
 
 
-def _residuals(coordinates: Float[Array, " parameters"], problem: FitProblem) -> tuple[Array, None]:
+def _residuals(coordinates: Vector, problem: FitProblem) -> tuple[Array, None]:
     return problem.residuals(coordinates), None
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from .._lanes import replicate
+from .._types import Vector
 from ..parameters import Selection, Transform
 from ..plants import AbstractModel
 from ..simulation import FixedStep
@@ -55,7 +56,7 @@ def _fill(trace: Trace | None, channel: str, count: int) -> tuple[np.ndarray, np
     return values, weights
 
 
-def _offsets(measured: Measured, difference: Array) -> Float[Array, "traces channel"]:
+def _offsets(measured: Measured, difference: Array) -> Float[Array, "traces channel ..."]:
     """Mean difference of each trace and channel: the offset that a least-squares fit would give its sensor."""
     present = jnp.where(measured.weights > 0, 1.0, 0.0)
 
@@ -105,11 +106,11 @@ class FitProblem(eqx.Module):
     offsets: int = eqx.field(static=True)
     """Number of eliminated sensor offsets."""
 
-    def at(self, coordinates: Float[Array, " parameters"]) -> Any:
+    def at(self, coordinates: Vector) -> Any:
         """The model at coordinates of the transform."""
         return self.selection.unpack(self.model, self.transform.to_physical(coordinates))
 
-    def residuals(self, coordinates: Float[Array, " parameters"]) -> Float[Array, " residuals"]:
+    def residuals(self, coordinates: Vector) -> Float[Array, " residuals"]:
         """Residuals; infinite throughout where a simulation failed.
 
         Its derivative is the exact segment-parallel Jacobian, not the one of the march itself.
@@ -117,7 +118,7 @@ class FitProblem(eqx.Module):
         return _residuals(coordinates, self)
 
     def residuals_and_jacobian(
-        self, coordinates: Float[Array, " parameters"]
+        self, coordinates: Vector
     ) -> tuple[Float[Array, " residuals"], Float[Array, "residuals parameters"]]:
         """Residuals and their derivatives with respect to the coordinates.
 

@@ -70,7 +70,7 @@ def stack_runs(traces: tuple[Trace, ...]) -> tuple[Drive, Start]:
     )
 
 
-def first_reach(x: Float[Array, " time"], y: Float[Array, " time"], level: Float[Array, "..."]) -> Float[Array, "..."]:
+def first_reach(x: Float[Array, " time"], y: Float[Array, " time"], level: Values) -> Values:
     """Value of `y` where `x` first reaches `level`, linear between samples; NaN where it begins beyond or never does.
 
     Differentiable by both signals and by the level.

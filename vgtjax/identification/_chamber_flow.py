@@ -10,7 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..parts import Flow, Gas, Scalar, orifice_flow
+from .._types import Scalar
+from ..parts import Flow, Gas, orifice_flow
 from ..plants import Actuator
 from ..traces import Trace, noise_level
 from ._filters import Offset, Samples, Smooth, reservoir_pressure, sensor_offset, smooth

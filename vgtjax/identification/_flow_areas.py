@@ -38,16 +38,16 @@ class _Samples(eqx.Module):
     Padded by copies of the last one whose rate has an infinite error.
     """
 
-    lift: Array
-    pressure: Array
-    temperature: Array
-    position: Array
-    velocity: Array
-    reservoir: Array
-    ambient: Array
-    rate: Array
-    rate_error: Array
-    area: Array
+    lift: Float[np.ndarray, " samples"]
+    pressure: Float[np.ndarray, " samples"]
+    temperature: Float[np.ndarray, " samples"]
+    position: Float[np.ndarray, " samples"]
+    velocity: Float[np.ndarray, " samples"]
+    reservoir: Float[np.ndarray, " samples"]
+    ambient: Float[np.ndarray, " samples"]
+    rate: Float[np.ndarray, " samples"]
+    rate_error: Float[np.ndarray, " samples"]
+    area: Float[np.ndarray, " samples"]
     group: Int[np.ndarray, " samples"]
     count: int = eqx.field(static=True)
     """Samples that are no padding."""

@@ -63,7 +63,7 @@ class Transform(eqx.Module):
 def build_transform(
     table: dict[str, Parameter],
     entries: Sequence[str],
-    start: Float[np.ndarray, " parameters"],
+    start: Vector,
     bounds: Bounds,
 ) -> Transform:
     """The transform of the given entries: the table's domain and the user's bounds.

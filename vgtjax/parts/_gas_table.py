@@ -2,6 +2,7 @@
 
 import abc
 import dataclasses
+from collections.abc import Sequence
 from typing import Any, TypeVar
 
 import equinox as eqx
@@ -11,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError, is_traced
-from .._types import Values
+from .._types import Knots, Values
 from ._tables import bilinear
 from ._vanes import Crank, Vanes
 
@@ -69,8 +70,8 @@ class AbstractGasTables(eqx.Module):
 
     def on_knots(
         self: GasTables,
-        turbine_pressure: Float[Array, " pressures"] | None = None,
-        crank_angle: Float[Array, " angles"] | None = None,
+        turbine_pressure: Sequence[float] | Knots | None = None,
+        crank_angle: Sequence[float] | Knots | None = None,
     ) -> GasTables:
         """The same component, its tables read at other knots (Pa gauge, deg); those that are not given stay."""
         pressure = self.turbine_pressure if turbine_pressure is None else jnp.asarray(turbine_pressure, float)

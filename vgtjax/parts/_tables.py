@@ -3,12 +3,13 @@
 from collections.abc import Sequence
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
-from .._types import Values
+from .._types import Knots, Values
 
 
-def _ramps(knots: Float[Array, " knots"], at: Values) -> list[Values]:
+def _ramps(knots: Knots, at: Values) -> list[Values]:
     """How far `at` has crossed each interval of increasing `knots`, from 0 to 1."""
     count = knots.shape[0]
     return [jnp.clip((at - knots[k]) / (knots[k + 1] - knots[k]), 0.0, 1.0) for k in range(count - 1)]
@@ -22,9 +23,9 @@ def _along(values: Sequence[Values], ramps: Sequence[Values]) -> Values:
 
 
 def bilinear(
-    rows: Float[Array, " rows"],
-    columns: Float[Array, " columns"],
-    values: Float[Array, "rows columns"],
+    rows: Knots,
+    columns: Knots,
+    values: Float[Array | np.ndarray, "rows columns"],
     row: Values,
     column: Values,
 ) -> Values:

@@ -5,6 +5,7 @@ from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
@@ -38,7 +39,7 @@ class Factors(eqx.Module):
         values = [one if is_curve(table, entry) else Selection((entry,)).pack(model)[0] for entry in self.entries]
         return jnp.stack(values) if values else jnp.zeros(0)
 
-    def unpack(self, model: AbstractModel, vector: Float[Array, " factors"]) -> Any:
+    def unpack(self, model: AbstractModel, vector: Float[Array | np.ndarray, " factors"]) -> Any:
         """`model` with these values."""
         table = parameter_table(model)
         for position, entry in enumerate(self.entries):

@@ -57,7 +57,7 @@ class Indices(LinearIndices):
 def analyse(
     design: RadialDesign,
     x: Float[np.ndarray, "rows inputs"],
-    y: Float[np.ndarray, "rows outputs"],
+    y: Float[np.ndarray, "... outputs"],
     *,
     replicates: int = 200,
     level: float = 0.95,
@@ -99,7 +99,7 @@ def analyse(
 
 def analyse_linear(
     x: Float[np.ndarray, "rows inputs"],
-    y: Float[np.ndarray, "rows outputs"],
+    y: Float[np.ndarray, "... outputs"],
     *,
     replicates: int = 200,
     level: float = 0.95,

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from jaxtyping import Float
 
-from ._moments import Weights, reciprocal, weighted_mean, weights_or_equal
+from ._moments import reciprocal, weighted_mean, weights_or_equal
 
 NORMAL = 1.0
 """Poincaré constant of a normal distribution in units of its variance."""
@@ -32,8 +32,8 @@ def total_bound(
     deviations: Float[np.ndarray, " inputs"],
     variances: Float[np.ndarray, "*replicates outputs"],
     poincare: float | Float[np.ndarray, " inputs"],
-    weights: Weights | None = None,
-) -> Float[np.ndarray, "*replicates outputs inputs"]:
+    weights: Float[np.ndarray, "... points"] | None = None,
+) -> Float[np.ndarray, "... outputs inputs"]:
     """Upper bound of the total index by derivatives, `C_i s_i^2 E((dy/dx_i)^2) / Var(y)`.
 
     The total index times the variance is `E(Var(y | all but x_i))`, and the inner variance of a smooth function of one

@@ -32,8 +32,8 @@ import numpy as np
 from jaxtyping import Array
 
 from .._errors import InputError
-from .._types import Values
-from ..parts import Diaphragm, LuGre, Scalar
+from .._types import Scalar, Values
+from ..parts import Diaphragm, LuGre
 
 SERIES_WITHIN = 1.0
 """Size of `u` up to which the power series is summed: far from the root's infinite slope at zero."""

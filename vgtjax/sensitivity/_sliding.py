@@ -38,7 +38,7 @@ def starting_force(friction: LuGre, velocity: Scalar, time: Values) -> Values:
     return friction(contact, Bristle(deflection), jnp.zeros(()))[0]
 
 
-def force_along(friction: LuGre, time: Float[Array, " time"], velocity: Float[Array, " time"]) -> Float[Array, " time"]:
+def force_along(friction: LuGre, time: Values, velocity: Values) -> Float[Array, " time"]:
     """Friction in N along a prescribed velocity in m/s, from relaxed bristles [4.6].
 
     Between two samples the bristles move as at the mean of both velocities, exactly: second order in the interval, and
@@ -77,13 +77,13 @@ def parameter_slopes(force: Callable[[LuGre], Array], friction: LuGre) -> dict[s
     return {name: getattr(slopes, name) for name in parameter_table(friction)}
 
 
-def _contact(velocity: Array) -> Contact:
+def _contact(velocity: Values) -> Contact:
     """Mass and vanes play no part in LuGre friction."""
     none = jnp.zeros(())
     return Contact(velocity, none, Vanes(none, none))
 
 
-def _bristle_after(friction: LuGre, contact: Contact, deflection: Scalar, time: Array) -> Array:
+def _bristle_after(friction: LuGre, contact: Contact, deflection: Scalar, time: Values) -> Values:
     """Deflection in m after `time` at a constant velocity."""
     rate = friction.relaxation(contact, Bristle(deflection)).deflection
     passed = rate * time

@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
+from .._types import Scalar
 from ..control import ClosedLoop, number
-from ..parts import Scalar
 
 TERMS = ("tracking", "effort", "chatter", "limit")
 """Parts of the cost of one closed loop, in the order of every array of them."""

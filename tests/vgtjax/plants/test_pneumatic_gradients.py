@@ -72,6 +72,7 @@ def test_every_step_reverses(name):
     model = TOGETHER[name]
     states = simulate(model, TRACE).states
     drive = jax.tree.map(jnp.asarray, TRACE.drive())
+    plan = FixedStep().plan(model, TRACE)
     selection = select(model, ["line.*", "converter.magnetic_force*", "chamber.*"])
     theta = selection.pack(model)
     size = (jax.tree.map(jnp.asarray, model.typical_state()), jnp.abs(theta))
@@ -84,7 +85,7 @@ def test_every_step_reverses(name):
 
     def products(inputs, state):
         def advance(state, theta):
-            return FixedStep().advance(selection.unpack(model, theta), state, inputs, 4)
+            return plan.advance(selection.unpack(model, theta), state, inputs)[0]
 
         pushed = jax.jvp(advance, (state, theta), ahead)[1]
         pulled = jax.vjp(advance, state, theta)[1](back)

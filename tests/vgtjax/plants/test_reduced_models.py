@@ -1,7 +1,5 @@
 """The models with six and four states: what they keep of the full one, and their derivatives."""
 
-import dataclasses
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -141,7 +139,7 @@ def test_they_rest_where_the_full_model_rests():
         assert ours.p_act[0] == theirs.p_act[0]
         assert ours.x_d[0] == theirs.x_d[0]
     # Not at rest, and the trace tells neither pressure nor position.
-    held = dataclasses.replace(STEP_80, pwm=np.full_like(STEP_80.time, 60.0))
+    held = STEP_80.replace(pwm=np.full_like(STEP_80.time, 60.0))
     for model in (SIX, FOUR):
         run = simulate(model, held)
         # At the working pressure nothing flows: by a thousandth of a pascal, the rounding of the quartic.
@@ -256,7 +254,7 @@ def test_a_batch_is_its_members_and_single_precision_is_near():
 
 def test_an_atmosphere_that_a_trace_states_moves_both_sides():
     """At the same gauge pressures flow hardly differs: position over gauge pressure stays."""
-    higher = dataclasses.replace(STEP_50, atmosphere=102013.0)
+    higher = STEP_50.replace(atmosphere=102013.0)
     run, plain = simulate(FOUR, higher), simulate(FOUR, STEP_50)
     np.testing.assert_allclose(run.p_act[0], 102013.0)
     # A percent more air in the chamber moves the rod in the transient.

@@ -9,6 +9,8 @@ from ._fitting import fit_flow_map
 from ._plunger_map import PlungerMapActuator
 from ._static_map import StaticMapActuator
 
+FlowMap = AbstractLiftMap | AbstractFlowMap
+
 
 def _common(model: Actuator) -> dict[str, Any]:
     """The parts that a reduced model takes over; line and heat are what it leaves out."""
@@ -21,7 +23,7 @@ def _common(model: Actuator) -> dict[str, Any]:
     }
 
 
-def reduce_to_plunger_map(model: Actuator, flow_map: AbstractLiftMap | None = None) -> PlungerMapActuator:
+def reduce_to_plunger_map(model: Actuator, flow_map: FlowMap | None = None) -> PlungerMapActuator:
     """The model with six states [5.2] of a full actuator.
 
     **Arguments:** `flow_map`: over plunger position and pressure, by default fitted to `model`.
@@ -37,7 +39,7 @@ def reduce_to_plunger_map(model: Actuator, flow_map: AbstractLiftMap | None = No
     return PlungerMapActuator(flow_map=found, converter=model.converter, **_common(model))
 
 
-def reduce_to_static_map(model: Actuator, flow_map: AbstractFlowMap | None = None) -> StaticMapActuator:
+def reduce_to_static_map(model: Actuator, flow_map: FlowMap | None = None) -> StaticMapActuator:
     """The model with four states [5.4] of a full actuator.
 
     **Arguments:** `flow_map`: over duty and pressure, by default the steady plunger's, fitted to `model`.

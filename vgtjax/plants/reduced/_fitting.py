@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..._errors import InputError
+from ..._types import Scalar, Values
 from ...parts import (
     FULL_DUTY,
     AbstractFlowMap,
@@ -20,10 +21,11 @@ from ...parts import (
 )
 from ...traces import ASSUMED_RESERVOIR
 from .._actuator import Actuator
+from .._base import AbstractModel
 from ._knots import lift_knots, pressure_knots
 from ._polynomial_fit import fit_polynomial_flow
 
-Grid = Float[np.ndarray, "duties pressures"]
+Grid = Float[np.ndarray, "..."]
 
 DUTIES = 101
 """Duties of the grid, a percent apart."""
@@ -57,16 +59,14 @@ class _Samples:
     """The full model on a grid, its plunger at rest: flow in kg/s and plunger position in m."""
 
     model: Actuator
-    reservoir: float
+    reservoir: Scalar
     duty: Grid
     pressure: Grid
     position: Grid
     flow: Grid
 
 
-def steady_flow(
-    model: Actuator, duty: Float[np.ndarray, "..."], pressure: Float[np.ndarray, "..."], reservoir: float
-) -> Float[np.ndarray, "..."]:
+def steady_flow(model: Actuator, duty: Values, pressure: Values, reservoir: Scalar) -> Grid:
     """Mass flow in kg/s into an isothermal chamber while the plunger rests where [2.7] balances.
 
     A line takes no part: in steady flow it passes what enters.
@@ -76,7 +76,7 @@ def steady_flow(
     return _sample(model, duty, pressure, reservoir).flow
 
 
-def _sample(model: Actuator, duty: Grid, pressure: Grid, reservoir: float) -> _Samples:
+def _sample(model: Actuator, duty: Values, pressure: Values, reservoir: Scalar) -> _Samples:
     found = _at_rest(model, jnp.asarray(duty, float), jnp.asarray(pressure, float), jnp.asarray(reservoir))
     return _Samples(model, reservoir, *(np.asarray(values) for values in (duty, pressure, *found)))
 
@@ -101,7 +101,7 @@ def _evaluate(flow_map: AbstractFlowMap | AbstractLiftMap, at: Array, pressure: 
 
 
 def fit_flow_map(
-    model: Actuator,
+    model: AbstractModel,
     kind: str = "steady-plunger",
     *,
     reservoir: float = ASSUMED_RESERVOIR,
