@@ -58,7 +58,7 @@ def _fit_unit(job: Job, unit: Unit, task: Task, folder: pathlib.Path) -> None:
     """Fits one unit and writes its files, the report last; what can't be simulated leaves a summary that says so."""
     began = time.monotonic()
     try:
-        calibration, seconds, unseen = _fit(unit, task, folder)
+        calibration, seconds, undetermined = _fit(unit, task, folder)
     except SimulationError as error:
         write_json(folder / SUMMARY, _failure(error, time.monotonic() - began, job))
         return
@@ -67,8 +67,8 @@ def _fit_unit(job: Job, unit: Unit, task: Task, folder: pathlib.Path) -> None:
         console.print(f"warning: {note}")
     found = rows(calibration)
     write_json(folder / "parameters.json", to_json(job.study, found))
-    write_json(folder / SUMMARY, _summary(calibration, seconds, unseen, job))
-    write_text(folder / REPORT, render(job, UnitReport(unit.name, calibration, found, seconds, unseen)))
+    write_json(folder / SUMMARY, _summary(calibration, seconds, undetermined, job))
+    write_text(folder / REPORT, render(job, UnitReport(unit.name, calibration, found, seconds, undetermined)))
     ProgressFile.remove_from(folder)
 
 
@@ -77,20 +77,21 @@ def _fit(unit: Unit, task: Task, folder: pathlib.Path) -> tuple[Calibration, flo
     saved = ProgressFile(folder, Progress, "the fit")
     with FitDisplay(unit.name or "fit") as display:
         calibrator = start_fit(task, saved.progress)
-        unseen = calibrator.unidentifiable() if saved.progress is None else list(saved.facts.get("unseen", ()))
+        resumed = saved.progress is not None
+        undetermined = list(saved.facts.get("undetermined", ())) if resumed else calibrator.undetermined()
         for note in calibrator.notes:
             console.print(f"note: {note}")
-        if unseen:
-            console.print(f"warning: these traces do not determine {', '.join(unseen)}; hold or excite them")
+        if undetermined:
+            console.print(f"warning: these traces do not determine {', '.join(undetermined)}; hold or excite them")
 
         def report(progress: Progress) -> None:
-            saved.save(progress, unseen=unseen)
+            saved.save(progress, undetermined=undetermined)
             display.show(progress)
 
         display.show(calibrator.minimiser.progress)
         calibration = calibrator.run(report)
         display.wait("writing the report")
-        return calibration, saved.seconds, unseen
+        return calibration, saved.seconds, undetermined
 
 
 def _population(job: Job, out: pathlib.Path) -> dict[str, dict[str, Any]]:
@@ -110,7 +111,7 @@ def _failure(error: SimulationError, seconds: float, job: Job) -> dict[str, Any]
     }
 
 
-def _summary(calibration: Calibration, seconds: float, unseen: list[str], job: Job) -> dict[str, Any]:
+def _summary(calibration: Calibration, seconds: float, undetermined: list[str], job: Job) -> dict[str, Any]:
     progress = calibration.progress
     return {
         "converged": calibration.converged,
@@ -122,7 +123,7 @@ def _summary(calibration: Calibration, seconds: float, unseen: list[str], job: J
         "cost": progress.cost,
         "chi2_per_degree_of_freedom": calibration.uncertainty.scale,
         "chi2_gain_of_a_further_linear_step": calibration.uncertainty.gain,
-        "unidentifiable_at_start": unseen,
+        "unidentifiable_at_start": undetermined,
         "friction_is_passive": passivity_note(calibration.model) is None,
         "study_sha256": job.fingerprint,
         "traces": {result.trace.name: trace_summary(result) for result in calibration.traces},

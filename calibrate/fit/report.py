@@ -24,7 +24,7 @@ class UnitReport:
     calibration: Calibration
     rows: list[Row]
     seconds: float
-    unseen: list[str]
+    undetermined: list[str]
     """Free parameters that the traces did not determine at the start values."""
 
 
@@ -106,7 +106,7 @@ def _sections(unit: UnitReport) -> dict[str, Any]:
         "name": unit.name,
         "calibration": calibration,
         "seconds": unit.seconds,
-        "unseen": unit.unseen,
+        "undetermined": unit.undetermined,
         "rows": unit.rows,
         "start": start_as_study(calibration),
         "traces": [trace_section(result) for result in calibration.traces],

@@ -248,10 +248,10 @@ class Calibrator:
     minimiser: LevenbergMarquardt
     notes: tuple[str, ...] = ()
 
-    def unidentifiable(self) -> list[str]:
+    def undetermined(self) -> list[str]:
         """Free entries that the traces do not determine at the current values."""
         found = estimate_uncertainty(*self.minimiser.linearisation(), self.minimiser.problem.count)
-        return [entry for entry, seen in zip(self.task.selection.entries, found.determined, strict=True) if not seen]
+        return [entry for entry, known in zip(self.task.selection.entries, found.determined, strict=True) if not known]
 
     def run(self, report: Callable[[Progress], None] = lambda progress: None) -> Calibration:
         """Steps on to the end, calling `report` after every step."""

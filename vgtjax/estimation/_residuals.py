@@ -139,7 +139,7 @@ class FitProblem(eqx.Module):
 
 
 @eqx.filter_custom_jvp
-def _residuals(coordinates: Array, problem: FitProblem) -> Array:
+def _residuals(coordinates: Vector, problem: FitProblem) -> Array:
     model = problem.at(coordinates)
     blocks = [
         _residual_block(measured, observe(model, bundle))

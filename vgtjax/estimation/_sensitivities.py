@@ -147,13 +147,13 @@ def _push_lanes(
                 out_axes=(None, 0),
             )(theta_tangents, tangents)
 
-        _, seen = push(observe)
-        return push(advance), seen
+        _, observed = push(observe)
+        return push(advance), observed
 
     start = (first, jax.tree.unflatten(shape, state_tangents))
-    (_, ends), seen = jax.lax.scan(interval, start, lane_drive)
+    (_, ends), observed = jax.lax.scan(interval, start, lane_drive)
     end_tangents = jnp.transpose(jnp.stack(jax.tree.leaves(ends)), (2, 0, 1))
-    return end_tangents, seen[:, :states], seen[:, states:]
+    return end_tangents, observed[:, :states], observed[:, states:]
 
 
 def _chain(

@@ -90,15 +90,15 @@ def moves_at_start(trace: Trace) -> tuple[float, float] | None:
     if trace.f_drive is None or trace.x_d is None:
         return None
     motion = read_motion(MechanicalActuator(), trace)
-    seen = filter_clear(motion)
+    filtered = filter_clear(motion)
     speed, error = _first_speed(motion)
-    if not np.any(seen.valid) or speed < max(
-        limits.MOVING * error, limits.REST_SPEED * float(np.max(np.abs(seen.velocity[seen.valid])))
+    if not np.any(filtered.valid) or speed < max(
+        limits.MOVING * error, limits.REST_SPEED * float(np.max(np.abs(filtered.velocity[filtered.valid])))
     ):
         return None
-    way = seen.direction[seen.valid]
+    way = filtered.direction[filtered.valid]
     still = np.flatnonzero(way != way[0])
-    begin = motion.time[seen.valid][still[0]] if len(still) else motion.time[-1]
+    begin = motion.time[filtered.valid][still[0]] if len(still) else motion.time[-1]
     return speed, float(begin)
 
 
@@ -124,12 +124,12 @@ def _figures(model: MechanicalActuator, motions: Sequence[MotionRecord]) -> tupl
         return ()
     velocities, forces = [], []
     for motion in motions:
-        seen = filter_clear(motion)
-        chosen = np.flatnonzero(moving_rows(model, seen) & (seen.direction != 0))
+        filtered = filter_clear(motion)
+        chosen = np.flatnonzero(moving_rows(model, filtered) & (filtered.direction != 0))
         chosen = chosen[thinned(len(chosen) * len(motions))]
-        applied = seen.force - float(model.diaphragm.preload) - float(model.diaphragm.stiffness) * seen.position
-        velocities.append(seen.velocity[chosen])
-        forces.append((applied - float(model.diaphragm.mass) * seen.acceleration)[chosen])
+        applied = filtered.force - float(model.diaphragm.preload) - float(model.diaphragm.stiffness) * filtered.position
+        velocities.append(filtered.velocity[chosen])
+        forces.append((applied - float(model.diaphragm.mass) * filtered.acceleration)[chosen])
     velocity, force = np.concatenate(velocities), np.concatenate(forces)
     speed = np.linspace(np.min(velocity, initial=0.0), np.max(velocity, initial=0.0), 401)
     law = float(friction.coulomb_force) * np.sign(speed) + float(friction.viscous_damping) * speed

@@ -34,8 +34,8 @@ def regress_axis(model: MechanicalActuator, motions: Sequence[MotionRecord], fre
 
     **Raises:** `NotPossible` when no trace shows enough motion.
     """
-    seen = [filter_clear(motion) for motion in motions]
-    rows = [moving_rows(model, each) for each in seen]
+    filtered = [filter_clear(motion) for motion in motions]
+    rows = [moving_rows(model, each) for each in filtered]
     if sum(np.count_nonzero(chosen) for chosen in rows) < limits.TURNING_SAMPLES:
         raise NotPossible(
             "no trace shows the axis move for long under a measured drive; record motion in both directions"
@@ -46,7 +46,7 @@ def regress_axis(model: MechanicalActuator, motions: Sequence[MotionRecord], fre
     if not set(TERMS) & set(free):
         return {}
     blocks = []
-    for each, chosen in zip(seen, rows, strict=True):
+    for each, chosen in zip(filtered, rows, strict=True):
         columns = _columns(each)
         right = each.force - sum(value * columns[TERMS[name]] for name, value in known.items())
         right = right - _value(model, "diaphragm.damping") * each.velocity
@@ -74,30 +74,30 @@ def _positive(table: dict[str, Parameter], name: str) -> bool:
 
 def filter_clear(motion: MotionRecord) -> Filtered:
     """Through the shortest kernel whose acceleration is clear of noise."""
-    seen = filter_motion(motion, KERNELS[0])
+    filtered = filter_motion(motion, KERNELS[0])
     for seconds in KERNELS:
-        seen = filter_motion(motion, seconds)
-        if not np.any(seen.valid):  # the trace is shorter than that
+        filtered = filter_motion(motion, seconds)
+        if not np.any(filtered.valid):  # the trace is shorter than that
             break
-        if seen.acceleration_noise**2 < HIDDEN * np.var(seen.acceleration[seen.valid]):
+        if filtered.acceleration_noise**2 < HIDDEN * np.var(filtered.acceleration[filtered.valid]):
             break
-    return seen
+    return filtered
 
 
-def moving_rows(model: MechanicalActuator, seen: Filtered) -> Bool[np.ndarray, " time"]:
+def moving_rows(model: MechanicalActuator, filtered: Filtered) -> Bool[np.ndarray, " time"]:
     """Where the axis moves for nearly all of a kernel, away from its stops; it may turn round."""
-    apart = through_kernel(seen, ((seen.direction == 0) | ~within_stops(model, seen.motion)).astype(float))
-    return seen.valid & (apart < limits.STICKING)
+    apart = through_kernel(filtered, ((filtered.direction == 0) | ~within_stops(model, filtered.motion)).astype(float))
+    return filtered.valid & (apart < limits.STICKING)
 
 
-def _columns(seen: Filtered) -> dict[str, np.ndarray]:
+def _columns(filtered: Filtered) -> dict[str, np.ndarray]:
     """The terms of the force, through one kernel."""
     return {
-        "constant": np.ones(len(seen.force)),
-        "position": seen.position,
-        "direction": through_kernel(seen, np.sign(seen.velocity)),
-        "velocity": seen.velocity,
-        "acceleration": seen.acceleration,
+        "constant": np.ones(len(filtered.force)),
+        "position": filtered.position,
+        "direction": through_kernel(filtered, np.sign(filtered.velocity)),
+        "velocity": filtered.velocity,
+        "acceleration": filtered.acceleration,
     }
 
 

@@ -83,15 +83,15 @@ def read_paths(model: MechanicalActuator, motions: Sequence[MotionRecord]) -> li
     """Paths of those motions that slide between the stops."""
     paths = []
     for motion in motions:
-        seen = filter_motion(motion, KERNEL)
-        inside = within_stops(model, motion) & seen.valid
-        rows = minimum_filter1d(inside, seen.width, mode="constant", cval=0).astype(bool)
+        filtered = filter_motion(motion, KERNEL)
+        inside = within_stops(model, motion) & filtered.valid
+        rows = minimum_filter1d(inside, filtered.width, mode="constant", cval=0).astype(bool)
         if motion.trace.f_drive is not None:
             # An axis that sticks moves less than its sensor sees, and then its friction is anything up to the limit.
-            rows &= through_kernel(seen, (seen.direction == 0).astype(float)) < limits.STICKING
-        if np.count_nonzero(rows) >= limits.TURNING_SAMPLES and np.any(seen.direction[rows] != 0):
+            rows &= through_kernel(filtered, (filtered.direction == 0).astype(float)) < limits.STICKING
+        if np.count_nonzero(rows) >= limits.TURNING_SAMPLES and np.any(filtered.direction[rows] != 0):
             position = remove_noise(motion.position, motion.noise)
-            paths.append(Path(seen, position, np.gradient(position, motion.time), rows))
+            paths.append(Path(filtered, position, np.gradient(position, motion.time), rows))
     return paths
 
 
@@ -131,17 +131,18 @@ class _Law:
 
     def columns(self, path: Path, logs: np.ndarray) -> dict[str, Samples]:
         """What the linear unknowns multiply, through the kernel and at the rows."""
-        seen, shape = path.filtered, np.exp(logs)
+        filtered, shape = path.filtered, np.exp(logs)
         limit = np.ones(len(path.position))
         if len(shape) > 1:
             limit = 1 + (shape[1] - 1) * np.exp(-((np.abs(path.velocity) / shape[2]) ** self.exponent))
         force = bristle_force(path.position, limit, float(shape[0]))
         columns = {"preload": np.ones(len(force))}
         if self.stiffness > 0:
-            columns["stiffness"] = seen.position
-        columns |= {"coulomb": through_kernel(seen, force), "viscous": seen.velocity, "mass": seen.acceleration}
+            columns["stiffness"] = filtered.position
+        columns["coulomb"] = through_kernel(filtered, force)
+        columns |= {"viscous": filtered.velocity, "mass": filtered.acceleration}
         if self.damped:
-            columns["bristle_damping"] = through_kernel(seen, np.gradient(shape[0] * force, seen.motion.time))
+            columns["bristle_damping"] = through_kernel(filtered, np.gradient(shape[0] * force, filtered.motion.time))
         return {name: column[path.rows] for name, column in columns.items()}
 
     def solve(self, logs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

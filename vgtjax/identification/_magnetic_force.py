@@ -156,9 +156,9 @@ REWEIGHTINGS = 10
 
 
 def _limitations(solution: _ForceFit, duties: Float[np.ndarray, " points"], coil: bool) -> tuple[str, ...]:
-    seen = f"{np.min(duties):.0f} to {np.max(duties):.0f} %"
+    span = f"{np.min(duties):.0f} to {np.max(duties):.0f} %"
     sentences = [
-        f"equilibria were found at {seen} duty; outside, and below the duty that closes the plunger, the curve is "
+        f"equilibria were found at {span} duty; outside, and below the duty that closes the plunger, the curve is "
         "extrapolated"
     ]
     if solution.form != "quartic":

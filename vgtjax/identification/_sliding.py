@@ -46,17 +46,17 @@ def fit_sliding(
 
     **Raises:** `NotPossible` when there are none.
     """
-    seen = [filter_motion(motion, KERNEL) for motion in motions]
+    filtered = [filter_motion(motion, KERNEL) for motion in motions]
     friction, spring = plain_friction(model), float(model.diaphragm.stiffness) > 0
     bristles = getattr(friction, "bristle_stiffness", None)
     distance = 0.0 if bristles is None else limits.MEMORY * float(friction.coulomb_force) / float(bristles)
-    chosen = [_one_way(each, within_stops(model, each.motion), distance) for each in seen]
+    chosen = [_one_way(each, within_stops(model, each.motion), distance) for each in filtered]
     if sum(np.count_nonzero(rows) for rows in chosen) < limits.SLIDING_SAMPLES:
         raise NotPossible(
             "the rod never slides freely between its stops; record motion through the middle of its travel"
         )
-    blocks, names = [], list(_columns(seen[0], spring, stribeck_velocity))
-    for each, rows in zip(seen, chosen, strict=True):
+    blocks, names = [], list(_columns(filtered[0], spring, stribeck_velocity))
+    for each, rows in zip(filtered, chosen, strict=True):
         columns = _columns(each, spring, stribeck_velocity)
         doubt = each.motion.constant_error(float(model.diaphragm.stiffness))
         matrix = np.stack([column[rows] for column in columns.values()], axis=1)
@@ -64,7 +64,7 @@ def fit_sliding(
     found = regress_traces([block for block in blocks if len(block.right)])
 
     def rows_of(name: str) -> Samples:
-        return np.concatenate([getattr(each, name)[rows] for each, rows in zip(seen, chosen, strict=True)])
+        return np.concatenate([getattr(each, name)[rows] for each, rows in zip(filtered, chosen, strict=True)])
 
     return Sliding(
         dict(zip(names, found.values.tolist(), strict=True)),
@@ -105,7 +105,8 @@ def at_closed_stop(
     motion: MotionRecord, preload: float, stiffness: float, friction: float
 ) -> Bool[np.ndarray, " time"]:
     """Samples at rest in the farther half of the motion whose drive friction and spring can't balance (N, N/m, N)."""
-    seen = filter_motion(motion, KERNEL)
-    excess = seen.force - preload - stiffness * seen.position
+    filtered = filter_motion(motion, KERNEL)
+    excess = filtered.force - preload - stiffness * filtered.position
     middle = 0.5 * (np.max(motion.position) + np.min(motion.position))
-    return seen.valid & (seen.direction == 0) & (excess > limits.HELD_FORCE * friction) & (seen.position > middle)
+    held = (filtered.direction == 0) & (excess > limits.HELD_FORCE * friction)
+    return filtered.valid & held & (filtered.position > middle)

@@ -80,10 +80,10 @@ def _slow_samples(model: Model, vane_force: HysteresisMap, trace: Trace, sensed:
     trace, diaphragm = trace.on_one_clock(), model.diaphragm
     assert trace.x_d is not None
     noise = noise_level(trace.x_d, "x_d")
-    seen, offset = smooth(trace.time, trace.x_d, noise), sensor_offset(model, trace, "x_d")
-    position = seen.value - offset.value
-    chosen = (np.abs(seen.rate) > np.maximum(limits.VANE_SLOWEST, 3 * seen.rate_error)) & (
-        np.abs(seen.rate) < limits.VANE_FASTEST
+    smoothed, offset = smooth(trace.time, trace.x_d, noise), sensor_offset(model, trace, "x_d")
+    position = smoothed.value - offset.value
+    chosen = (np.abs(smoothed.rate) > np.maximum(limits.VANE_SLOWEST, 3 * smoothed.rate_error)) & (
+        np.abs(smoothed.rate) < limits.VANE_FASTEST
     )
     margin = limits.VANE_STOP_MARGIN
     chosen &= (position > margin) & (position < float(diaphragm.travel) - margin)
@@ -101,7 +101,7 @@ def _slow_samples(model: Model, vane_force: HysteresisMap, trace: Trace, sensed:
         common = float(np.hypot(pressure.std_error * area, offset.std_error * stiffness))
     turbine = np.zeros_like(trace.time) if trace.p_trb is None else trace.p_trb
     angle = np.asarray(vane_force.crank.angle(float(diaphragm.travel) - position))
-    closing = seen.rate > 0
+    closing = smoothed.rate > 0
     return [SlowSamples(angle[chosen], closing[chosen], turbine[chosen], force[chosen], deviation, common)]
 
 

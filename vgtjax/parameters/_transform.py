@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from .._errors import InputError
-from .._types import Vector
+from .._types import Scalar, Vector
 from ._bounds import Bounds
 from ._selection import table_row
 from ._table import Parameter
@@ -87,7 +87,7 @@ def build_transform(
     return Transform(positive, size, *ends)
 
 
-def _check_start(entry: str, value: float, row: Parameter, lower: float, upper: float) -> None:
+def _check_start(entry: str, value: Scalar, row: Parameter, lower: float, upper: float) -> None:
     if row.positive and value <= 0:
         raise InputError(
             f"the start value of '{entry}' must be positive to be fitted, but it is {value:g}; change it, or hold it "

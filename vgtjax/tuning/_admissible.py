@@ -6,17 +6,17 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._types import Vector
-from ..control import AbstractController, designs_in
+from ..control import AbstractController, AbstractDesign, designs_in
 from ..parameters import Selection, Transform
 
 MARGIN = 1e-3
 """A condition counts as kept with so much to spare: at its very edge a proof says nothing."""
 
 
-def conditions(controller: AbstractController) -> dict[str, Float[Array, ""]]:
-    """How far a controller is inside each condition of its design, as a part of the limit; negative outside.
+def conditions(controller: AbstractDesign) -> dict[str, Float[Array, ""]]:
+    """How far a design is inside each of its conditions, as a part of the limit; negative outside.
 
-    They are those that its parts check when they are built, but for signs: a gain's domain holds its sign.
+    They are those that it and its parts check when they are built, but for signs: a gain's domain holds its sign.
     """
     return {
         prefix + name: jnp.min(condition.margin)

@@ -65,7 +65,7 @@ class Objective(eqx.Module):
         ]
         return share[None, :] * jnp.stack(rows)
 
-    def combine(self, costs: Float[Array, " cases"]) -> Scalar:
+    def combine(self, costs: Float[Array | np.ndarray, " cases"]) -> Scalar:
         """`J` of the cost of every closed loop."""
         # Divided by the largest, so that no power overflows.
         largest = jnp.maximum(jnp.max(costs), jnp.finfo(costs.dtype).tiny)
@@ -81,5 +81,5 @@ class Objective(eqx.Module):
 
 
 @eqx.filter_jit
-def _derivatives(objective: Objective, costs: Array) -> tuple[Array, Array]:
+def _derivatives(objective: Objective, costs: Float[Array | np.ndarray, " cases"]) -> tuple[Array, Array]:
     return jax.grad(objective.combine)(costs), jax.hessian(objective.combine)(costs)

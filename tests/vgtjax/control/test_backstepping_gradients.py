@@ -1,4 +1,4 @@
-"""Derivatives of a noisy loop by every gain of backstepping, and the step of its observer across a knot of its map."""
+"""A noisy loop differentiated with respect to every gain of backstepping, and a knot of its observer's map."""
 
 import jax
 import jax.numpy as jnp

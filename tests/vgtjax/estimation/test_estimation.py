@@ -128,7 +128,7 @@ def test_an_engineer_is_told_before_the_fit_what_the_traces_do_not_determine():
     free = ["diaphragm.stiffness", "diaphragm.damping", "friction.viscous_damping", "diaphragm.travel"]
     values = {"diaphragm.damping": 1.0}  # off its bound, which alone would hold it
     calibrator = start_calibration(plan_task(vgtjax.Actuator(), [bench(0)], free=free, values=values))
-    unseen = set(calibrator.unidentifiable())
+    unseen = set(calibrator.undetermined())
     assert unseen == {"diaphragm.damping", "friction.viscous_damping", "diaphragm.travel"}
 
 

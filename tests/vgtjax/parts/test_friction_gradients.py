@@ -1,4 +1,4 @@
-"""Derivatives by every parameter of every friction, against central differences of the same model solved tight."""
+"""Derivatives with respect to every parameter of every friction against central differences, solved tight."""
 
 import equinox as eqx
 import jax

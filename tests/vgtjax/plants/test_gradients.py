@@ -1,4 +1,4 @@
-"""Derivatives by every physical parameter against central differences of the same model, solved decades tighter."""
+"""Derivatives with respect to every physical parameter against central differences, solved decades tighter."""
 
 import diffrax
 import jax
@@ -154,7 +154,7 @@ NULL = {  # directions that scale parameters together and change no measured sig
 
 @pytest.fixture(scope="module")
 def columns():
-    """The segment-parallel Jacobian by every parameter: `(time, 2, parameters)`."""
+    """The segment-parallel Jacobian with respect to every parameter: `(time, 2, parameters)`."""
     return jacobian(ACTUATOR, [TRACE], free=["*"])[0]
 
 

@@ -34,7 +34,7 @@ def evaluate(flow_map, *at):
 
 
 def slopes(flow_map, duty, pressure):
-    """Derivatives by duty and by pressure."""
+    """Derivatives with respect to duty and pressure."""
     return jax.jit(jax.vmap(jax.grad(lambda u, p: flow_map(u, p), argnums=(0, 1))))(duty, pressure)
 
 

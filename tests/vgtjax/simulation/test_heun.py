@@ -1,4 +1,4 @@
-"""The integration method on systems whose solution, and its derivative by parameters, are known in closed form."""
+"""The integration method on systems whose solution and its derivatives are known in closed form."""
 
 import diffrax
 import equinox as eqx

@@ -83,8 +83,8 @@ class WaveLine(AbstractLine):
         guess = gas.pressure + self._share() * (pressure - gas.pressure)
         (mass_flow, temperature), (slope, _) = jax.jvp(entering, (guess,), (jnp.ones_like(guess),))
         mass_flow = (mass_flow - slope * impedance * reference) / (1 - slope * impedance)
-        seen = guess + impedance * (mass_flow - reference)
-        return Gas(seen, gas.temperature), Flow(mass_flow, temperature)
+        pressure = guess + impedance * (mass_flow - reference)
+        return Gas(pressure, gas.temperature), Flow(mass_flow, temperature)
 
     def __call__(self, air: Air, state: WaveState, entering: Flow, gas: Gas) -> tuple[Flow, WaveState]:
         """Flow into the chamber, and rates in Pa/s and kg/s2 [2.17, 2.18]."""
