@@ -1,8 +1,4 @@
-"""One JAX for all tests: double precision, two devices, strict shapes, checked annotations, a compilation cache.
-
-Half of the tests' time is compilation. What runs in their own process is compiled without LLVM's optimisations, which
-saves a quarter of that; notebooks, and commands in a process of their own, are compiled as users have it.
-"""
+"""One JAX for all tests: double precision, two devices, strict shapes, checked annotations, one compilation cache."""
 
 import os
 
@@ -14,23 +10,19 @@ from jaxtyping import install_import_hook
 with install_import_hook("vgtjax", "typechecker.checked"):
     import vgtjax
 
-CACHES = platformdirs.user_cache_path("vgtjax")
-USERS_FLAGS = os.environ.get("XLA_FLAGS", "")
-os.environ["XLA_FLAGS"] = f"{USERS_FLAGS} --xla_backend_optimization_level=0".strip()
-vgtjax.configure(cpu_devices=2, cache=CACHES / "tests_unoptimised")
+CACHE = platformdirs.user_cache_path("vgtjax") / "tests"
+vgtjax.configure(cpu_devices=2, cache=CACHE)
 jax.config.update("jax_numpy_rank_promotion", "raise")
-jax.block_until_ready(jax.jit(lambda: 0.0)())  # flags are read now, and not again
-# For the kernels of the notebooks. A cache of its own: JAX tells programs apart by the flags in the environment.
-os.environ["XLA_FLAGS"] = USERS_FLAGS
-os.environ["JAX_COMPILATION_CACHE_DIR"] = str(CACHES / "tests")
+# The kernels of the notebooks find there what tests have compiled, and the other way round.
+os.environ["JAX_COMPILATION_CACHE_DIR"] = str(CACHE)
 os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
 os.environ["JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES"] = "-1"
 
 FIRST = (
-    "robust_tuning.ipynb",
     "test_reproduction.py",
     "test_identify.py",
     "test_pneumatic_gradients.py",
+    "robust_tuning.ipynb",
     "test_tuning.py",
     "chapter_5.ipynb",
     "test_estimation.py",
