@@ -11,7 +11,7 @@ import equinox.internal as eqxi
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool
+from jaxtyping import Array, Bool, Int
 
 from .._errors import InputError
 from ..plants import AbstractModel, State
@@ -164,15 +164,15 @@ def _unsuitable(adjoint: diffrax.AbstractAdjoint) -> InputError:
 class AdaptiveMarch(AbstractMarch):
     """Error-controlled steps over a whole trace that end at every jump of the duty.
 
-    `jumps` marks the intervals at whose start the duty jumps; one mark for each, so that their number does not
-    change what is compiled.
+    `jumps` are the intervals at whose start the duty jumps, filled up with -1 to one of few lengths, so that their
+    number hardly ever changes what is compiled.
     """
 
     rtol: float
     atol: float
     solver: diffrax.AbstractSolver
     max_steps: int = eqx.field(static=True)
-    jumps: Bool[np.ndarray, " time"]
+    jumps: Int[np.ndarray, " jumps"]
 
     def __call__(
         self, model: AbstractModel, state: State, drive: Drive, adjoint: diffrax.AbstractAdjoint
@@ -190,7 +190,7 @@ class AdaptiveMarch(AbstractMarch):
             return jax.tree.map(jnp.divide, model.vector_field(time - starts[index], state, here), size)
 
         # The controller never comes to an infinite time.
-        jump_ts = jnp.sort(jnp.where(self.jumps, starts, jnp.inf))
+        jump_ts = jnp.where(self.jumps < 0, jnp.inf, starts[self.jumps])
         solution = diffrax.diffeqsolve(
             diffrax.ODETerm(vector_field),
             self.solver,
@@ -211,6 +211,10 @@ class AdaptiveMarch(AbstractMarch):
         return states, judge(states, from_diffrax(solution.result))
 
 
+FEWEST_JUMPS = 64
+"""Up to so many jumps of the duty share what is compiled; beyond, up to each power of two."""
+
+
 class AdaptiveStep(AbstractStepping):
     """Error-controlled steps over the whole trace by `diffrax.diffeqsolve` that end at every jump of the duty.
 
@@ -224,9 +228,11 @@ class AdaptiveStep(AbstractStepping):
 
     def plan(self, model: AbstractModel, trace: Trace) -> AdaptiveMarch:
         """Steps that end at every jump of the trace's duty."""
-        jumps = np.zeros(len(trace.time), bool)
-        jumps[trace.jumps()] = True
-        return AdaptiveMarch(self.rtol, self.atol, self.solver, self.max_steps, jumps)
+        jumps = trace.jumps()
+        # Every step looks at all of them: as many as samples made a simulation four times as long.
+        length = max(FEWEST_JUMPS, 2 ** math.ceil(math.log2(max(len(jumps), 1))))
+        filled = np.pad(jumps, (0, length - len(jumps)), constant_values=-1)
+        return AdaptiveMarch(self.rtol, self.atol, self.solver, self.max_steps, filled)
 
     def plan_intervals(self, model: AbstractModel, longest_interval: float) -> FixedMarch:
         """Refused: these steps don't keep to intervals."""
