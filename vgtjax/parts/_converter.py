@@ -14,6 +14,8 @@ from ._air import Air, orifice_flow
 from .magnetic_force._base import AbstractMagneticForce
 from .magnetic_force._static import StaticForce
 
+PRINTED_MEMBRANE = 2000.0
+"""N/m [B.1]."""
 GENTLE_OPENING = 1e-5
 """m of lift over which the atmosphere's orifice opens where derivatives are taken; see [`without_chatter`][]."""
 
@@ -49,7 +51,7 @@ class Converter(Part):
     place: ClassVar[str] = "converter"
 
     plunger_mass: Scalar = parameter(0.01, symbol="m_p", unit="kg", source="B.1", held=True)
-    membrane_stiffness: Scalar = parameter(2000.0, symbol="k_mem", unit="N/m", source="B.1")
+    membrane_stiffness: Scalar = parameter(PRINTED_MEMBRANE, symbol="k_mem", unit="N/m", source="B.1")
     return_spring_stiffness: Scalar = parameter(2400.0, symbol="k_s1", unit="N/m", source="B.1")
     plunger_damping: Scalar = parameter(22.0, symbol="b_p", unit="N s/m", source="B.1")
     actuator_area: Scalar = parameter(1.7425e-4, symbol="A_act", unit="m2", source="B.1", held=True)
@@ -63,11 +65,21 @@ class Converter(Part):
         (2.299e-8, 1.68e-4, 0.342), symbol="c", unit=("m2", "m", "1"), source="B.3"
     )
     opening_width: float = eqx.field(static=True, default=1e-6)
-    """Lift in m over which the printed jump `c0` of the atmosphere orifice opens; a numerical setting.
+    """Lift in m over which the printed jump `c0` of the atmosphere orifice opens with the printed membrane, see
+    `opening_lift`; a numerical setting.
 
     The jump sits where the plunger rests, and a vector field that jumps there has wrong gradients. The ramp
     lies above zero: one across zero opens both orifices at once.
     """
+
+    @property
+    def opening_lift(self) -> Values:
+        """Lift in m over which the jump opens: `opening_width`, less for a stiffer membrane.
+
+        A plunger that hovers there needs a force of stiffness times lift. Were the lift the same for all membranes, a
+        fit would read their stiffness off that force, which the actuator itself does not have.
+        """
+        return self.opening_width * (PRINTED_MEMBRANE / self.membrane_stiffness)
 
     def start(self, pwm: Values, ambient: Values, reservoir: Values, pressure: Values) -> ConverterState:
         """State at rest at a chamber pressure in Pa absolute, after a duty in percent has been held for long."""
@@ -138,7 +150,7 @@ class Converter(Part):
     def orifice_area(self, position: Values) -> Values:
         """Area in m2 of the one orifice that is open at a plunger position in m [B.2, B.3]."""
         c0, c1, c2 = (self.atmosphere_orifice[k] for k in range(3))
-        opened = jnp.minimum(position * (1 / self.opening_width), 1.0)
+        opened = jnp.minimum(position / self.opening_lift, 1.0)
         to_atmosphere = (c2 * position + c1) * position + c0 * opened
         to_reservoir = self.reservoir_orifice_slope * jnp.minimum(-position, self.reservoir_orifice_saturation)
         return jnp.where(position < 0, to_reservoir, to_atmosphere)

@@ -55,9 +55,15 @@ class Diaphragm(Part):
             + self.stop_force(body)
         )
 
-    def damping_rate(self, friction_damping: Values) -> Values:
-        """Rate in 1/s at which damping and friction stop the rod."""
-        return (self.damping + friction_damping) / self.mass
+    def damping_rate(self, body: Body, friction_damping: Values) -> Values:
+        """Rate in 1/s at which damping, friction in N s/m and the contact with a stop slow the rod.
+
+        Hunt and Crossley's damper of a rod that rests against a stop is twice as strong as friction, and lighter rods
+        than the printed one diverge without it.
+        """
+        into_stop = jnp.maximum(jnp.maximum(-body.position, body.position - self.travel), 0.0)
+        stop_damping = self._contact_stiffness() * into_stop * self.stop_damping
+        return (self.damping + friction_damping + stop_damping) / self.mass
 
     def drive_force(self, ambient: Values, pressure: Values) -> Values:
         """Force in N along +x of pressures in Pa absolute, `(p_atm - p_act) A_d` [2.34]."""

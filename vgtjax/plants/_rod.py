@@ -47,7 +47,7 @@ class Rod(eqx.Module):
         vanes = self._vanes(body, turbine_pressure)
         contact = self._contact(body, vanes)
         return RodState(
-            Body(None, self.diaphragm.damping_rate(self.friction.damping(contact))),
+            Body(None, self.diaphragm.damping_rate(body, self.friction.damping(contact))),
             self.friction.relaxation(contact, state.friction),
             self.vane_force.relaxation(vanes, body.velocity, state.vanes),
         )

@@ -61,6 +61,23 @@ def test_area_has_no_jump_at_the_working_point():
     assert CONVERTER.orifice_area(jnp.asarray(0.0)) == 0.0
 
 
+def test_the_smoothed_seat_tells_nothing_of_the_plungers_gauge():
+    """Stiffer by a factor and lifting less by it, a plunger moves the same air: a null direction of every trace."""
+    gauge = 1.7
+    stiffer = dataclasses.replace(
+        CONVERTER,
+        membrane_stiffness=gauge * CONVERTER.membrane_stiffness,
+        reservoir_orifice_slope=gauge * CONVERTER.reservoir_orifice_slope,
+        reservoir_orifice_saturation=CONVERTER.reservoir_orifice_saturation / gauge,
+        atmosphere_orifice=CONVERTER.atmosphere_orifice * jnp.asarray([1.0, gauge, gauge**2]),
+    )
+    lifts = jnp.asarray([-4e-3, -1e-4, 2e-7, 8e-7, 3e-6, 1e-3])
+    # Rounding of products in another order.
+    np.testing.assert_allclose(
+        jax.vmap(stiffer.orifice_area)(lifts / gauge), jax.vmap(CONVERTER.orifice_area)(lifts), rtol=1e-12
+    )
+
+
 def test_opening_width_is_a_setting_and_no_parameter():
     narrow = dataclasses.replace(CONVERTER, opening_width=1e-7)
     assert jax.tree.leaves(narrow) == jax.tree.leaves(CONVERTER)

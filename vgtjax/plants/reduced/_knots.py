@@ -14,7 +14,7 @@ CURVED = 5
 def lift_knots(converter: Converter, lowest: float, highest: float) -> Float[np.ndarray, " positions"]:
     """Plunger positions in m between two ends: saturation, closed, the opened leak, and the parabola."""
     saturated = -float(converter.reservoir_orifice_saturation)
-    leak = converter.opening_width
+    leak = float(converter.opening_lift)
     above = max(highest, 2 * leak)
     rise = leak + (above - leak) * (np.arange(1, OPENING + 1) / OPENING) ** 2
     below = [min(lowest, 1.001 * saturated), saturated]
