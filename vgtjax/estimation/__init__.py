@@ -14,6 +14,7 @@ from ._calibration import (
     plan_task as plan_task,
     start_calibration as start_calibration,
 )
+from ._evidence import Unknown as Unknown
 from ._fit import CHI2_TOLERANCE as CHI2_TOLERANCE, LevenbergMarquardt as LevenbergMarquardt, Progress as Progress
 from ._least_squares import (
     LeastSquares as LeastSquares,
@@ -29,3 +30,4 @@ from ._least_squares import (
 from ._residuals import FitProblem as FitProblem, build_fit_problem as build_fit_problem
 from ._seminormal import SeminormalEquations as SeminormalEquations
 from ._sensitivities import jacobian as jacobian, observe as observe, observe_with_jacobian as observe_with_jacobian
+from ._sensors import Sensor as Sensor

@@ -5,13 +5,15 @@ from typing import Any
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Array, Float, Int
 
 from .._lanes import fill_devices
+from .._types import Scalar
 from ..plants import AbstractModel
 from ..simulation import FixedMarch, FixedStep, model_dtype
-from ..traces import Drive, Start, Trace, cast, require
+from ..traces import Drive, Start, Trace, cast, delay_duty, require
 
 SEGMENT = 50
 """Samples a segment of the parallel Jacobian: long enough that chaining segments costs little, short enough for many
@@ -57,6 +59,27 @@ class Bundle(eqx.Module):
             lanes[owned[self.lane_trace[owned] == i]].reshape(-1, *lanes.shape[2:])[:count]
             for i, count in enumerate(self.samples)
         ]
+
+    def with_late_duty(self, delay: Scalar) -> tuple["Bundle", Float[Array, "sample lanes"]]:
+        """The same traces with a duty that reaches the valve `delay` s late, and its slope by that in every lane."""
+        recorded, duration = self.drive.pwm, self.drive.duration
+        assert recorded is not None, "only a duty can be late"
+
+        def duty(delay: Scalar) -> Float[Array, "time traces"]:
+            return jax.vmap(delay_duty, in_axes=(1, 1, None), out_axes=1)(recorded, duration, delay)
+
+        late, slope = jax.jvp(duty, (delay,), (jnp.ones_like(delay),))
+        drives = (lambda bundle: bundle.drive.pwm, lambda bundle: bundle.lane_drive.pwm)
+        bundle = eqx.tree_at(lambda bundle: [get(bundle) for get in drives], self, [late, self._cut(late)])
+        return bundle, self._cut(slope)
+
+    def _cut(self, values: Float[Array, "time traces"]) -> Float[Array, "sample lanes"]:
+        """Values at every time of every trace, cut into lanes."""
+        return values.reshape(-1, SEGMENT, values.shape[-1])[self.lane_segment, :, self.lane_trace].T
+
+    def first_lane(self, trace: int) -> int:
+        """Where the lanes of a trace begin."""
+        return int(np.sum([-(-count // SEGMENT) for count in self.samples[:trace]], dtype=int))
 
     def _owned(self) -> Int[np.ndarray, " owned"]:
         """Lanes that belong to a trace; those that only fill up a device follow them."""

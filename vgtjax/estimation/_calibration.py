@@ -22,12 +22,23 @@ from ..parameters import (
 )
 from ..plants import AbstractModel, MechanicalActuator
 from ..simulation import FixedStep, model_dtype
-from ..traces import SIGNALS, Trace, noise_level
-from ._bundle import CHANNELS, bundle_traces
+from ..traces import SIGNALS, Trace
+from ._bundle import CHANNELS
+from ._evidence import (
+    DELAY_SCALE,
+    EVIDENT,
+    LONGEST_DELAY,
+    MOST_STAGES,
+    NOTHING,
+    SETTLED,
+    Unknown,
+    learn_sensors,
+    observe_traces,
+)
 from ._fit import LevenbergMarquardt, Progress
 from ._least_squares import LeastSquares, estimate_uncertainty
-from ._residuals import build_fit_problem
-from ._sensitivities import observe
+from ._residuals import Sensors, build_fit_problem, white_sensors
+from ._sensors import Sensor
 
 RUNAWAY = 1e5
 """Factor by which a positive value may leave its start. In fits of twenty actuators none moves by more than 10^1.7;
@@ -38,7 +49,8 @@ from a hopeless start a fit goes to where nothing changes any more, converges th
 class Task:
     """What to calibrate: a model with its start values, the free entries, and the traces.
 
-    `bounds` are by entry, in the units of the table; `channels` the measured signals to fit.
+    `bounds` are by entry, in the units of the table; `channels` the measured signals to fit; `unknown` is what the fit
+    finds out besides.
     """
 
     model: AbstractModel
@@ -48,6 +60,12 @@ class Task:
     bounds: Bounds = dataclasses.field(default_factory=dict)
     channels: Sequence[str] = CHANNELS
     stepping: FixedStep = dataclasses.field(default_factory=FixedStep)
+    unknown: Unknown = NOTHING
+
+    @property
+    def late_duty(self) -> bool:
+        """Whether the duty may be late."""
+        return bool(self.unknown.duty_delay) and "pwm" in self.model.needs
 
 
 def plan_task(
@@ -60,6 +78,7 @@ def plan_task(
     values: dict[str, Any] | None = None,
     bounds: Bounds | None = None,
     channels: Sequence[str] | None = None,
+    unknown: Unknown = NOTHING,
 ) -> Task:
     """Puts a task together from names.
 
@@ -69,6 +88,7 @@ def plan_task(
     - `values`: start values by name, in the units of the table.
     - `bounds`: `(lower, upper)` by name or entry, either `None`.
     - `channels`: measured signals to fit; by default those that are no input of the model.
+    - `unknown`: what the fit finds out besides the parameters; nothing by default.
 
     **Raises:** `InputError` for unknown names, and when no trace is to be fitted.
     """
@@ -77,7 +97,15 @@ def plan_task(
     model = replace_parameters(model, values or {})
     if channels is None:
         channels = ("x_d",) if isinstance(model, MechanicalActuator) else CHANNELS
-    return Task(model, select(model, free, fixed), fit, validate, bounds_by_entry(model, bounds or {}), channels)
+    return Task(
+        model,
+        select(model, free, fixed),
+        fit,
+        validate,
+        bounds_by_entry(model, bounds or {}),
+        channels,
+        unknown=unknown,
+    )
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -158,6 +186,12 @@ class Calibration(Printed):
     traces: list[TraceResult]
     count: int
     """Number of measurements fitted."""
+    sensors: Sensors
+    """What the fit found out of the sensors of every trace fitted, by channel."""
+    duty_delay: float = 0.0
+    """s by which the duty reaches the valve later than its record says."""
+    duty_delay_error: float | None = None
+    """Its standard error in s; `None` where it was not fitted."""
     notes: tuple[str, ...] = ()
 
     def _title(self) -> str:
@@ -222,15 +256,16 @@ class Calibration(Printed):
     @property
     def at_bound(self) -> Bool[np.ndarray, " parameters"]:
         """Which values lie on a bound."""
-        return np.asarray(self.transform.at_bound(np.asarray(self.progress.coordinates)))
+        return np.asarray(self.transform.at_bound(np.asarray(self.progress.coordinates)))[: len(self.values)]
 
     @property
     def ran_away(self) -> tuple[str, ...]:
         """Entries whose positive value ended more than a factor `RUNAWAY` from its start, and on no bound."""
-        start = self.transform.to_coordinates(self.task.selection.pack(self.task.model))
+        count = len(self.values)
+        start = np.asarray(self.transform.to_coordinates(_first_guess(self.task)))[:count]
         # Coordinates are logarithms, finite where a value has left the range of floating point.
-        moved = np.abs(np.asarray(self.progress.coordinates) - np.asarray(start))
-        away = self.transform.positive & (moved > np.log(RUNAWAY)) & ~self.at_bound
+        moved = np.abs(np.asarray(self.progress.coordinates)[:count] - start)
+        away = self.transform.positive[:count] & (moved > np.log(RUNAWAY)) & ~self.at_bound
         return tuple(np.array(self.task.selection.entries)[away].tolist())
 
     @property
@@ -241,45 +276,92 @@ class Calibration(Printed):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Calibrator:
-    """A calibration under way; `notes` say what was done with its start."""
+    """A calibration under way; `notes` say what was done with its start.
+
+    `minimiser` searches with what is known of the `sensors`; `advance` ends a search by learning more of them.
+    """
 
     task: Task
-    transform: Transform
+    sensors: Sensors
     minimiser: LevenbergMarquardt
     notes: tuple[str, ...] = ()
 
+    @property
+    def transform(self) -> Transform:
+        """The map between values and the coordinates of the search."""
+        return self.minimiser.problem.transform
+
     def undetermined(self) -> list[str]:
         """Free entries that the traces do not determine at the current values."""
-        found = estimate_uncertainty(*self.minimiser.linearisation(), self.minimiser.problem.count)
-        return [entry for entry, known in zip(self.task.selection.entries, found.determined, strict=True) if not known]
+        known = self._uncertainty().determined.tolist()
+        return [entry for entry, is_known in zip(self.task.selection.entries, known, strict=False) if not is_known]
 
     def run(self, report: Callable[[Progress], None] = lambda progress: None) -> Calibration:
         """Steps on to the end, calling `report` after every step."""
-        while not self.minimiser.progress.finished:
-            report(self.minimiser.step())
-        return self.finish()
+        calibrator: Calibrator | None = self
+        while calibrator is not None:
+            current = calibrator
+            while not current.minimiser.progress.finished:
+                report(current.minimiser.step())
+            calibrator = current.advance()
+        return current.finish()
+
+    def advance(self) -> "Calibrator | None":
+        """Another search with what this one has told, or `None` where that would find nothing else."""
+        progress, unknown = self.minimiser.progress, self.task.unknown
+        if not unknown.anything or not progress.converged or progress.stage >= MOST_STAGES or self._has_settled():
+            return None
+        again = progress.again()
+        if self.task.late_duty and not self._duty_is_late():
+            again = dataclasses.replace(again, coordinates=(*again.coordinates[:-1], 0.0))
+            again = dataclasses.replace(again, anchor=again.coordinates)
+        return dataclasses.replace(start_calibration(self.task, again), notes=self.notes)
+
+    def _has_settled(self) -> bool:
+        """Whether this search moved by less than errors that matter from where the last one ended."""
+        progress = self.minimiser.progress
+        if not progress.stage:
+            return False
+        moved = np.abs(np.asarray(progress.coordinates) - np.asarray(progress.anchor))
+        return bool(np.all(moved <= SETTLED * np.nan_to_num(self._uncertainty().std_errors, nan=np.inf)))
+
+    def _duty_is_late(self) -> bool:
+        """Whether the delay is more than a chance."""
+        if self.task.unknown.duty_delay is True:
+            return True
+        error = self._uncertainty().std_errors[-1]
+        return bool(abs(self.minimiser.progress.coordinates[-1]) > EVIDENT * error)
+
+    def _uncertainty(self) -> LeastSquares:
+        problem = self.minimiser.problem
+        return estimate_uncertainty(*self.minimiser.linearisation(), problem.count - problem.offsets)
 
     def finish(self) -> Calibration:
         """What came of it: values, covariance, and every trace simulated with them."""
-        residuals, columns = self.minimiser.linearisation()
         problem, progress = self.minimiser.problem, self.minimiser.progress
-        uncertainty = estimate_uncertainty(residuals, columns, problem.count - problem.offsets)
+        everything, count = self._uncertainty(), len(self.task.selection.entries)
         coordinates = np.asarray(progress.coordinates)
         values = np.asarray(self.transform.to_physical(coordinates))
         slope = np.asarray(self.transform.slope(coordinates))
-        model = self.task.selection.unpack(self.task.model, values)
+        model = self.task.selection.unpack(self.task.model, values[:count])
+        uncertainty = everything.first(count)
         with np.errstate(over="ignore"):  # the error of a value that ran away may be beyond every number
-            covariance = uncertainty.covariance * np.outer(slope, slope)
+            covariance = uncertainty.covariance * np.outer(slope[:count], slope[:count])
+        late = self.task.late_duty and progress.coordinates[-1] != 0.0
+        delay = float(values[-1]) if late else 0.0
         return Calibration(
             model,
             self.task,
             self.transform,
             progress,
-            values,
+            values[:count],
             covariance,
             uncertainty,
-            compare(self.task, model),
+            compare(self.task, model, delay, self.sensors),
             problem.count,
+            self.sensors,
+            delay,
+            float(slope[-1] * everything.std_errors[-1]) if late else None,
             self.notes,
         )
 
@@ -298,14 +380,38 @@ def start_calibration(task: Task, resume: Progress | None = None) -> Calibrator:
         )
     start = np.asarray(task.selection.pack(task.model))
     transform = build_transform(parameter_table(task.model), task.selection.entries, start, task.bounds)
+    progress = Progress(()) if resume is None else resume
+    if task.late_duty:
+        refused = progress.stage > 0 and progress.anchor[-1] == 0.0
+        longest = 0.0 if refused else LONGEST_DELAY
+        transform = transform.extended(DELAY_SCALE, -longest, longest)
+    sensors = _sensors_at(task, transform, progress)
     problem = build_fit_problem(
-        task.model, task.selection, transform, task.fit, channels=task.channels, stepping=task.stepping
+        task.model,
+        task.selection,
+        transform,
+        task.fit,
+        channels=task.channels,
+        sensors=sensors,
+        stepping=task.stepping,
     )
-    if resume is None:
-        minimiser = LevenbergMarquardt(problem, np.asarray(transform.to_coordinates(start)))
-    else:
-        minimiser = LevenbergMarquardt(problem, resume)
-    return Calibrator(task, transform, minimiser)
+    begin = np.asarray(transform.to_coordinates(_first_guess(task))) if resume is None else resume
+    return Calibrator(task, sensors, LevenbergMarquardt(problem, begin))
+
+
+def _first_guess(task: Task) -> Float[np.ndarray, " coordinates"]:
+    """Start values, and a duty that is not late where it may be."""
+    return np.append(np.asarray(task.selection.pack(task.model)), np.zeros(int(task.late_duty)))
+
+
+def _sensors_at(task: Task, transform: Transform, progress: Progress) -> Sensors:
+    """What is known of the sensors in a stage: at first what their signals show, then what the last search told."""
+    if not progress.stage:
+        return white_sensors(task.fit, task.channels)
+    count, values = len(task.selection.entries), np.asarray(transform.to_physical(np.asarray(progress.anchor)))
+    model = task.selection.unpack(task.model, values[:count])
+    delay = float(values[-1]) if task.late_duty else None
+    return learn_sensors(model, delay, task.fit, task.channels, task.stepping, task.unknown)
 
 
 def calibrate(task: Task, report: Callable[[Progress], None] = lambda progress: None) -> Calibration:
@@ -316,22 +422,24 @@ def calibrate(task: Task, report: Callable[[Progress], None] = lambda progress: 
     return start_calibration(task).run(report)
 
 
-def compare(task: Task, model: AbstractModel) -> list[TraceResult]:
-    """Simulates every trace of a task and compares it with what was measured."""
+def compare(task: Task, model: AbstractModel, delay: float = 0.0, sensors: Sensors | None = None) -> list[TraceResult]:
+    """Simulates every trace of a task and compares it with what was measured.
+
+    **Arguments:** `delay` of the duty in s; `sensors` of the traces to fit, by default as their signals show them.
+    """
     uses = [("fit", trace) for trace in task.fit] + [("validate", trace) for trace in task.validate]
     traces = [trace for _, trace in uses]
-    observed: dict[int, np.ndarray] = {}
-    for bundle in bundle_traces(model, traces, task.stepping):
-        observed |= dict(zip(bundle.indices, bundle.from_lanes(np.asarray(observe(model, bundle))), strict=True))
-    return [_compare_one(trace, use, observed[i], task.channels) for i, (use, trace) in enumerate(uses)]
+    observed = observe_traces(model, traces, task.stepping, delay or None)
+    known = white_sensors(traces, task.channels)
+    known = known if sensors is None else [*sensors, *known[len(sensors) :]]
+    return [_compare_one(trace, use, observed[i], known[i]) for i, (use, trace) in enumerate(uses)]
 
 
-def _compare_one(trace: Trace, use: str, observed: np.ndarray, channels: Sequence[str]) -> TraceResult:
+def _compare_one(trace: Trace, use: str, observed: np.ndarray, sensors: dict[str, Sensor]) -> TraceResult:
     simulated = dict(zip(CHANNELS, observed.T, strict=True))
     compared = {}
-    for name in channels:
+    for name, sensor in sensors.items():
         sampled = trace.sampled(name)
         if sampled is not None:
-            rows, noise = trace.rows(name), noise_level(sampled.value, name)
-            compared[name] = Comparison(sampled.time, sampled.value, simulated[name][rows], noise)
+            compared[name] = Comparison(sampled.time, sampled.value, simulated[name][trace.rows(name)], sensor.level)
     return TraceResult(trace, use, simulated, compared)

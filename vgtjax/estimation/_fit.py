@@ -42,6 +42,9 @@ class Progress:
     `coordinates` are the accepted coordinates of the transform, `step_size` is the inverse of the damping, `history`
     the cost after every iteration, the start first (half the mean squared residual in units of the noise). `failed`
     counts trial steps whose simulation failed.
+
+    A fit may search again with what its end has told of sensors and numerical errors: then `stage` counts the
+    searches before, `anchor` is where the last of them ended, and `begun` the length of `history` before this one.
     """
 
     coordinates: tuple[float, ...]
@@ -53,6 +56,28 @@ class Progress:
     converged: bool = False
     stalled: bool = False
     history: tuple[float, ...] = ()
+    stage: int = 0
+    anchor: tuple[float, ...] = ()
+    begun: int = 0
+
+    def again(self) -> "Progress":
+        """The beginning of another search where this one has ended."""
+        return Progress(
+            self.coordinates,
+            step_size=NEAR_STEP_SIZE,
+            iteration=self.iteration,
+            accepted=self.accepted,
+            failed=self.failed,
+            history=self.history,
+            stage=self.stage + 1,
+            anchor=self.coordinates,
+            begun=len(self.history),
+        )
+
+    @property
+    def searched(self) -> tuple[float, ...]:
+        """The history of this search alone."""
+        return self.history[self.begun :]
 
     @property
     def cost(self) -> float:
@@ -62,7 +87,7 @@ class Progress:
     @property
     def finished(self) -> bool:
         """Whether another step would be wasted."""
-        return self.converged or self.rejected_in_a_row >= MAX_REJECTED or self.iteration >= MAX_ITERATIONS
+        return self.converged or self.rejected_in_a_row >= MAX_REJECTED or len(self.searched) > MAX_ITERATIONS
 
     @property
     def verdict(self) -> str:
@@ -73,7 +98,7 @@ class Progress:
             return f"the last step lowered chi^2 by less than {CHI2_TOLERANCE:g}"
         if self.rejected_in_a_row >= MAX_REJECTED:
             return f"stuck, {MAX_REJECTED} trial steps in a row did not lower the cost"
-        if self.iteration >= MAX_ITERATIONS:
+        if len(self.searched) > MAX_ITERATIONS:
             return f"not converged after {MAX_ITERATIONS} iterations"
         return "running"
 
@@ -138,9 +163,9 @@ class LevenbergMarquardt:
                 "the simulation with the start values fails, so there is nothing to fit from; check the start "
                 "values and the inputs of the traces"
             )
-        if not self.progress.history:
-            self.progress = dataclasses.replace(self.progress, history=(float(cost),))
-            if 2 * float(cost) < NEAR:
+        if not self.progress.searched:
+            self.progress = dataclasses.replace(self.progress, history=(*self.progress.history, float(cost)))
+            if 2 * float(cost) < NEAR and not self.progress.stage:
                 state = _first_state(problem, coordinates, jnp.asarray(NEAR_STEP_SIZE))
                 self._coordinates, self._state, _ = _step(problem, replicate(coordinates), replicate(state))
 
@@ -155,9 +180,10 @@ class LevenbergMarquardt:
         history = (*before.history, float(cost))
         recent = 2 * self.problem.count * (history[-1 - STALL :][0] - history[-1])
         # Before the first accepted step, rejections say that the start's damping is too small.
-        stalled = before.accepted > 0 and before.iteration >= STALL and recent < STALL_TOLERANCE
+        stalled = before.accepted > 0 and len(before.searched) > STALL and recent < STALL_TOLERANCE
         stalled = stalled and self._gain_of_a_linear_step() < STALL_SHARE * 2 * self.problem.count * float(cost)
-        self.progress = Progress(
+        self.progress = dataclasses.replace(
+            before,
             coordinates=tuple(np.asarray(self._coordinates).tolist()),
             step_size=float(self._state.search_state.step_size),
             iteration=before.iteration + 1,

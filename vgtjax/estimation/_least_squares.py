@@ -48,6 +48,17 @@ class LeastSquares:
         """Standard errors of the values; NaN for what is not determined."""
         return np.where(self.determined, np.sqrt(np.diag(self.covariance)), np.nan)
 
+    def first(self, count: int) -> "LeastSquares":
+        """What it says of the first unknowns, whatever the others are."""
+        directions = self.null_directions[:, :count]
+        return dataclasses.replace(
+            self,
+            values=self.values[:count],
+            covariance=self.covariance[:count, :count],
+            determined=self.determined[:count],
+            null_directions=directions[np.any(directions != 0, axis=1)],
+        )
+
     def scaled(self, scale: float) -> "LeastSquares":
         """The same solution of a fresh covariance, for rows whose noise has the variance `scale`."""
         return dataclasses.replace(self, covariance=scale * self.covariance, scale=scale)

@@ -10,70 +10,100 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from .._lanes import replicate
-from .._types import Vector
+from .._types import Scalar, Vector
 from ..parameters import Selection, Transform
 from ..plants import AbstractModel
 from ..simulation import FixedStep
-from ..traces import Trace, noise_level
-from ._bundle import CHANNELS, Bundle, bundle_traces
+from ..traces import Trace
+from ._bundle import CHANNELS, SEGMENT, Bundle, bundle_traces
 from ._sensitivities import observe, observe_with_jacobian
+from ._sensors import MEMORY, Sensor, white_sensor
 
+SMALLEST = 1e-300
 Weights = Float[Array | np.ndarray, "lanes sample channel"]
 
 
 class Measured(eqx.Module):
     """Measurements of one bundle in its layout.
 
-    `values` in m and Pa; `weights` is one over the noise, zero on padding and where a channel has no valid sample;
-    `owner` is the number of the trace that a lane belongs to.
+    `values` in m and Pa; `weights` is one over the deviation of what is new in a sample, zero on padding and where a
+    channel has no valid sample; `owner` is the number of the trace that a lane belongs to. Of noise with a memory,
+    `memory[..., i]` is the part of the residual that was `i + 1` valid samples ago, at the flat place `past[..., i]`.
     """
 
     values: Weights
     weights: Weights
     owner: Int[Array | np.ndarray, " lanes"]
+    memory: Float[Array | np.ndarray, "places channel order"] | None
+    past: Int[Array | np.ndarray, "places channel order"] | None
     traces: int = eqx.field(static=True)
 
 
-def _measure(bundle: Bundle, traces: Sequence[Trace], channels: Sequence[str]) -> Measured:
-    values, weights = [], []
-    for channel in CHANNELS:
-        filled = [
-            _fill(traces[index] if channel in channels else None, channel, count)
-            for index, count in zip(bundle.indices, bundle.samples, strict=True)
-        ]
-        values.append(bundle.to_lanes([value for value, _ in filled]))
-        weights.append(bundle.to_lanes([weight for _, weight in filled]))
-    return Measured(np.stack(values, -1), np.stack(weights, -1), bundle.lane_trace, traces=len(bundle.indices))
+Sensors = Sequence[dict[str, Sensor]]
+"""Sensors of every trace, by channel; those that are not fitted are left out."""
 
 
-def _fill(trace: Trace | None, channel: str, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """A channel at the times at which its trace is simulated, and its weights: zero where it was not sampled."""
-    values, weights = np.zeros((2, count))
-    sampled = None if trace is None else trace.sampled(channel)
-    if trace is not None and sampled is not None:
-        rows = trace.rows(channel)
-        values[rows], weights[rows] = sampled.value, 1 / noise_level(sampled.value, channel)
-    return values, weights
+def white_sensors(traces: Sequence[Trace], channels: Sequence[str]) -> Sensors:
+    """Sensors whose noise is white and of the size that their own signals show."""
+    found = [{channel: white_sensor(trace, channel) for channel in channels} for trace in traces]
+    return [{channel: sensor for channel, sensor in sensors.items() if sensor is not None} for sensors in found]
 
 
-def _offsets(measured: Measured, difference: Array) -> Float[Array, "traces channel ..."]:
-    """Mean difference of each trace and channel: the offset that a least-squares fit would give its sensor."""
-    present = jnp.where(measured.weights > 0, 1.0, 0.0)
+def _measure(bundle: Bundle, traces: Sequence[Trace], sensors: Sensors) -> Measured:
+    order = MEMORY if any(len(sensor.memory) for each in sensors for sensor in each.values()) else 0
+    places = SEGMENT * len(bundle.lane_trace)
+    values, weights = np.zeros((2, places, len(CHANNELS)))
+    memory, past = np.zeros((places, len(CHANNELS), order)), np.zeros((places, len(CHANNELS), order), int)
+    for number, index in enumerate(bundle.indices):
+        for channel, sensor in sensors[index].items():
+            rows, at = SEGMENT * bundle.first_lane(number) + traces[index].rows(channel), CHANNELS.index(channel)
+            length = len(sensor.memory)
+            values[rows, at] = sensor.values
+            weights[rows, at] = sensor.trust / sensor.deviation
+            # The first samples have no past: they weigh what the noise itself does.
+            weights[rows[:length], at] *= sensor.deviation / sensor.level
+            memory[rows[length:], at, :length] = sensor.memory
+            for step in range(1, length + 1):
+                past[rows[step:], at, step - 1] = rows[:-step]
+    shape = (len(bundle.lane_trace), SEGMENT, len(CHANNELS))
+    return Measured(
+        values.reshape(shape),
+        weights.reshape(shape),
+        bundle.lane_trace,
+        memory if order else None,
+        past if order else None,
+        len(bundle.indices),
+    )
 
-    def by_trace(values):
-        return jax.ops.segment_sum(values.sum(1), measured.owner, measured.traces)
 
-    counts = by_trace(present)
+def _whiten(measured: Measured, difference: Float[Array, "lanes sample channel ..."]) -> Array:
+    """What is new in differences, in units of its deviation, without the offset that a fit would give each sensor."""
+    weights = jnp.asarray(measured.weights)
+    # An offset is a column like any other: what it explains is projected out, trace by trace and channel by channel.
+    column = weights * _forget(measured, jnp.ones_like(weights))
     extra = (1,) * (difference.ndim - 3)
-    sums = by_trace(difference * present.reshape(*present.shape, *extra))
-    return sums / jnp.maximum(counts, 1.0).reshape(*counts.shape, *extra)
+    weights, column = (each.reshape(*each.shape, *extra) for each in (weights, column))
+    new = weights * _forget(measured, difference)
+    explained = _by_trace(measured, column * new) / jnp.maximum(_by_trace(measured, column**2), SMALLEST)
+    return new - column * explained[measured.owner][:, None]
 
 
-def _whiten(measured: Measured, difference: Array) -> Array:
-    """Differences without their offsets, in units of the noise."""
-    centred = difference - _offsets(measured, difference)[measured.owner][:, None]
-    extra = (1,) * (difference.ndim - 3)
-    return centred * measured.weights.reshape(*measured.weights.shape, *extra)
+def _by_trace(measured: Measured, values: Array) -> Float[Array, "traces channel ..."]:
+    return jax.ops.segment_sum(values.sum(1), measured.owner, measured.traces)
+
+
+def _forget(measured: Measured, difference: Float[Array, "lanes sample channel ..."]) -> Array:
+    """Differences without the part that those before them tell."""
+    if measured.memory is None or measured.past is None:
+        return difference
+    flat = difference.reshape(-1, *difference.shape[2:])
+    extra = (1,) * (flat.ndim - 2)
+    new = flat
+    for step in range(measured.memory.shape[-1]):
+        past = measured.past[..., step].reshape(*measured.past.shape[:2], *extra)
+        part = measured.memory[..., step].reshape(*measured.memory.shape[:2], *extra)
+        new = new - part * jnp.take_along_axis(flat, past, axis=0)
+    return new.reshape(difference.shape)
 
 
 @eqx.filter_jit
@@ -93,7 +123,9 @@ class FitProblem(eqx.Module):
 
     Residuals are in units of the sensor noise and divided by the square root of their number, so the cost
     `sum(r^2)/2` of a perfect model is one half. A constant offset of each trace and channel is eliminated exactly:
-    both residuals and Jacobian have its mean removed (variable projection of a linear parameter).
+    both residuals and Jacobian have what it explains removed (variable projection of a linear parameter).
+
+    With `late_duty` the last coordinate is the delay of the duty, behind those of the selection.
     """
 
     model: AbstractModel
@@ -105,10 +137,13 @@ class FitProblem(eqx.Module):
     """Number of measurements."""
     offsets: int = eqx.field(static=True)
     """Number of eliminated sensor offsets."""
+    late_duty: bool = eqx.field(static=True, default=False)
 
-    def at(self, coordinates: Vector) -> Any:
-        """The model at coordinates of the transform."""
-        return self.selection.unpack(self.model, self.transform.to_physical(coordinates))
+    def at(self, coordinates: Vector) -> tuple[Any, Scalar | None]:
+        """The model at coordinates of the transform, and the delay of the duty in s if that is one of them."""
+        values = self.transform.to_physical(coordinates)
+        model = self.selection.unpack(self.model, values[: len(self.selection.entries)])
+        return model, values[-1] if self.late_duty else None
 
     def residuals(self, coordinates: Vector) -> Float[Array, " residuals"]:
         """Residuals; infinite throughout where a simulation failed.
@@ -125,11 +160,11 @@ class FitProblem(eqx.Module):
         The column of a parameter that lies on a bound, and would be pushed through it, is zero: a step of the
         optimiser then moves the others as if it were held.
         """
-        model = self.at(coordinates)
+        model, delay = self.at(coordinates)
         slope = jax.jvp(self.transform.to_physical, (coordinates,), (jnp.ones_like(coordinates),))[1]
         blocks, columns = [], []
         for bundle, measured in zip(self.bundles, self.measured, strict=True):
-            observed, derivatives = observe_with_jacobian(model, self.selection, bundle)
+            observed, derivatives = observe_with_jacobian(model, self.selection, bundle, delay)
             blocks.append(_residual_block(measured, observed))
             columns.append(_jacobian_block(measured, derivatives))
         scale = 1 / np.sqrt(self.count)
@@ -140,9 +175,9 @@ class FitProblem(eqx.Module):
 
 @eqx.filter_custom_jvp
 def _residuals(coordinates: Vector, problem: FitProblem) -> Array:
-    model = problem.at(coordinates)
+    model, delay = problem.at(coordinates)
     blocks = [
-        _residual_block(measured, observe(model, bundle))
+        _residual_block(measured, observe(model, bundle, delay))
         for bundle, measured in zip(problem.bundles, problem.measured, strict=True)
     ]
     return jnp.concatenate(blocks) / np.sqrt(problem.count)
@@ -162,14 +197,21 @@ def build_fit_problem(
     traces: Sequence[Trace],
     *,
     channels: Sequence[str] = CHANNELS,
+    sensors: Sensors | None = None,
     stepping: FixedStep | None = None,
 ) -> FitProblem:
     """The problem of fitting the selected parameters of `model` to `traces`.
 
-    **Arguments:** `channels`: the measured signals to fit; those that a trace lacks are skipped.
+    **Arguments:**
+
+    - `transform`: of the selected entries; with one coordinate more, that is the delay of the duty in s.
+    - `channels`: the measured signals to fit; those that a trace lacks are skipped.
+    - `sensors`: what is known of them; by default white noise of the size that their signals show.
     """
+    sensors = white_sensors(traces, channels) if sensors is None else sensors
     bundles = bundle_traces(model, traces, stepping)
-    measured = [_measure(bundle, traces, channels) for bundle in bundles]
-    present = [trace.sampled(channel) is not None for trace in traces for channel in CHANNELS if channel in channels]
-    count = sum(int(np.count_nonzero(block.weights)) for block in measured)
-    return FitProblem(model, selection, transform, bundles, measured, count, sum(present))
+    measured = [_measure(bundle, traces, sensors) for bundle in bundles]
+    count = sum(len(sensor.values) for each in sensors for sensor in each.values())
+    offsets = sum(len(each) for each in sensors)
+    late_duty = len(transform.scale) > len(selection.entries)
+    return FitProblem(model, selection, transform, bundles, measured, count, offsets, late_duty)

@@ -6,7 +6,6 @@ and the segments' transition matrices are chained at the end. This is forward mo
 """
 
 from collections.abc import Sequence
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -16,10 +15,11 @@ from jaxtyping import Array, Float
 
 from .._errors import SimulationError
 from .._lanes import replicate, spread
+from .._types import Scalar
 from ..parameters import Selection, select
 from ..plants import AbstractModel, State
 from ..simulation import FixedStep, march
-from ..traces import Trace
+from ..traces import Drive, Trace
 from ._bundle import CHANNELS, SEGMENT, Bundle, bundle_traces
 
 Lanes = Float[Array, "lanes sample channel"]
@@ -83,17 +83,29 @@ def _by_channel(trace: Trace, columns: Float[np.ndarray, "time channel parameter
 
 
 @eqx.filter_jit
-def observe(model: AbstractModel, bundle: Bundle) -> Lanes:
-    """What the sensors would see along every trace of a bundle: position in m, pressure in Pa absolute."""
+def observe(model: AbstractModel, bundle: Bundle, delay: Scalar | None = None) -> Lanes:
+    """What the sensors would see along every trace of a bundle: position in m, pressure in Pa absolute.
+
+    **Arguments:** `delay` in s with which the duty reaches the valve.
+    """
+    bundle = bundle if delay is None else bundle.with_late_duty(delay)[0]
     return replicate(_nominal(model, bundle)[1])
 
 
 @eqx.filter_jit
-def observe_with_jacobian(model: AbstractModel, selection: Selection, bundle: Bundle) -> tuple[Lanes, LaneJacobian]:
-    """`observe`, and its derivatives with respect to the selected parameters in the units of the table."""
+def observe_with_jacobian(
+    model: AbstractModel, selection: Selection, bundle: Bundle, delay: Scalar | None = None
+) -> tuple[Lanes, LaneJacobian]:
+    """`observe`, and its derivatives with respect to the selected parameters in the units of the table.
+
+    With a `delay` in s of the duty, the derivative with respect to it comes last.
+    """
+    slope = None
+    if delay is not None:
+        bundle, slope = bundle.with_late_duty(delay)
     first, observed = _nominal(model, bundle)
-    first, lane_drive = spread((first, bundle.lane_drive))
-    ends, by_start, by_parameter = _push_lanes(model, selection, first, lane_drive, bundle)
+    first, inputs = spread((first, (bundle.lane_drive, slope)))
+    ends, by_start, by_parameter = _push_lanes(model, selection, first, inputs, bundle)
     at_start = _chain(model, selection, bundle, ends)
     # A sum of products over seven states, lanes innermost: one fused loop, where a dot would transpose everything.
     total = by_parameter
@@ -116,9 +128,11 @@ def _nominal(model: AbstractModel, bundle: Bundle) -> tuple[State, Lanes]:
 
 
 def _push_lanes(
-    model: AbstractModel, selection: Selection, first: State, lane_drive: Any, bundle: Bundle
+    model: AbstractModel, selection: Selection, first: State, inputs: tuple[Drive, Array | None], bundle: Bundle
 ) -> tuple[Array, Array, Array]:
     """Tangents through every lane for its start states and for the parameters.
+
+    `inputs` are those of every lane, and the slope of its duty by the delay, if that is one of the parameters.
 
     **Returns:** tangents of the end states `(lanes, states, tangents)`, and those of what is observed, split into
     `(sample, states, channel, lanes)` and `(sample, parameters, channel, lanes)`.
@@ -126,32 +140,41 @@ def _push_lanes(
     theta = selection.pack(model)
     leaves, shape = jax.tree.flatten(first)
     states, lanes = len(leaves), leaves[0].shape[0]
-    identity = jnp.eye(states + len(theta), dtype=theta.dtype)
+    late = inputs[1] is not None
+    identity = jnp.eye(states + len(theta) + late, dtype=theta.dtype)
     state_tangents = [jnp.broadcast_to(identity[i, :, None], (len(identity), lanes)) for i in range(states)]
-    theta_tangents = identity[:, states:]
+    theta_tangents = identity[:, states : states + len(theta)]
+    delay_tangents = identity[:, -1] if late else None
 
     def interval(carry, inputs):
         state, tangents = carry
+        drive, slope = inputs
 
-        def observe(theta, state):
+        def observe(theta, state, drive):
             chosen = selection.unpack(model, theta)
-            return jnp.stack(jax.vmap(chosen.observe)(state, inputs))
+            return jnp.stack(jax.vmap(chosen.observe)(state, drive))
 
-        def advance(theta, state):
+        def advance(theta, state, drive):
             chosen = selection.unpack(model, theta)
-            return jax.vmap(lambda y, u: bundle.plan.advance(chosen, y, u)[0])(state, inputs)
+            return jax.vmap(lambda y, u: bundle.plan.advance(chosen, y, u)[0])(state, drive)
 
         def push(function):
-            return jax.vmap(
-                lambda dtheta, dstate: jax.jvp(function, (theta, state), (dtheta, dstate)),
-                out_axes=(None, 0),
-            )(theta_tangents, tangents)
+            def along(dtheta, dstate, ddelay):
+                if ddelay is None:
+                    return jax.jvp(lambda *given: function(*given, drive), (theta, state), (dtheta, dstate))
+
+                def with_duty(theta, state, duty):
+                    return function(theta, state, eqx.tree_at(lambda drive: drive.pwm, drive, duty))
+
+                return jax.jvp(with_duty, (theta, state, drive.pwm), (dtheta, dstate, ddelay * slope))
+
+            return jax.vmap(along, out_axes=(None, 0))(theta_tangents, tangents, delay_tangents)
 
         _, observed = push(observe)
         return push(advance), observed
 
     start = (first, jax.tree.unflatten(shape, state_tangents))
-    (_, ends), observed = jax.lax.scan(interval, start, lane_drive)
+    (_, ends), observed = jax.lax.scan(interval, start, inputs)
     end_tangents = jnp.transpose(jnp.stack(jax.tree.leaves(ends)), (2, 0, 1))
     return end_tangents, observed[:, :states], observed[:, states:]
 
@@ -176,4 +199,6 @@ def _chain(
         return following, sensitivity
 
     initial = jax.jacfwd(start_states)(selection.pack(model))
+    # The duty before the first sample is that of the first, so a delay does not move the start.
+    initial = jnp.pad(initial, [(0, 0), (0, 0), (0, tangents.shape[-1] - states - initial.shape[-1])])
     return jax.lax.scan(segment, initial, table)[1][bundle.lane_segment, bundle.lane_trace]

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from .._errors import InputError
-from ..estimation import Calibration, Calibrator, Progress, Task, plan_task, start_calibration
+from ..estimation import Calibration, Calibrator, Progress, Task, Unknown, plan_task, start_calibration
 from ..parameters import Bounds, build_transform, parameter_table
 from ..plants import AbstractModel
 from ..traces import Trace
@@ -50,7 +50,7 @@ def plan_fit(model: AbstractModel, traces: Sequence[Trace], validate: Sequence[T
 
     **Raises:** `InputError` for unknown names, no trace, nothing free, or a start value outside its domain or bounds.
     """
-    task = plan_task(model, traces, validate, **choices)
+    task = plan_task(model, traces, validate, **{"unknown": Unknown(), **choices})
     if not task.selection.entries:
         raise InputError("a fit needs at least one free parameter, but free and fixed leave none; free one", "free")
     start = np.asarray(task.selection.pack(task.model))

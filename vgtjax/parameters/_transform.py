@@ -47,6 +47,12 @@ class Transform(eqx.Module):
         logarithm = jnp.log(jnp.where(self.positive, values, 1.0))
         return jnp.where(self.positive, logarithm, values / self.scale)
 
+    def extended(self, scale: float, lower: float, upper: float) -> "Transform":
+        """The same with one more coordinate behind: a value of either sign in units of `scale`, and its bounds."""
+        more = (False, scale, lower / scale, upper / scale)
+        mine = (self.positive, self.scale, self.lower, self.upper)
+        return Transform(*[np.append(values, value) for values, value in zip(mine, more, strict=True)])
+
     def clip(self, coordinates: Vector) -> Vector:
         """The nearest coordinates inside the bounds."""
         return jnp.clip(coordinates, self.lower, self.upper)

@@ -8,6 +8,7 @@ from ._converter import (
     ConverterState as ConverterState,
     Flow as Flow,
     Plunger as Plunger,
+    with_sharp_seat as with_sharp_seat,
     without_chatter as without_chatter,
 )
 from ._diaphragm import Body as Body, Diaphragm as Diaphragm

@@ -1,6 +1,7 @@
 """The electro-pneumatic pressure converter: magnetic force, plunger, and its two orifices [2.7-2.12, B.1-B.3]."""
 
 import dataclasses
+from collections.abc import Callable
 from typing import Any, ClassVar
 
 import equinox as eqx
@@ -18,6 +19,9 @@ PRINTED_MEMBRANE = 2000.0
 """N/m [B.1]."""
 GENTLE_OPENING = 1e-5
 """m of lift over which the atmosphere's orifice opens where derivatives are taken; see [`without_chatter`][]."""
+
+SHARP_OPENING = 1e-8
+"""m of lift over which it opens where the jump itself is wanted; see [`with_sharp_seat`][]."""
 
 
 class Plunger(eqx.Module):
@@ -181,10 +185,21 @@ def without_chatter(model: Any) -> Any:
     so finely that a derivative sees nothing else (580 Pa instead of 5 Pa of loop width by the level of that orifice, of
     the twenty example units' mean). At ten, widths are within 0.2 Pa.
     """
+    return _with_opening(model, lambda width: max(width, GENTLE_OPENING))
 
-    def widened(node: Any) -> Any:
+
+def with_sharp_seat(model: Any) -> Any:
+    """A model whose converter opens its atmosphere orifice over ten nanometres of lift, nearly the jump that it is.
+
+    For values only: derivatives of what chatters there are no use.
+    """
+    return _with_opening(model, lambda width: min(width, SHARP_OPENING))
+
+
+def _with_opening(model: Any, change: Callable[[float], float]) -> Any:
+    def changed(node: Any) -> Any:
         if not isinstance(node, Converter):
             return node
-        return dataclasses.replace(node, opening_width=max(node.opening_width, GENTLE_OPENING))
+        return dataclasses.replace(node, opening_width=change(node.opening_width))
 
-    return jax.tree.map(widened, model, is_leaf=lambda node: isinstance(node, Converter))
+    return jax.tree.map(changed, model, is_leaf=lambda node: isinstance(node, Converter))

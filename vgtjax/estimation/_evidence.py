@@ -1,0 +1,113 @@
+"""What a fit finds out besides the parameters: the delay of the duty, what the sensors' noise is like, and by how much
+its own smooth model and steps are off.
+
+A search uses the smooth model, whose derivatives can be believed. Where it ends, every trace is simulated once more
+with the jump as it is and fine steps; the data less that difference are what the smooth model must meet (defect
+correction, Stetter, 1978). What is left over tells the sensors' noise. The next search begins there; few are needed.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from ..parts import with_sharp_seat
+from ..plants import AbstractModel
+from ..simulation import FixedStep
+from ..traces import Trace
+from ._bundle import CHANNELS, bundle_traces
+from ._residuals import Sensors, white_sensors
+from ._sensitivities import observe
+from ._sensors import Samples, Sensor, learn_sensor
+
+SHARP_STEP = 1e-4
+"""s; the steps of what a model would give without numerical errors."""
+LARGEST_DEFECT = 10.0
+"""Deviations of a sensor's noise to which a correction is cut; more than that no fit should believe."""
+LONGEST_DELAY = 0.05
+"""s; a duty that is later, or earlier, is another fault than a delay."""
+DELAY_SCALE = 1e-3
+"""s; a delay of this size is a large but sane step."""
+EVIDENT = 3.0
+"""Standard errors by which a delay must differ from zero to be one."""
+SETTLED = 0.1
+"""Standard errors: a search that moves nothing by more has found what the last one found."""
+MOST_STAGES = 5
+"""Searches after which corrections have not settled."""
+
+Choice = Literal["evidence"] | bool
+
+
+@dataclasses.dataclass(frozen=True)
+class Unknown:
+    """What a fit may find out besides the parameters; with `"evidence"` the traces decide.
+
+    `duty_delay`: the time in s by which the duty reaches the valve later than its record says, one for all traces.
+    `noise` is white or coloured, `loss` Gaussian or Huber's, against outliers. `numerics`: whether the errors of the
+    smooth seat and of the steps are corrected for.
+    """
+
+    duty_delay: Choice = "evidence"
+    noise: Literal["evidence", "white", "coloured"] = "evidence"
+    loss: Literal["evidence", "gaussian", "huber"] = "evidence"
+    numerics: bool = True
+
+    @property
+    def anything(self) -> bool:
+        """Whether a second search can tell more than the first."""
+        return bool(self.duty_delay) or self.noise != "white" or self.loss != "gaussian" or self.numerics
+
+
+NOTHING = Unknown(duty_delay=False, noise="white", loss="gaussian", numerics=False)
+"""The parameters only."""
+
+
+def observe_traces(
+    model: AbstractModel, traces: Sequence[Trace], stepping: FixedStep, delay: float | None = None
+) -> list[Float[np.ndarray, "time channel"]]:
+    """What the sensors would see of every trace at its `time`: position in m, pressure in Pa absolute.
+
+    **Arguments:** `delay` in s with which the duty reaches the valve.
+    """
+    observed: dict[int, np.ndarray] = {}
+    for bundle in bundle_traces(model, traces, stepping):
+        lanes = np.asarray(observe(model, bundle, None if delay is None else np.asarray(delay, float)))
+        observed |= dict(zip(bundle.indices, bundle.from_lanes(lanes), strict=True))
+    return [observed[index] for index in range(len(traces))]
+
+
+def learn_sensors(
+    model: AbstractModel,
+    delay: float | None,
+    traces: Sequence[Trace],
+    channels: Sequence[str],
+    stepping: FixedStep,
+    unknown: Unknown,
+) -> Sensors:
+    """What a fit that ended at a model and a delay tells of the sensors, and of its numerical errors."""
+    smooth = observe_traces(model, traces, stepping, delay)
+    sharp = observe_traces(with_sharp_seat(model), traces, _fine(stepping), delay) if unknown.numerics else smooth
+    sensors = white_sensors(traces, channels)
+
+    def learn(index: int, channel: str, sensor: Sensor) -> Sensor:
+        rows, at = traces[index].rows(channel), CHANNELS.index(channel)
+        return _learn(sensor, smooth[index][rows, at], sharp[index][rows, at], unknown)
+
+    return [{name: learn(index, name, each) for name, each in known.items()} for index, known in enumerate(sensors)]
+
+
+def _fine(stepping: FixedStep) -> FixedStep:
+    return dataclasses.replace(stepping, max_step=min(stepping.max_step, SHARP_STEP))
+
+
+def _learn(sensor: Sensor, smooth: Samples, sharp: Samples, unknown: Unknown) -> Sensor:
+    """A sensor by what is left of its values, less the numerical errors of the smooth simulation."""
+    defect = np.nan_to_num(sharp - smooth, nan=0.0, posinf=0.0, neginf=0.0)
+    largest = LARGEST_DEFECT * sensor.deviation
+    corrected = dataclasses.replace(sensor, values=sensor.values - np.clip(defect, -largest, largest))
+    coloured, robust = unknown.noise != "white", unknown.loss != "gaussian"
+    # No sensor is better than its record: a tenth of what its signal shows, or a perfect fit would weigh infinitely.
+    least = 0.1 * sensor.deviation
+    return learn_sensor(corrected, corrected.values - smooth, least, coloured=coloured, robust=robust)

@@ -1,0 +1,110 @@
+"""What is known of a sensor: its noise, how that is correlated in time, and which samples are outliers."""
+
+import dataclasses
+
+import numpy as np
+import scipy.linalg
+import scipy.signal
+from jaxtyping import Float
+
+from ..traces import Trace, noise_level
+from ._least_squares import robust_deviation
+
+MEMORY = 6
+"""Longest memory in samples of a coloured noise: the order of its autoregression."""
+CLIP = 4.0
+"""Deviations at which residuals are cut where their correlation is estimated, which outliers would hide."""
+OUTLIER = 3.0
+"""Deviations beyond which a residual counts by its size instead of its square (Huber, 1964). Of white normal noise that
+costs 0.2 % of the information."""
+FAR_OUT = 5.0
+"""Deviations beyond which a sample is called an outlier: one in two million of normal noise."""
+
+Samples = Float[np.ndarray, " samples"]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Sensor:
+    """One channel of one trace as a fit weighs it.
+
+    `values` in m or Pa at the channel's valid samples; `deviation` in the same unit of what is new in every sample;
+    `memory` is the autoregression `e[k] = sum(memory[i] e[k-1-i]) + new[k]` of its noise, empty for white noise;
+    `trust` multiplies the weight of every sample, one but for outliers.
+    """
+
+    values: Samples
+    deviation: float
+    memory: Float[np.ndarray, " order"]
+    trust: Samples
+
+    @property
+    def level(self) -> float:
+        """Standard deviation of the noise itself, in m or Pa."""
+        return self.deviation * float(np.sqrt(_gain_of_memory(self.memory)))
+
+    @property
+    def outliers(self) -> float:
+        """Share of the samples that are outliers."""
+        return float(np.mean(self.trust < np.sqrt(OUTLIER / FAR_OUT)))
+
+
+def white_sensor(trace: Trace, channel: str) -> Sensor | None:
+    """A channel with white noise of the size that its own signal shows; `None` where a trace lacks it."""
+    sampled = trace.sampled(channel)
+    if sampled is None:
+        return None
+    return Sensor(sampled.value, noise_level(sampled.value, channel), np.zeros(0), np.ones(len(sampled.value)))
+
+
+def learn_sensor(sensor: Sensor, residuals: Samples, least: float, *, coloured: bool, robust: bool) -> Sensor:
+    """What the residuals of a fit tell of a sensor.
+
+    The order of the autoregression is that of the least Bayesian information criterion (Schwarz, 1978), so that white
+    noise stays white.
+
+    **Arguments:** `residuals` in the sensor's unit; `least` its smallest deviation, so that a record without noise does
+    not get an infinite weight; `coloured`, `robust`: whether noise may have a memory, and samples be outliers.
+    """
+    centred = residuals - np.median(residuals)
+    memory = _autoregression(centred) if coloured else np.zeros(0)
+    new = innovations(centred, memory)
+    deviation = max(robust_deviation(new), least)
+    size = np.maximum(np.abs(new) / deviation, OUTLIER)
+    trust = np.sqrt(OUTLIER / size) if robust else np.ones(len(new))
+    return dataclasses.replace(sensor, deviation=deviation, memory=memory, trust=trust)
+
+
+def innovations(residuals: Samples, memory: Float[np.ndarray, " order"]) -> Samples:
+    """What is new in every residual; the first ones, which have no past, in the size that this has."""
+    if not len(memory):
+        return residuals
+    new = scipy.signal.lfilter(np.concatenate([[1.0], -memory]), [1.0], residuals)
+    new[: len(memory)] = residuals[: len(memory)] / np.sqrt(_gain_of_memory(memory))
+    return new
+
+
+def _autoregression(residuals: Samples) -> Float[np.ndarray, " order"]:
+    """Yule and Walker's equations of the order, up to `MEMORY`, that describes residuals with the fewest numbers."""
+    count, scale = len(residuals), robust_deviation(residuals)
+    if count < 100 or scale == 0.0:
+        return np.zeros(0)
+    cut = np.clip(residuals, -CLIP * scale, CLIP * scale)
+    cut = cut - cut.mean()
+    covariances = np.array([cut[lag:] @ cut[: count - lag] for lag in range(MEMORY + 1)]) / count
+    best, least = np.zeros(0), count * np.log(covariances[0])
+    for order in range(1, MEMORY + 1):
+        memory = scipy.linalg.solve_toeplitz(covariances[:order], covariances[1 : order + 1])
+        left = max(covariances[0] - memory @ covariances[1 : order + 1], 1e-12 * covariances[0])
+        criterion = count * np.log(left) + order * np.log(count)
+        if criterion < least:
+            best, least = memory, criterion
+    return best
+
+
+def _gain_of_memory(memory: Float[np.ndarray, " order"]) -> float:
+    """Variance of a noise per variance of what is new in it."""
+    if not len(memory):
+        return 1.0
+    impulse = np.zeros(2000)
+    impulse[0] = 1.0
+    return float(np.sum(scipy.signal.lfilter([1.0], np.concatenate([[1.0], -memory]), impulse) ** 2))
