@@ -16,6 +16,7 @@ from calibrate.tune.designs import DESIGNS
 
 ROOT = pathlib.Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+NOTEBOOKS = sorted(f"notebooks/{path.name}" for path in (ROOT / "notebooks").glob("*.ipynb"))
 
 
 def blocks(language):
@@ -89,3 +90,13 @@ def test_links_lead_somewhere(target):
 def test_the_example_is_small():
     # Beside the 5 MB of the plot library that every report carries; the loops of twenty units are a third of it.
     assert sum(file.stat().st_size for file in EXAMPLE.rglob("*.csv")) < 4e6
+
+
+@pytest.mark.parametrize("path", ["README.md", "CONTRIBUTING.md", "docs/control.md", *NOTEBOOKS])
+def test_what_ships_is_not_called_measured(path):
+    text = (ROOT / path).read_text(encoding="utf-8")
+    assert not re.search(r"real bench|bench unit|measured (units|loops|actuator)|noise of the\W+bench", text)
+
+
+def test_readme_says_that_all_traces_are_simulated():
+    assert "nothing that ships was measured" in README

@@ -9,7 +9,7 @@ import numpy as np
 import vgtjax
 
 from . import experiments
-from .rows import Between, Found, Near, Row
+from .rows import Between, Found, Kind, Near, Row
 
 DIATOMIC = 1.4
 """Heat capacity ratio of air in textbooks."""
@@ -107,6 +107,7 @@ _area = functools.partial(Row, section="2.2.2.1 Effective flow area")
 ROWS = (
     _flow(
         id="choked-ratio",
+        kind=Kind.RESULT,
         quantity="pressure ratio at which flow is choked",
         where="section 2.2.2",
         printed="0.528",
@@ -118,6 +119,7 @@ ROWS = (
     ),
     _flow(
         id="phi-as-printed",
+        kind=Kind.IDENTITY,
         quantity="jump of Phi at the choked ratio, as printed",
         where="(2.15), (3.13)",
         printed="one function, no jump",
@@ -128,6 +130,7 @@ ROWS = (
     ),
     _flow(
         id="phi-as-printed-in-the-whole",
+        kind=Kind.IDENTITY,
         quantity="jump of Phi at the choked ratio, as printed in the whole model",
         where="(2.58)",
         printed="one function, no jump",
@@ -138,6 +141,7 @@ ROWS = (
     ),
     _flow(
         id="phi-corrected",
+        kind=Kind.IDENTITY,
         quantity="jump of Phi with 2/(gamma-1) under the root",
         where="(2.15), (A.29)",
         printed="one function, no jump",
@@ -148,6 +152,7 @@ ROWS = (
     ),
     _flow(
         id="sonic-throat",
+        kind=Kind.IDENTITY,
         quantity="Mach number where flow is choked",
         where="section 2.2.2",
         printed="1",
@@ -159,6 +164,7 @@ ROWS = (
     ),
     _area(
         id="reservoir-area",
+        kind=Kind.IDENTITY,
         quantity="largest area towards the reservoir",
         where="(B.2)",
         printed="0.90e-6 m2",
@@ -169,6 +175,7 @@ ROWS = (
     ),
     _area(
         id="area-by-isotherm",
+        kind=Kind.IDENTITY,
         quantity="area that (2.33) finds in the evacuation, over the area that was there",
         where="(2.33), (2.57)",
         printed="1",
@@ -180,6 +187,7 @@ ROWS = (
     ),
     _area(
         id="closed-at-rest",
+        kind=Kind.IDENTITY,
         quantity="area towards the atmosphere just above the closed position",
         where="section 2.2.2.1, (B.3)",
         printed="0: neither port is connected",

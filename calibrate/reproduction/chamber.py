@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from vgtjax.parts import Flow, Gas
 
 from . import experiments
-from .rows import Found, Near, Row
+from .rows import Found, Kind, Near, Row
 
 
 def _pressure_rate(flow: float, displacement_rate: float) -> float:
@@ -57,6 +57,7 @@ _row = functools.partial(Row, section="2.2.3 Pneumatic actuator: chamber")
 ROWS = (
     _row(
         id="volume-sign",
+        kind=Kind.IDENTITY,
         quantity="sign of the volume term, gamma p A_d v / V",
         where="(2.56), (2.57), (2.58)",
         printed="-1",
@@ -67,6 +68,7 @@ ROWS = (
     ),
     _row(
         id="pressure-gain",
+        kind=Kind.IDENTITY,
         quantity="pressure rate over R T m' / V",
         where="(3.13)",
         printed="1",
@@ -77,6 +79,7 @@ ROWS = (
     ),
     _row(
         id="flow-sign",
+        kind=Kind.IDENTITY,
         quantity="sign of the chamber's mass rate while it is evacuated",
         where="(3.13)",
         printed="+1",
@@ -87,6 +90,7 @@ ROWS = (
     ),
     _row(
         id="inflow-temperature",
+        kind=Kind.IDENTITY,
         quantity="pressure rate as full duty is released, by (2.58) over (2.57)",
         where="(2.57), (2.58)",
         printed="1: two forms of one equation",

@@ -12,7 +12,10 @@ from ..output.console import console
 from ..output.files import REPORT, write_json, write_text
 from ..output.page import figure_html, render_page
 from ..resumable import run_once
-from . import ROWS, Result, evaluate, figures
+from . import MEANING, ROWS, Result, Verdict, evaluate, figures
+
+WIDTH = max(len(verdict) for verdict in MEANING)
+"""Letters of the longest verdict."""
 
 
 def run(out: pathlib.Path) -> None:
@@ -28,17 +31,23 @@ def _compute(out: pathlib.Path) -> None:
     with rich.status.Status("reproduce", console=console) as status:
         for result in evaluate():
             results.append(result)
-            console.print(f"{result.verdict:17} {result.row.quantity}")
+            console.print(f"{result.verdict:{WIDTH}} {result.row.quantity}")
         status.update("reproduce: writing the report")
         write_json(out / "reproduction.json", [result.to_json() for result in results])
         write_text(out / REPORT, render(results))
+    for verdict, count in _counted(results).items():
+        console.print(f"{count:4} {verdict}")
+
+
+def _counted(results: list[Result]) -> dict[Verdict, int]:
+    """How many rows have each verdict, in the order of [`MEANING`][]."""
     counts = collections.Counter(result.verdict for result in results)
-    console.print(", ".join(f"{count} {verdict}" for verdict, count in counts.items()))
+    return {verdict: counts[verdict] for verdict in MEANING}
 
 
 def _fingerprint() -> str:
     """Of all statements and of this version: what a folder's table depends on."""
-    statements = [(row.id, row.printed, str(row.rule)) for row in ROWS]
+    statements = [(row.id, row.kind.name, row.printed, str(row.rule)) for row in ROWS]
     return hashlib.sha256(f"{importlib.metadata.version('vgtjax')} {statements}".encode()).hexdigest()
 
 
@@ -49,8 +58,9 @@ def render(results: list[Result]) -> str:
     ]
     return render_page(
         "reproduction.html.jinja",
-        title="Chapters 2 to 5 of the thesis, reproduced",
+        title="Chapters 2 to 5 of the thesis, checked",
         sections=sections,
-        counts=collections.Counter(result.verdict for result in results),
+        meaning=MEANING,
+        counts=_counted(results),
         figures=[(title, text, figure_html(draw())) for title, text, draw in figures.ALL],
     )

@@ -1,6 +1,8 @@
 """Closed loops on the full plant at three turbine pressures; each is run once.
 
-Sensors are those of the bench, whose offset is known. Each controller has one set of gains for all pressures.
+Plant, references, sensors and gains are ours: the thesis prints the knocker's gains and Signals 1 and 2 only. Sensors
+have noise and steps as [`control.Sensors.bench`][] assumes them, and no offset. Each controller has one set of gains
+for all pressures.
 """
 
 import dataclasses
@@ -71,8 +73,8 @@ COURSES = {
 
 @functools.cache
 def plant() -> vgtjax.Actuator:
-    """The printed actuator with the vane force of a bench unit."""
-    return assemble(experiments.actuator(), vane_force=loops.bench_map())
+    """The printed actuator with a borrowed vane force."""
+    return assemble(experiments.actuator(), vane_force=loops.borrowed_map())
 
 
 def _pi() -> control.PI:
@@ -91,8 +93,9 @@ CONTROLLERS: dict[str, Callable[[], AbstractController]] = {
     "backstepping": _backstepping,
     "adaptive backstepping": control.AdaptiveBackstepping,
 }
-"""The thesis prints gains of the knocker only. Friction observer and backstepping know the plant, its vane force and
-the turbine pressure; the adaptive controller knows the printed actuator."""
+"""What each knows: the PI the printed actuator's static balance; friction observer and backstepping the plant exactly,
+its vane force and the turbine pressure, and they measure the position; the adaptive controller the printed actuator,
+and it measures position and chamber pressure. All measure the reservoir's pressure."""
 FOLLOWERS = {
     "slow": ("PI", "PI and knocker", "friction observer"),
     "Signal 1": ("friction observer", "backstepping", "adaptive backstepping"),
@@ -168,7 +171,7 @@ class Fleet:
 
 @functools.cache
 def fleet() -> Fleet:
-    """Adaptive backstepping with one set of gains on each of the twenty fitted units; none of them is known to it."""
+    """Adaptive backstepping with one set of gains on twenty actuators, fitted to simulated traces and unknown to it."""
     units = read_actuators(FLEET, load_study(FLEET), None).fitted.values()
     stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *units)
     course = COURSES["Signal 1"]

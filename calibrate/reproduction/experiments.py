@@ -110,7 +110,7 @@ def pressure_ramp(model: vgtjax.MechanicalActuator, top: float, turbine: float =
 
 
 def loop_of(run: vgtjax.Solution | vgtjax.Trace) -> HysteresisLoop:
-    """The hysteresis loop of a pressure ramp, simulated or measured."""
+    """The hysteresis loop of a pressure ramp."""
     loop = find_loop(np.asarray(run.time), np.asarray(run.x_d), np.asarray(run.p_act))
     assert loop is not None, "such a ramp crosses the whole travel"
     return loop

@@ -76,7 +76,7 @@ def response_figure() -> go.Figure:
 
 
 def loop_figure() -> go.Figure:
-    """Position over applied pressure at three turbine pressures, with the vane force of another unit."""
+    """Position over applied pressure at three turbine pressures, with a borrowed vane force."""
     figure = go.Figure()
     for (pressure, run), color in zip(loops.runs().items(), SHADES, strict=False):
         applied = (experiments.STANDARD_ATMOSPHERE - np.asarray(run.p_act)) / experiments.MBAR
@@ -107,33 +107,31 @@ def polynomial_figure() -> go.Figure:
 
 
 def validation_figure() -> go.Figure:
-    """The bench unit along two steps and a ramp: measured, and the full model with both that are made of it."""
-    rows, columns = len(reduced_models.SIGNALS) + 1, len(reduced_models.MEASURED)
+    """The example's actuator along two steps and a ramp: traces, and the full model with both that are made of it."""
+    rows, columns = len(reduced_models.SIGNALS) + 1, len(reduced_models.TRACES)
     figure = make_subplots(rows, columns, shared_xaxes=True, vertical_spacing=0.05, horizontal_spacing=0.05)
     dashes = dict(zip(reduced_models.MODELS, ("solid", "dash", "dot"), strict=True))
-    for col, name in enumerate(reduced_models.MEASURED, 1):
-        found = reduced_models.bench(name)
-        measured, time = _panels(found.measured, found.measured), found.measured.time
+    for col, name in enumerate(reduced_models.TRACES, 1):
+        found = reduced_models.along(name)
+        traced, time = _panels(found.measured, found.measured), found.measured.time
         for row in (1, 2):
-            figure.add_trace(
-                _curve(time, measured[row - 1], "measured", MEASURED, showlegend=col == row == 1), row, col
-            )
+            figure.add_trace(_curve(time, traced[row - 1], "trace", MEASURED, showlegend=col == row == 1), row, col)
         for (model, run), color in zip(found.solutions.items(), SHADES, strict=False):
             for row, values in enumerate(_panels(run, found.measured), 1):
                 curve = _curve(time, values, model, color, dash=dashes[model], showlegend=col == row == 1)
                 figure.add_trace(curve, row, col)
-        figure.update_xaxes(title_text=f"time, s ({reduced_models.MEASURED[name]})", row=rows, col=col)
+        figure.update_xaxes(title_text=f"time, s ({reduced_models.TRACES[name]})", row=rows, col=col)
     for row, title in enumerate(("pressure, mbar gauge", "position, mm", "pressure error, mbar"), 1):
         figure.update_yaxes(title_text=title, row=row, col=1)
-    figure.update_traces(line_width=4, selector={"name": "measured"})
+    figure.update_traces(line_width=4, selector={"name": "trace"})
     return styled(figure, 680)
 
 
-def _panels(run: vgtjax.Solution | vgtjax.Trace, measured: vgtjax.Trace) -> tuple[np.ndarray, ...]:
-    """Pressure in mbar gauge, position in mm, and how far the pressure is above the measured one in mbar."""
+def _panels(run: vgtjax.Solution | vgtjax.Trace, trace: vgtjax.Trace) -> tuple[np.ndarray, ...]:
+    """Pressure in mbar gauge, position in mm, and how far the pressure is above that of the trace in mbar."""
     pressure = np.asarray(run.p_act)
-    gauge = (pressure - measured.atmosphere) / experiments.MBAR
-    return gauge, 1e3 * np.asarray(run.x_d), (pressure - np.asarray(measured.p_act)) / experiments.MBAR
+    gauge = (pressure - trace.atmosphere) / experiments.MBAR
+    return gauge, 1e3 * np.asarray(run.x_d), (pressure - np.asarray(trace.p_act)) / experiments.MBAR
 
 
 def closed_loop_figure() -> go.Figure:
@@ -166,7 +164,8 @@ ALL = (
     ("Flow function", "The factor 2/(gamma-1) belongs under the root; only then is Phi continuous.", flow_figure),
     (
         "Loops at three turbine pressures",
-        "The printed actuator with vane forces identified from another unit; the thesis shows its own as pictures.",
+        "The printed actuator with vane forces identified from loops that an independent plant simulated; the thesis "
+        "shows its own as pictures.",
         loop_figure,
     ),
     (
@@ -175,15 +174,16 @@ ALL = (
         polynomial_figure,
     ),
     (
-        "Three models on a bench unit",
-        "Full model, six and four states [5.2, 5.4] along traces that the unit's parameters were not fitted to. The "
-        "models for control leave out how air cools and warms, which is their error while it flows.",
+        "Three models along simulated traces",
+        "Full model, six and four states [5.2, 5.4] along traces of the example's actuator that the full model was not "
+        "fitted to; an independent plant simulated them, with noise. The models for control leave out how air cools "
+        "and warms, which is their error while it flows.",
         validation_figure,
     ),
     (
         "Closed loops at 3000 mbar",
-        "The printed actuator with vane forces of another unit, sensors as on the bench; from two seconds on, when the "
-        "figures of the table count.",
+        "The printed actuator with borrowed vane forces and noisy sensors; from two seconds on, when the figures of "
+        "the table count. Friction observer and backstepping know this plant exactly.",
         closed_loop_figure,
     ),
 )

@@ -10,7 +10,7 @@ import vgtjax
 from vgtjax.parts import Bristle, Contact, Vanes
 
 from . import experiments
-from .rows import Between, Found, Near, Row
+from .rows import Between, Found, Kind, Near, Row
 
 REVERSALS = (0.0, 25.0, 21.5, 27.0, 19.0)
 """kPa of applied pressure, one corner after the other."""
@@ -114,6 +114,7 @@ _row = functools.partial(Row, section="3.3 Friction modeling")
 ROWS = (
     _row(
         id="karnopp-held",
+        kind=Kind.IDENTITY,
         quantity="friction that holds a rod at rest under -5 N",
         where="(3.1)",
         printed="F_p, as F_p < F_s: 5 N",
@@ -124,16 +125,18 @@ ROWS = (
     ),
     _row(
         id="stribeck-range",
+        kind=Kind.IDENTITY,
         quantity="least and largest g(v)",
         where="(3.7), Figure 3.5",
         printed="F_c <= g <= F_s",
         unit="N",
         rule=Between(2.8, 3.2),
         ours=_stribeck,
-        reason="From F_s at rest to F_c beyond a few Stribeck velocities.",
+        reason="From F_s at rest to F_c beyond a few Stribeck velocities, by (3.7) whatever its parameters.",
     ),
     _row(
         id="viscous",
+        kind=Kind.INPUT,
         quantity="viscous damping that acts on the rod",
         where="Table B.2, (3.13)",
         printed="206 N s/m, as b_d and as sigma_2",
@@ -141,33 +144,36 @@ ROWS = (
         rule=Near(206.0, 0.5),
         ours=_viscous,
         reason="Table B.2 gives one value for both, (3.13) applies both, {twice} N s/m in sum. We take it once, as "
-        "sigma_2; the damping ratio is then {zeta}.",
+        "sigma_2, and read it back; the damping ratio is then {zeta}.",
     ),
     _row(
         id="cold-loop",
+        kind=Kind.IDENTITY,
         quantity="mean width of the loop without exhaust gas",
         where="section 3.2.1, Figure 3.2",
         printed="caused by friction's change of sign",
         unit="mbar",
         rule=Between(19.0, 22.5),
         ours=_cold_width,
-        reason="2 F_c/A_d is {coulomb} mbar, 2 F_s/A_d {static} mbar, and a slow ramp lies between them; without "
-        "friction the width is {none} mbar. The loop of Figure 3.2 is a picture only.",
+        reason="2 F_c/A_d is {coulomb} mbar, 2 F_s/A_d {static} mbar, and by force balance a slow ramp lies between "
+        "them; without friction the width is {none} mbar. The loop of Figure 3.2 is a picture only.",
     ),
     Row(
         section="3.3.2.2 Dahl model identification",
         id="dahl-slope",
+        kind=Kind.RECOVERY,
         quantity="slope of friction over position where friction is zero",
         where="Figure 3.4",
         printed="sigma = 42150",
         unit="N/m",
         rule=Near(42150.0, 420.0),
         ours=_slope_at_zero,
-        reason="Read off the simulated curve of Dahl friction, as the thesis reads it off a figure.",
+        reason="Read off the curve of Dahl friction that we simulated with it, as the thesis reads it off a figure.",
     ),
     Row(
         section="3.3.2.2 Dahl model identification",
         id="dahl-plateau",
+        kind=Kind.RECOVERY,
         quantity="friction where its curve over position is level",
         where="Figure 3.4",
         printed="F_c = 2.8 N",
@@ -179,6 +185,7 @@ ROWS = (
     Row(
         section="3.4.2.1 Adaptive LuGre model",
         id="theta-finite",
+        kind=Kind.IDENTITY,
         quantity="least friction on a path with reversals, by which theta divides",
         where="(3.19), (3.20)",
         printed="theta = 1 + F_aero/F_f",

@@ -1,4 +1,4 @@
-"""Identified constants: what our identification recovers from simulated, noisy bench tests of the printed actuator."""
+"""Identified constants: what our identification recovers from our own noisy simulations of the printed actuator."""
 
 import dataclasses
 import functools
@@ -20,10 +20,10 @@ from vgtjax.identification import (
 )
 
 from . import experiments, solenoid
-from .rows import Found, Near, Row
+from .rows import Found, Kind, Near, Row
 
 POSITION_NOISE, PRESSURE_NOISE = 8e-6, 60.0
-"""m and Pa; white noise of the sensors of a bench."""
+"""m and Pa; white noise of the simulated sensors."""
 RATE = 1000
 """Samples a second."""
 SECONDS = 16.0
@@ -49,15 +49,15 @@ def _ramps(seconds: float, low: float = 0.0, high: float = 80.0) -> np.ndarray:
 
 
 @functools.cache
-def bench_tests(dahl: bool = False) -> tuple[vgtjax.Trace, ...]:
-    """Bench tests of the printed actuator as sensors see them: quick and slow stairs, slow and quick ramps, and turns.
+def simulated_tests(dahl: bool = False) -> tuple[vgtjax.Trace, ...]:
+    """Simulated tests of the printed actuator, with noise: quick and slow stairs, slow and quick ramps, and turns.
 
     Its friction is LuGre's or Dahl's.
     """
     duties = (_staircase(0.5), _staircase(2.0), _ramps(8.0), _ramps(2.0), _ramps(1.0, 40.0, 65.0))
     # A fifth of a second without duty says that the actuator starts at rest.
     return tuple(
-        _measure(printed(dahl), np.concatenate([np.zeros(RATE // 5), duty]), number)
+        _sensed(printed(dahl), np.concatenate([np.zeros(RATE // 5), duty]), number)
         for number, duty in enumerate(duties)
     )
 
@@ -68,7 +68,7 @@ def printed(dahl: bool) -> vgtjax.Actuator:
     return vgtjax.Actuator(friction=vgtjax.Dahl()) if dahl else experiments.actuator()
 
 
-def _measure(model: vgtjax.Actuator, pwm: np.ndarray, number: int) -> vgtjax.Trace:
+def _sensed(model: vgtjax.Actuator, pwm: np.ndarray, number: int) -> vgtjax.Trace:
     time = np.arange(len(pwm)) / RATE
     reservoir = np.full_like(time, experiments.ASSUMED_RESERVOIR)
     trace = vgtjax.Trace(time=time, pwm=pwm, p_res=reservoir, name=f"test {number}")
@@ -93,7 +93,7 @@ class Identification:
         """What it finds when the model has all other parameters as printed."""
         model = printed(self.dahl)
         astray = {name: ASTRAY * vgtjax.get_parameter(model, name) for name in self.names}
-        return self.test(vgtjax.replace_parameters(model, astray), bench_tests(self.dahl))
+        return self.test(vgtjax.replace_parameters(model, astray), simulated_tests(self.dahl))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -116,6 +116,7 @@ class Constant:
         """The row that compares what `identification` recovers with what was put in."""
         return Row(
             id=f"identified-{self.id}",
+            kind=Kind.RECOVERY,
             section=section,
             quantity=f"{self.label}, identified",
             where=where,
@@ -123,8 +124,8 @@ class Constant:
             unit=self.unit,
             rule=Near(self.value, TOLERANCE * self.value),
             ours=lambda: self._recovered(identification.found),
-            reason="What we identify from simulated, noisy tests of the printed actuator; standard error {error}."
-            + note,
+            reason="What we identify from tests that we simulated with the printed value and noise; standard error "
+            "{error}." + note,
             slow=True,
         )
 
@@ -160,7 +161,7 @@ DAHL = Identification(identify_dahl, (COULOMB, BRISTLES), dahl=True)
 LUGRE = Identification(identify_lugre, (STATIC, COULOMB, BRISTLES, BRISTLE_DAMPING, VISCOUS, STRIBECK))
 MOTION = Identification(identify_mass_and_damping, (MASS, VISCOUS))
 
-UNSEEN = " Nobody measures the plunger: only its mass, taken as given, tells these from steeper areas."
+UNSEEN = " No sensor sees the plunger: only its mass, taken as given, tells these from steeper areas."
 _PLUNGER = (
     Constant("k_mem", "k_mem", "2000 N/m", 2000.0, "N/m", MEMBRANE),
     Constant("k_s1", "k_s1", "2400 N/m", 2400.0, "N/m", SPRING),
@@ -201,6 +202,7 @@ CONSTANTS = (*_PLUNGER, *_AREAS, _VOLUME, *_SPRINGS, _TRAVEL, *_MOTION, *_LUGRE)
 ROWS = (
     Row(
         id="identified-magnetic_force",
+        kind=Kind.RECOVERY,
         section="2.2.1.1 Magnetic force identification",
         quantity="magnetic force, identified over printed, at 20, 50 and 80 % duty",
         where="(2.8), (2.9), (B.1), Figure 2.8",
@@ -208,7 +210,7 @@ ROWS = (
         unit="",
         rule=Near(1.0, 0.01),
         ours=_force_ratio,
-        reason="From closed equilibria of simulated, noisy tests of the printed actuator, as (2.8) says.",
+        reason="From closed equilibria of tests that we simulated with the printed force and noise, as (2.8) says.",
         slow=True,
     ),
     *(c.row("2.2.1.2 Identification of the plunger's parameters", "Table B.1", PLUNGER, UNSEEN) for c in _PLUNGER),

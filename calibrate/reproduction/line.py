@@ -12,7 +12,7 @@ from vgtjax import DelayLine
 from vgtjax.parts import TURBULENT as BLASIUS, Gas, friction_rate, speed_of_sound
 
 from . import experiments
-from .rows import Between, Found, Near, Row
+from .rows import Between, Found, Kind, Near, Row
 
 TURBULENT = 4000.0
 """Reynolds number above which the thesis calls the flow turbulent."""
@@ -83,6 +83,7 @@ _SIZE = "length and bore of the tube"
 ROWS = (
     _row(
         id="line-blasius",
+        kind=Kind.IDENTITY,
         quantity="factor of the tube's resistance",
         where="(2.30), (2.31)",
         printed="0.158",
@@ -93,6 +94,7 @@ ROWS = (
     ),
     _row(
         id="line-reynolds",
+        kind=Kind.OWN_INPUTS,
         quantity="largest Reynolds number at full duty",
         where="section 2.2.2",
         printed="above 4000: the flow is turbulent",
@@ -105,6 +107,7 @@ ROWS = (
     ),
     _row(
         id="line-delay",
+        kind=Kind.OWN_INPUTS,
         quantity="delay of the flow",
         where="(2.28), (2.29)",
         printed="L/c",
@@ -117,6 +120,7 @@ ROWS = (
     ),
     _row(
         id="line-attenuation",
+        kind=Kind.OWN_INPUTS,
         quantity="attenuation of the flow at full duty, least and most",
         where="(2.29), (2.31), (2.32)",
         printed="exp(-R_t R T/(2 p) L/c)",
@@ -129,6 +133,7 @@ ROWS = (
     ),
     _row(
         id="line-dispersion",
+        kind=Kind.OWN_INPUTS,
         quantity="neglected dispersion over the wave term, slowest wave of the tube",
         where="(2.26), (2.27)",
         printed="very small",

@@ -10,32 +10,32 @@ from vgtjax.identification import identify_vane_map
 
 from ..study.read import EXAMPLE
 from . import experiments
-from .rows import Found, Rising, Row
+from .rows import Found, Kind, Rising, Row
 
 PRESSURES = (0.0, 1.5e5, 3.0e5)
 """Pa gauge at the turbine's inlet."""
 
 
 @functools.cache
-def measured() -> tuple[vgtjax.Trace, ...]:
-    """Slow loops of a unit that is not the thesis's, at each of `PRESSURES`."""
+def example_traces() -> tuple[vgtjax.Trace, ...]:
+    """Slow loops of an actuator of the fleet, simulated by an independent plant, at each of `PRESSURES`."""
     folder = EXAMPLE.parent / "loops"
     return tuple(vgtjax.load_trace(path) for path in sorted(folder.glob("*.csv")))
 
 
 @functools.cache
-def bench_map() -> vgtjax.HysteresisMap:
-    """Vane force identified from that unit's loops [3.16]; the thesis's own tables are pictures."""
+def borrowed_map() -> vgtjax.HysteresisMap:
+    """Vane force identified from those loops [3.16]; the thesis's own tables are pictures."""
     blank = vgtjax.HysteresisMap()
-    found = identify_vane_map(vgtjax.Actuator(vane_force=blank), measured())
+    found = identify_vane_map(vgtjax.Actuator(vane_force=blank), example_traces())
     tables = {name: found.values[f"vane_force.{name}"] for name in ("closing", "opening")}
     return vgtjax.replace_parameters(blank, tables)
 
 
 @functools.cache
 def runs() -> dict[float, vgtjax.Solution]:
-    """The printed actuator with the bench unit's vane force, closed and opened slowly at each turbine pressure."""
-    model = experiments.mechanical(vane_force=bench_map())
+    """The printed actuator with that vane force, closed and opened slowly at each turbine pressure."""
+    model = experiments.mechanical(vane_force=borrowed_map())
     return {pressure: experiments.pressure_ramp(model, experiments.TOP, pressure) for pressure in PRESSURES}
 
 
@@ -48,8 +48,8 @@ def _mbar(pascal: float) -> float:
 
 
 def _widths() -> Found:
-    """Mean widths in mbar, simulated and measured."""
-    own = [experiments.loop_of(trace) for trace in measured()]
+    """Mean widths in mbar: the printed actuator's with the borrowed force, and those of the example's traces."""
+    own = [experiments.loop_of(trace) for trace in example_traces()]
     facts = {"own": ", ".join(f"{_mbar(loop.mean_width):.1f}" for loop in own)}
     return Found(tuple(_mbar(loop.mean_width) for loop in _loops()), facts)
 
@@ -74,24 +74,27 @@ def _friction_width() -> Found:
 
 def _more_when_closed() -> Found:
     """Force while closing near the open stop and near the closed one, at 1500 mbar."""
-    table = np.asarray(bench_map().closing).reshape(2, -1)[0]
+    table = np.asarray(borrowed_map().closing).reshape(2, -1)[0]
     return Found((float(table[-1]), float(table[0])))
 
 
 def _open_and_closed() -> Found:
     """Mean size of the force at 3000 mbar while closing and while opening."""
-    closing, opening = (np.asarray(table).reshape(2, -1)[1] for table in (bench_map().closing, bench_map().opening))
+    closing, opening = (
+        np.asarray(table).reshape(2, -1)[1] for table in (borrowed_map().closing, borrowed_map().opening)
+    )
     sizes = float(np.abs(closing).mean()), float(np.abs(opening).mean())
     return Found(sizes, {"more": "closing" if sizes[0] > sizes[1] else "opening"})
 
 
 _row = functools.partial(Row, section="3.6 Complete model validation: loops")
 _TABLES = "the force tables other than as pictures (Figures 3.10 to 3.12)"
-_BORROWED = "With tables identified from the loops of another unit this {meets} the statement."
+_BORROWED = "With tables identified from loops that an independent plant simulated this {meets} the statement."
 
 ROWS = (
     _row(
         id="loop-friction",
+        kind=Kind.RESULT,
         quantity="width of the loop at 0 mbar by Coulomb friction, 2 F_c/A_d",
         where="(2.34), Table B.2, Figures 3.2, 4.5",
         printed="a curve",
@@ -103,17 +106,19 @@ ROWS = (
     ),
     _row(
         id="loop-wider",
+        kind=Kind.OWN_INPUTS,
         quantity="mean width at 0, 1500 and 3000 mbar",
         where="section 3.6, Figures 3.6, 3.23, 3.24; section 4.2",
         printed="wider with turbine pressure",
         unit="mbar",
         rule=Rising(1.0),
         ours=_widths,
-        reason=_BORROWED + " The loops of that unit measure {own} mbar.",
+        reason=_BORROWED + " Those loops themselves are {own} mbar wide.",
         missing=_TABLES,
     ),
     _row(
         id="loop-closing-pressure",
+        kind=Kind.OWN_INPUTS,
         quantity="pressure that closes the vanes at 0, 1500 and 3000 mbar",
         where="section 3.6, Figure 3.24; section 4.2, Figures 4.6, 4.7",
         printed="grows with turbine pressure; the saturation point shifts",
@@ -125,6 +130,7 @@ ROWS = (
     ),
     _row(
         id="loop-towards-closed",
+        kind=Kind.OWN_INPUTS,
         quantity="width at 1500 mbar at 2, 5 and 8 mm",
         where="section 3.6, Figure 3.23",
         printed="grows towards the closed position",
@@ -136,24 +142,26 @@ ROWS = (
     ),
     _row(
         id="force-towards-closed",
+        kind=Kind.OWN_INPUTS,
         quantity="force while closing at 1500 mbar, vanes open and vanes closed",
         where="section 3.4.2, Figure 3.10",
         printed="more influential with the vanes closed",
         unit="N",
         rule=Rising(0.1),
         ours=_more_when_closed,
-        reason="In the tables of another unit this {meets} the statement.",
+        reason="In the tables of such loops this {meets} the statement.",
         missing=_TABLES,
     ),
     _row(
         id="force-open-and-closed",
+        kind=Kind.OWN_INPUTS,
         quantity="mean force at 3000 mbar while closing and while opening",
         where="section 3.4.2; section 4.2, Figures 4.8, 4.9",
         printed="3.4.2: more while closing; 4.2: more while opening",
         unit="N",
         rule=None,
         ours=_open_and_closed,
-        reason="The two sections contradict each other; in the tables of another unit it is more while {more}.",
+        reason="The two sections contradict each other; in the tables of such loops it is more while {more}.",
         missing=_TABLES,
     ),
 )

@@ -3,13 +3,13 @@
 import dataclasses
 import functools
 
-from . import bench_unit, experiments
-from .rows import Between, Found, Near, Row
+from . import example_actuator, experiments
+from .rows import Between, Found, Kind, Near, Row
 
 READING = 0.05
 """s; every printed response time is a multiple of it, as read off a figure."""
 FRACTION = 0.63
-"""Part of the whole way that we call the response; the thesis does not say which it means."""
+"""Part of the whole way that we call the response, one for all rows; the thesis does not say which it means."""
 RESERVOIRS = (10e3, 29e3)
 """Pa; between them a vacuum pump may be, below what full duty can hold."""
 
@@ -28,6 +28,7 @@ class Stated:
         """The row that compares our time with it, or, with areas divided by gamma, another one."""
         return _row(
             id=f"{self.id}-divided" if divided else self.id,
+            kind=Kind.OWN_INPUTS if divided else Kind.RESULT,
             quantity=quantity,
             where=where,
             printed=f"{self.seconds:g} s",
@@ -47,14 +48,14 @@ class Stated:
         reservoirs = [
             self.response(divided=divided, reservoir=pascal).time_to(self.signal, FRACTION) for pascal in RESERVOIRS
         ]
-        unit = bench_unit.response(self.duty, released=self.released).time_to(self.signal, FRACTION)
+        example = example_actuator.response(self.duty, released=self.released).time_to(self.signal, FRACTION)
         facts = {
             "settled": f"{ours.time_to(self.signal, 0.95):.2f}",
             "percent": f"{100 * ours.fraction_at(self.signal, self.seconds):.0f}",
             "other": f"{other.time_to(self.signal, FRACTION):.2f}",
             "low": f"{min(reservoirs):.3f}",
             "high": f"{max(reservoirs):.3f}",
-            "unit": f"{unit:.2f}",
+            "example": f"{example:.2f}",
         }
         return Found(ours.time_to(self.signal, FRACTION), facts)
 
@@ -68,10 +69,10 @@ def _fall_over_rise() -> Found:
 
 
 def _static_error(duty: float, signal: str) -> Found:
-    """Static error of our fit of a bench unit, and that of the printed parameters, in mbar or mm."""
+    """Static error of our fit of the example's actuator, and that of the printed parameters, in mbar or mm."""
     return Found(
-        bench_unit.static_error(bench_unit.fitted_actuator(), duty, signal),
-        {"printed": f"{bench_unit.static_error(experiments.actuator(), duty, signal):.2g}"},
+        example_actuator.static_error(example_actuator.fitted_actuator(), duty, signal),
+        {"printed": f"{example_actuator.static_error(experiments.actuator(), duty, signal):.2g}"},
     )
 
 
@@ -79,15 +80,16 @@ def _error_row(duty: float, signal: str, bound: float, where: str) -> Row:
     unit, name = ("mbar", "pressure") if signal == "pressure" else ("mm", "position")
     return _row(
         id=f"static-{name}-{duty:g}",
+        kind=Kind.OWN_INPUTS,
         quantity=f"static error of the {name} at {duty:g} % duty",
         where=where,
         printed=f"within {bound:g} {unit}",
         unit=unit,
         rule=Between(-bound, bound),
         ours=lambda: _static_error(duty, signal),
-        reason=f"On a step of another unit, which is not the thesis's, our fit of its staircase trace leaves "
-        f"{{ours}} {unit}, which {{meets}} the bound; the printed parameters leave {{printed}} {unit}.",
-        missing="the measured traces",
+        reason=f"On a step of another actuator, simulated by an independent plant, our fit of its staircase trace "
+        f"leaves {{ours}} {unit}, which {{meets}} the bound; the printed parameters leave {{printed}} {unit}.",
+        missing="the traces that it measured",
         slow=True,
     )
 
@@ -98,7 +100,7 @@ _UNDEFINED = (
     "response time and reads it off a figure. "
 )
 _RESERVOIR = "The reservoir's pressure, not printed either, hardly matters: {low} to {high} s for 10 to 29 kPa. "
-_UNIT = "A bench unit of this kind measures {unit} s to 63 %."
+_OTHER = "The example's actuator, simulated with other parameters, takes {example} s to 63 %."
 
 RISE = Stated("rise-100", 100.0, "pressure", 0.2)
 FALL = Stated("fall-100", 100.0, "pressure", 1.2, released=True)
@@ -110,15 +112,15 @@ ROWS = (
     RISE.row(
         "pressure, response to 100 % duty (rise)",
         "section 2.3, Figure 2.17",
-        _UNDEFINED + _RESERVOIR + _UNIT,
+        _UNDEFINED + _RESERVOIR + _OTHER,
     ),
     FALL.row(
         "pressure, response to the release of 100 % duty (fall)",
         "section 2.3, Figure 2.17",
-        _UNDEFINED + "No one fraction gives both this and the rise. " + _UNIT,
+        _UNDEFINED + "No one fraction gives both this and the rise. " + _OTHER,
     ),
-    PRESSURE.row("pressure, response to 80 % duty", "section 2.3, Figure 2.18", _UNDEFINED + _RESERVOIR + _UNIT),
-    POSITION.row("position, response to 80 % duty", "section 2.3, Figure 2.18", _UNDEFINED + _UNIT),
+    PRESSURE.row("pressure, response to 80 % duty", "section 2.3, Figure 2.18", _UNDEFINED + _RESERVOIR + _OTHER),
+    POSITION.row("position, response to 80 % duty", "section 2.3, Figure 2.18", _UNDEFINED + _OTHER),
     PRESSURE.row(
         "the same pressure with areas divided by gamma",
         "(2.33), section 2.3",
@@ -140,6 +142,7 @@ ROWS = (
     ),
     _row(
         id="fall-over-rise",
+        kind=Kind.RESULT,
         quantity="fall over rise at 100 % duty",
         where="section 2.3, Figure 2.17",
         printed="1.2 s over 0.2 s, by the flow areas",

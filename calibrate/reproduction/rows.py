@@ -1,13 +1,68 @@
 """A row of the reproduction table: what is printed, what we get, and the rule that turns both into a verdict."""
 
 import dataclasses
+import enum
 from collections.abc import Callable, Mapping
-from typing import Literal
 
 import numpy as np
 
 Value = float | tuple[float, ...]
-Verdict = Literal["reproduced", "differs", "not reproducible"]
+
+
+class Kind(enum.Enum):
+    """What a row compares with the print, and so what it shows when its rule is met. Only a `RESULT` is reproduced."""
+
+    RESULT = enum.auto()
+    """What our model makes of the thesis's own inputs, with what the thesis says that comes out."""
+    INPUT = enum.auto()
+    """What our model gives back of a printed value that it was given."""
+    IDENTITY = enum.auto()
+    """What definitions, algebra or another line of the print say, whatever the actuator does."""
+    RECOVERY = enum.auto()
+    """What comes back of a printed value that our own simulation was given."""
+    OWN_INPUTS = enum.auto()
+    """What comes of inputs that we chose and the thesis does not print: gains, references, sensors, plants, ranges."""
+
+
+class Verdict(enum.StrEnum):
+    """What a row says of the print. [`MEANING`][] explains every one of them."""
+
+    REPRODUCED = "reproduced"
+    OWN_MET = "met with our inputs"
+    RECOVERED = "recovered"
+    INPUT = "input"
+    IDENTITY = "identity"
+    DIFFERS = "differs"
+    OWN_MISSED = "missed with our inputs"
+    NOT_RECOVERED = "not recovered"
+    NOT_REPRODUCIBLE = "not reproducible"
+
+
+MEANING: Mapping[Verdict, str] = {
+    Verdict.REPRODUCED: "a result of the thesis, met by our model from the thesis's own inputs",
+    Verdict.OWN_MET: "a figure of the thesis, met with inputs of ours that it does not print, as gains, references, "
+    "sensors and exhaust gas forces: what our choice can do",
+    Verdict.RECOVERED: "a printed value that our own simulation was given, found again in its signals: a test of our "
+    "identification, not of the value",
+    Verdict.INPUT: "a printed value that our model was given, read back: a test of the reading",
+    Verdict.IDENTITY: "holds by definition, by algebra or by another line of the print, whatever the actuator does",
+    Verdict.DIFFERS: "does not follow from the thesis's own inputs, equations or other lines; mistakes of the print "
+    "are among them",
+    Verdict.OWN_MISSED: "a figure of the thesis, not met with inputs of ours that it does not print",
+    Verdict.NOT_RECOVERED: "a printed value that our own simulation was given, not found again in its signals",
+    Verdict.NOT_REPRODUCIBLE: "the thesis does not print what a check would need; our value is the nearest that can be "
+    "said",
+}
+"""Every verdict in the words of a reader, in the order in which they are counted."""
+
+JUDGED: Mapping[Kind, tuple[Verdict, Verdict]] = {
+    Kind.RESULT: (Verdict.REPRODUCED, Verdict.DIFFERS),
+    Kind.INPUT: (Verdict.INPUT, Verdict.DIFFERS),
+    Kind.IDENTITY: (Verdict.IDENTITY, Verdict.DIFFERS),
+    Kind.RECOVERY: (Verdict.RECOVERED, Verdict.NOT_RECOVERED),
+    Kind.OWN_INPUTS: (Verdict.OWN_MET, Verdict.OWN_MISSED),
+}
+"""The verdict on a row of each kind whose rule is met, and on one whose rule is not."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -72,14 +127,16 @@ class Found:
 class Row:
     """One statement of the thesis.
 
-    `section` is the number and title that it stands under, `where` the equation, table or figure, `printed` the words
-    or digits with their unit. `ours` computes, in `unit`. `reason` may name `{ours}`, whether it `{meets}` the rule,
-    and the facts that `ours` found. `missing` names what a check would need and the thesis does not print; then no
-    number decides, what `ours` computes is the nearest that can be said, and `rule` may be `None`.
+    `kind` says what is compared with it. `section` is the number and title that it stands under, `where` the equation,
+    table or figure, `printed` the words or digits with their unit. `ours` computes, in `unit`. `reason` may name
+    `{ours}`, whether it `{meets}` the rule, and the facts that `ours` found. `missing` names what a check would need
+    and the thesis does not print; then no number decides, what `ours` computes is the nearest that can be said, and
+    `rule` may be `None`.
     `slow` rows fit or identify something, which takes ten seconds once.
     """
 
     id: str
+    kind: Kind
     section: str
     quantity: str
     where: str
@@ -109,8 +166,9 @@ class Row:
     def judge(self, ours: Value) -> Verdict:
         """The verdict on a value: by the rule, unless the print lacks what the rule needs."""
         if self.missing or self.rule is None:
-            return "not reproducible"
-        return "reproduced" if self.rule.met(ours) else "differs"
+            return Verdict.NOT_REPRODUCIBLE
+        met, missed = JUDGED[self.kind]
+        return met if self.rule.met(ours) else missed
 
 
 @dataclasses.dataclass(frozen=True)
@@ -132,6 +190,7 @@ class Result:
         row = self.row
         return {
             "id": row.id,
+            "kind": row.kind.name.lower().replace("_", " "),
             "section": row.section,
             "quantity": row.quantity,
             "where": row.where,

@@ -19,7 +19,7 @@ from vgtjax.sensitivity import (
     step_response,
 )
 
-from .rows import Between, Found, Near, Rising, Row
+from .rows import Between, Found, Kind, Near, Rising, Row
 
 PARAMETERS = {"area": "A_d", "mass": "m_d", "stiffness": "k_sm", "damping": "b_d"}
 """Those that section 4.1.2 varies, by field of the diaphragm."""
@@ -171,6 +171,7 @@ _UNREAD = "Table 4.1 and Figures 4.1 and 4.2 in a form that we can read"
 ROWS = (
     _row(
         id="spring-sign",
+        kind=Kind.IDENTITY,
         quantity="fastest growth of a motion without friction, -m_d x'' - b_d x' + k_sm x = 0",
         where="(4.3)",
         printed="+ k_sm x_d, a stable actuator",
@@ -182,6 +183,7 @@ ROWS = (
     ),
     _row(
         id="step-start",
+        kind=Kind.IDENTITY,
         quantity="position at the step over the settled position",
         where="(4.4)",
         printed="a step from rest",
@@ -193,6 +195,7 @@ ROWS = (
     ),
     _row(
         id="src-alone",
+        kind=Kind.OWN_INPUTS,
         quantity="SRC at 0.02 s of A_d, m_d, k_sm, b_d, each varied alone",
         where="(4.1), Table 4.1, Figure 4.1",
         printed="a graph",
@@ -205,6 +208,7 @@ ROWS = (
     ),
     _row(
         id="src-together",
+        kind=Kind.OWN_INPUTS,
         quantity="SRC at 0.02 s with all varied: larger of m_d and b_d, smaller of A_d and k_sm",
         where="(4.1), (4.4), section 4.3",
         printed="A_d and k_sm are of great significance",
@@ -218,6 +222,7 @@ ROWS = (
     _row(
         section="4.3 Conclusion",
         id="settled-leading",
+        kind=Kind.IDENTITY,
         quantity="index of the settled position: larger of m_d and b_d, smaller of A_d and k_sm",
         where="section 4.3",
         printed="A_d and k_sm are of great significance",

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 import vgtjax
 from vgtjax.sensitivity import force_along, gradient_share, parameter_slopes, steady_force
 
-from .rows import Between, Found, Rising, Row
+from .rows import Between, Found, Kind, Rising, Row
 
 SPEED = 0.005
 """m/s, of section 4.1.3."""
@@ -175,6 +175,7 @@ _ALONG = "root mean square along a to and fro with 5 mm/s at most"
 ROWS = (
     _row(
         id="friction-leading",
+        kind=Kind.OWN_INPUTS,
         quantity="index at 5 mm/s: largest of the other four, smaller of F_s and F_c",
         where="(4.1), section 4.1.3, Figure 4.3",
         printed="F_s and F_c are more sensitive",
@@ -187,6 +188,7 @@ ROWS = (
     ),
     _row(
         id="presliding-only",
+        kind=Kind.OWN_INPUTS,
         quantity="change of sliding friction at 5 mm/s by 50 % of sigma_0, 68 % of sigma_1, 50 % of v_s",
         where="section 4.1.3, Figure 4.4",
         printed="an impact on the pre-sliding region only",
@@ -198,6 +200,7 @@ ROWS = (
     ),
     _row(
         id="both-regions",
+        kind=Kind.RESULT,
         quantity="change of sliding friction at 5 mm/s by 16 % of F_s, 15.36 % of F_c, 90 % of sigma_2",
         where="section 4.1.3, Figure 4.4",
         printed="an influence on pre-sliding and sliding",
@@ -209,6 +212,7 @@ ROWS = (
     ),
     _row(
         id="viscous-negligible",
+        kind=Kind.OWN_INPUTS,
         quantity=f"change of friction by 90 % of sigma_2, by 16 % of F_s; {_ALONG}",
         where="section 4.1.3, Figure 4.4",
         printed="sigma_2 negligible, F_s significant",
@@ -221,6 +225,7 @@ ROWS = (
     ),
     _row(
         id="bristles-compared",
+        kind=Kind.OWN_INPUTS,
         quantity=f"change of friction by 68 % of sigma_1, by 50 % of sigma_0; {_ALONG}",
         where="section 4.1.3, Figure 4.4",
         printed="sigma_1 is less sensitive than sigma_0",
@@ -233,6 +238,7 @@ ROWS = (
     ),
     _row(
         id="stiction-most-important",
+        kind=Kind.OWN_INPUTS,
         quantity=f"change of friction: largest of the other five, by 16 % of F_s; {_ALONG}",
         where="section 4.1.3, Figure 4.4",
         printed="F_s is the most important parameter",

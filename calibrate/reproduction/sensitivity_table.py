@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from vgtjax.sensitivity import steady_force
 
-from .rows import Found, Near, Row
+from .rows import Found, Kind, Near, Row
 from .sensitivity import src
 from .sensitivity_friction import SPEED, with_values
 
@@ -87,6 +87,7 @@ _row = functools.partial(Row, section="4.1.3 Friction model parameters")
 ROWS = (
     _row(
         id="table-4-2-columns",
+        kind=Kind.RESULT,
         quantity="SRC of the printed columns F_c and F_f",
         where="(4.1), Table 4.2",
         printed="0.3945",
@@ -97,6 +98,7 @@ ROWS = (
     ),
     _row(
         id="table-4-2-range",
+        kind=Kind.RESULT,
         quantity="range of F_f at 5 mm/s as F_c goes from 1.6 to 2.6 N",
         where="(4.6), (4.7), Table 4.2",
         printed="3.12016 to 3.15273 N",
@@ -109,6 +111,7 @@ ROWS = (
     ),
     _row(
         id="table-4-2-values",
+        kind=Kind.RESULT,
         quantity="rows of the table whose F_f follows from their F_c and any F_s, v_s and sigma_2 of the table",
         where="(4.6), (4.7), Table 4.2",
         printed="F_f in 21 rows",
@@ -120,6 +123,7 @@ ROWS = (
     ),
     _row(
         id="src-coulomb",
+        kind=Kind.RESULT,
         quantity="SRC of F_c with every combination of the values in the table",
         where="(4.1), (4.6), (4.7), Table 4.2",
         printed="0.3945",

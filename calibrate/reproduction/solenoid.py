@@ -9,7 +9,7 @@ import numpy as np
 from vgtjax.parts import Plunger
 
 from . import experiments
-from .rows import Between, Found, Near, Row
+from .rows import Between, Found, Kind, Near, Row
 
 ROUNDED = (0.02173, 0.00226, 0.0039, -3.573e-5, 9.135e-8)
 """Coefficients of (2.9), from the constant up; (B.1) prints more digits."""
@@ -107,6 +107,7 @@ _row = functools.partial(Row, section="2.2.1 Electro-pneumatic pressure converte
 ROWS = (
     _row(
         id="coil-direction",
+        kind=Kind.IDENTITY,
         quantity="direction of the magnetic force, up counted positive",
         where="section 2.2.1, (2.3), (2.4)",
         printed="downwards: -1",
@@ -118,6 +119,7 @@ ROWS = (
     ),
     _row(
         id="coil-force",
+        kind=Kind.IDENTITY,
         quantity="force by virtual work over force by (2.6)",
         where="(2.4), (2.6)",
         printed="1: two forms of one force",
@@ -128,6 +130,7 @@ ROWS = (
     ),
     _row(
         id="coil-curves",
+        kind=Kind.RESULT,
         quantity="magnetic force over voltage for constant inductance",
         where="Figure 2.7",
         printed="curves",
@@ -140,6 +143,7 @@ ROWS = (
     ),
     _row(
         id="force-digits",
+        kind=Kind.IDENTITY,
         quantity="largest difference of the two prints of the polynomial",
         where="(2.9), (B.1)",
         printed="the same polynomial",
@@ -150,6 +154,7 @@ ROWS = (
     ),
     _row(
         id="force-last-digit",
+        kind=Kind.IDENTITY,
         quantity="what half of the last digit of 0.0039 is worth at full duty",
         where="(2.9), (B.1), section 2.3",
         printed="static errors within 10 mbar",
@@ -161,16 +166,19 @@ ROWS = (
     ),
     _row(
         id="closed-balance",
+        kind=Kind.IDENTITY,
         quantity="simulated steady pressure at 50, 80 and 100 % less that of the balance",
         where="(2.8)",
         printed="0: in equilibrium no air flows",
         unit="mbar",
         rule=Near(0.0, 1.0),
         ours=_steady_pressure,
-        reason="The simulated chamber settles at {levels} mbar gauge.",
+        reason="The simulated chamber settles at {levels} mbar gauge, where our equations, (2.8) among them, have "
+        "their fixed point.",
     ),
     _row(
         id="plunger-stiffness",
+        kind=Kind.IDENTITY,
         quantity="stiffness that holds the plunger below its closed position",
         where="(2.10), (2.58)",
         printed="k_mem + k_s1 = 4400 N/m at any position",

@@ -9,7 +9,7 @@ import vgtjax
 from vgtjax.parts import PRINTED, polynomial_terms
 
 from . import experiments
-from .rows import Between, Found, Near, Row
+from .rows import Between, Found, Kind, Near, Row
 
 ANGLES = np.linspace(4.0, 36.0, 65)
 """deg; from closed to open."""
@@ -117,16 +117,18 @@ _map = functools.partial(Row, section="3.4.2 Aerodynamic force from hysteresis")
 ROWS = (
     _crank(
         id="crank-closed",
+        kind=Kind.INPUT,
         quantity="crank angle with the vanes closed",
         where="(3.14), section 3.6",
         printed="4 deg",
         unit="deg",
         rule=Near(4.0, 0.05),
         ours=lambda: _angle_of(0.0),
-        reason="The offset of (3.14).",
+        reason="The offset of (3.14), which our crank was given.",
     ),
     _crank(
         id="vane-travel",
+        kind=Kind.RESULT,
         quantity="vane travel over the whole stroke of 10.13 mm",
         where="(3.14), section 3.6",
         printed="48 deg",
@@ -138,6 +140,7 @@ ROWS = (
     ),
     _crank(
         id="stroke-2000",
+        kind=Kind.RESULT,
         quantity="diaphragm travel between 16 and 32 deg at 2000 RPM",
         where="(3.14), Figure 3.20",
         printed="4 mm",
@@ -149,6 +152,7 @@ ROWS = (
     ),
     _row(
         id="polynomial-largest",
+        kind=Kind.RESULT,
         quantity="crank angle of the largest force at ratios 1.5, 2 and 2.5",
         where="(3.15), Figures 3.8, 3.19, 3.20",
         printed="smallest angle: largest with the vanes closed",
@@ -160,6 +164,7 @@ ROWS = (
     ),
     _row(
         id="polynomial-rising",
+        kind=Kind.RESULT,
         quantity="where force grows with the pressure ratio, between 1 and that of 3000 mbar",
         where="section 3.4.1",
         printed="everywhere",
@@ -170,6 +175,7 @@ ROWS = (
     ),
     _row(
         id="polynomial-straight",
+        kind=Kind.RESULT,
         quantity="slope of force over angle at 36 deg over that at 20 deg, at ratios 1.5, 2 and 2.5",
         where="section 3.4.1",
         printed="1: linear at higher angles",
@@ -180,6 +186,7 @@ ROWS = (
     ),
     _row(
         id="polynomial-cold",
+        kind=Kind.RESULT,
         quantity="least and largest force at ratio 1, without exhaust gas",
         where="(3.15), section 2.2.3",
         printed="no force in cold conditions",
@@ -190,6 +197,7 @@ ROWS = (
     ),
     _row(
         id="polynomial-severe",
+        kind=Kind.RESULT,
         quantity="force with closed vanes at 3000 mbar",
         where="(3.15), section 3.4.2",
         printed="against closing, growing with pressure",
@@ -200,6 +208,7 @@ ROWS = (
     ),
     _map(
         id="force-from-loops",
+        kind=Kind.IDENTITY,
         quantity="a force of 10 N against closing, recovered by (3.16) from absolute pressures",
         where="(3.16)",
         printed="10 N put in",

@@ -96,7 +96,7 @@ class AdaptiveBackstepping(AbstractController):
     largest_load: Scalar = parameter(30.0, symbol="d_max", unit="N", source="assumed", assumed=True, held=True)
     largest_drift: Scalar = parameter(3e5, symbol="r_max", unit="Pa/s", source="assumed", assumed=True, held=True)
     forgetting_time: Scalar = parameter(0.1, symbol="T_f", unit="s", source="assumed", assumed=True, held=True)
-    # Tuned at a velocity that the noise of the bench reaches through the differentiator.
+    # Tuned at a velocity that the noise of the sensors reaches through the differentiator.
     reversal_width: Scalar = parameter(
         1e-2, symbol="v_w", unit="m/s", source="assumed", assumed=True, held=True, tuning_width=2e-3
     )

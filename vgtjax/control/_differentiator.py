@@ -71,7 +71,7 @@ class LevantDifferentiator(AbstractDifferentiator):
     """
 
     largest_second_derivative: Scalar = parameter(5.0, symbol="L", unit="m/s2", source="assumed", assumed=True)
-    # Tuned above the noise of the bench, so that its sign is not tossed by it.
+    # Tuned above the noise of the sensors, so that its sign is not tossed by it.
     width: Scalar = parameter(1e-9, symbol="w", unit="m", source="assumed", assumed=True, held=True, tuning_width=3e-5)
 
     def initial_state(self, value: Scalar) -> FilteredSlope:

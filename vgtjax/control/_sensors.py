@@ -12,11 +12,11 @@ from ._base import Measurement
 from ._reference import number
 
 POSITION_NOISE = 8e-6
-"""m; standard deviation of a sample of the bench's position sensor at 1 kHz."""
+"""m; standard deviation of a sample of a position sensor at 1 kHz, as we assume it."""
 PRESSURE_NOISE = 60.0
 """Pa; that of its pressure sensors."""
 POSITION_QUANTUM = 1e-6
-"""m; step of the converter that reads the position on the bench."""
+"""m; step of the converter that reads the position, as we assume it."""
 PRESSURE_QUANTUM = 3.1
 """Pa; that of its pressures."""
 
@@ -60,7 +60,7 @@ class Sensors(eqx.Module):
 
     @classmethod
     def bench(cls) -> "Sensors":
-        """The bench's: 8 um in steps of 1 um, 60 Pa in steps of 3.1 Pa; the turbine's pressure is known."""
+        """As a bench may have: 8 um in steps of 1 um, 60 Pa in steps of 3.1 Pa; the turbine's pressure is known."""
         pressure = Sensor(PRESSURE_NOISE, quantum=PRESSURE_QUANTUM)
         return cls(Sensor(POSITION_NOISE, quantum=POSITION_QUANTUM), pressure, pressure)
 

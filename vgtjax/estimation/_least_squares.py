@@ -14,7 +14,7 @@ Columns = Float[np.ndarray, "rows unknowns"]
 
 NULL = 1e-9
 """Singular values below this part of the largest are no information: an exact Jacobian in double precision computes
-a true null direction to about 1e-13, and the weakest real direction of these benches lies near 1e-4."""
+a true null direction to about 1e-13, and the weakest real direction of our simulated traces lies near 1e-4."""
 EXACT = 1e15
 """Inflation of the variance from which an unknown is not determined by exact columns: a thousandth of it (squared) lies
 in a null direction."""

@@ -26,7 +26,7 @@ from ._weak_form import (
 )
 
 KERNEL = 0.05
-"""s; from 0.03 to 0.1 s the bench traces give the same bristles within 1 %."""
+"""s; from 0.03 to 0.1 s simulated traces give the same bristles within 1 %."""
 SCALES = np.geomspace(0.1, 10, 9)
 """Multiples of the model's deflection that a search for the best one begins with."""
 ENDS = {"deflection": (1e-7, 1e-2), "ratio": (0.7, 5.0), "stribeck": (1e-5, 0.1)}

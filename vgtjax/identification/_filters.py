@@ -19,7 +19,7 @@ WINDOWS = (0.011, 0.021, 0.041, 0.081, 0.161)
 SHORTEST = 5
 """Samples; the least through which a cubic still averages."""
 CONFIDENCE = 1.5
-"""Standard deviations within which the windows must agree. On bench traces 1.3 to 2 move no parameter by more than 1.3
+"""Standard deviations within which the windows must agree. On simulated traces 1.3 to 2 move no value by more than 1.3
 standard errors; one fixed window moves the volume by six at 5 ms, through its noise, and by eight at 41 ms, through the
 corners that it cuts."""
 ORDER = 3

@@ -15,7 +15,7 @@ from ._result import Coefficients, NotPossible
 from ._weak_form import Filtered, TraceEquations, filter_motion, regress_traces, within_stops
 
 KERNEL = 0.1
-"""s; between 0.05 and 0.2 s the bench traces give the same spring and friction within their errors."""
+"""s; between 0.05 and 0.2 s simulated traces give the same spring and friction within their errors."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

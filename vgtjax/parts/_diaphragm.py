@@ -20,7 +20,7 @@ class Body(eqx.Module):
 class Diaphragm(Part):
     """Spring-loaded diaphragm between two end stops at 0 and `travel`.
 
-    The stops are not in the thesis but on the bench; their contact law is Hunt and Crossley's (1975), whose
+    The stops are not in the thesis but in every device; their contact law is Hunt and Crossley's (1975), whose
     force is continuous at contact. With an infinite `travel` there are none at all, at zero neither: an axis that moves
     freely both ways.
     """

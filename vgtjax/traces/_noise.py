@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float
 
 FLOOR = {"x_d": 1e-7, "p_act": 1.0, "f_vane": 1e-4}
-"""m, Pa and N; no sensor on these benches is better, and a noise-free record must not get an infinite weight."""
+"""m, Pa and N; no sensor of such a bench is better, and a noise-free record must not get an infinite weight."""
 
 
 def noise_level(samples: Float[np.ndarray, " time"], channel: str) -> float:

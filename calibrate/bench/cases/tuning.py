@@ -186,7 +186,8 @@ def _compared(record: _Record, first: _Record, cost: float) -> str:
 
 
 _ABOUT = (
-    "16 closed loops on all cores, everything compiled before; the first row of each is the start. Gradients: steps "
+    "16 closed loops on all cores, around a controller that knows the mean of twenty fits to simulated traces and not "
+    "its plants; everything compiled before; the first row of each is the start. Gradients: steps "
     f"and trials. The others step by {SPREAD:g} in the logarithm of a gain, pay for gains outside the conditions of "
     f"the design, and have {BUDGET} times the gradient's time, or end by themselves. 'Within': when each had come that "
     "close to the lowest cost that any of them found, in times of the gradient's."

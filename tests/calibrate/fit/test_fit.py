@@ -89,8 +89,8 @@ def test_start_values_and_bounds_are_those_of_the_study(actuator, parameters):
         assert bounds == ((8000.0, 16000.0) if stated else (none, none))
 
 
-def test_the_fit_found_the_actuator_of_the_bench(parameters):
-    # Fits of the whole bench find 11.9 kN/m and 50.4 N; 1.2 s of one step can't tell them to better than a few percent.
+def test_the_fit_found_the_actuator_of_the_example(parameters):
+    # Fits of all traces find 11.9 kN/m and 50.4 N; 1.2 s of one step can't tell them to better than a few percent.
     assert parameters["diaphragm.stiffness"]["value"] == pytest.approx(11900, rel=0.05)
     assert parameters["diaphragm.preload"]["value"] == pytest.approx(50.4, rel=0.1)
 

@@ -53,7 +53,7 @@ def test_parameters_are_those_of_the_sections(summary, identified):
     assert parameters["air.gas_constant"]["free"] is False
 
 
-def test_loops_are_measured(summary):
+def test_loops_of_the_traces_have_their_widths(summary):
     widths = [trace["loop_width"]["measured"] / 100 for trace in summary["traces"].values()]
     assert widths == sorted(widths), "wider under more turbine pressure"
     assert 15 < widths[0] < 30  # mbar; twice 3 N over the diaphragm is 20

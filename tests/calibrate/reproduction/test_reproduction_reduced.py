@@ -1,13 +1,13 @@
-"""The rows on the models for control: along bench traces, against the full model, and the printed flow map."""
+"""The rows on the models for control: along simulated traces, against the full model, and the printed flow map."""
 
 import numpy as np
 import pytest
 
 from calibrate.reproduction import figures, reduced_models
-from calibrate.reproduction.reduced_models import MEASURED, MODELS, ROWS
+from calibrate.reproduction.reduced_models import MODELS, ROWS, TRACES
 from vgtjax.traces import noise_level
 
-BENCH = [row for row in ROWS if row.slow]
+SLOW = [row for row in ROWS if row.slow]
 
 
 @pytest.fixture(scope="module")
@@ -17,32 +17,32 @@ def results():
 
 def test_every_model_has_its_error_on_both_steps_and_the_ramp(results):
     for signal in ("pressure", "position"):
-        for trace in MEASURED:
-            assert len(results[f"bench-{signal}-{trace}"].ours) == len(MODELS)
+        for trace in TRACES:
+            assert len(results[f"example-{signal}-{trace}"].ours) == len(MODELS)
 
 
-@pytest.mark.parametrize("trace", MEASURED)
-def test_the_full_model_is_that_of_the_bench_unit(trace):
+@pytest.mark.parametrize("trace", TRACES)
+def test_the_full_model_is_that_of_the_example(trace):
     """Its parameters come from another trace: what is left is the noise of the sensors, 0.6 mbar and 8 um."""
-    found = reduced_models.bench(trace)
+    found = reduced_models.along(trace)
     full = found.deviations["full"]
-    # A third more at most: what a fit to one staircase leaves undetermined. Measured: 1.32 and 1.14.
+    # A third more at most: what a fit to one staircase leaves undetermined. Seen: 1.32 and 1.14.
     assert full.pressure_rmse < 1.4 * noise_level(found.measured.p_act, "p_act")
     assert full.position_rmse < 1.4 * noise_level(found.measured.x_d, "x_d")
 
 
-@pytest.mark.parametrize("trace", MEASURED)
+@pytest.mark.parametrize("trace", TRACES)
 def test_both_reductions_miss_the_heat(trace):
-    six, four = (reduced_models.bench(trace).deviations[name] for name in MODELS[1:])
+    six, four = (reduced_models.along(trace).deviations[name] for name in MODELS[1:])
     # Not noise, and not far: the thesis reads 5 to 8 mbar of steady error off its figures, the transient is more.
     for found in (six, four):
         assert 300 < found.pressure_rmse < 2000
-    # Heat is what both leave out; what only one does is a part of that. Measured: 1 % and 9 %.
+    # Heat is what both leave out; what only one does is a part of that. Seen: 1 % and 9 %.
     assert four.pressure_rmse == pytest.approx(six.pressure_rmse, rel=0.05)
     assert four.position_rmse == pytest.approx(six.position_rmse, rel=0.15)
 
 
-@pytest.mark.parametrize("row", [row for row in BENCH if row.rule is not None], ids=lambda row: row.id)
+@pytest.mark.parametrize("row", [row for row in SLOW if row.rule is not None], ids=lambda row: row.id)
 def test_static_errors_of_all_three_meet_the_bounds_of_the_thesis(row, results):
     result = results[row.id]
     assert row.rule.met(result.ours)
@@ -77,7 +77,7 @@ def test_the_printed_map_has_its_zero_beside_equilibrium(results):
 
 
 def test_the_plunger_answers_in_what_the_thesis_says(results):
-    assert results["plunger-time"].verdict == "reproduced"
+    assert results["plunger-time"].verdict == "met with our inputs"
     # b_p / k_mem is 11 ms, and nine tenths of the stroke are two time constants and a bit; the mass adds 0.5 ms.
     assert results["plunger-time"].ours == pytest.approx(0.02, abs=2e-3)
 
@@ -91,7 +91,7 @@ def test_maps_explain_less_than_the_thesis_says_and_a_table_all(results):
 def test_the_picture_shows_every_model_on_every_trace():
     figure = figures.validation_figure()
     names = [curve.name for curve in figure.data]
-    assert names.count("measured") == 2 * len(MEASURED)
+    assert names.count("trace") == 2 * len(TRACES)
     for model in MODELS:
-        assert names.count(model) == 3 * len(MEASURED)
+        assert names.count(model) == 3 * len(TRACES)
     assert all(np.all(np.isfinite(curve.y)) for curve in figure.data)

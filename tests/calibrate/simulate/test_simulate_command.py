@@ -57,11 +57,11 @@ def test_no_negative_zeros_are_written(simulated):
 
 
 def test_what_is_written_reads_back_as_a_trace(fitted, simulated):
-    bench = vgtjax.load_trace(fitted.study.parent / "step_80.csv")
+    given = vgtjax.load_trace(fitted.study.parent / "step_80.csv")
     trace = vgtjax.load_trace(simulated[0] / "step_80.csv", needs=("pwm", "p_act", "x_d"))
-    np.testing.assert_allclose(trace.time, bench.time, rtol=1e-8)
-    np.testing.assert_array_equal(trace.pwm, bench.pwm)
-    np.testing.assert_allclose(trace.p_res, bench.p_res, rtol=1e-8)
+    np.testing.assert_allclose(trace.time, given.time, rtol=1e-8)
+    np.testing.assert_array_equal(trace.pwm, given.pwm)
+    np.testing.assert_allclose(trace.p_res, given.p_res, rtol=1e-8)
     ignored = [name for name in STATES if name not in ("x_d", "p_act")]
     assert trace.notes == tuple(f"column '{name}' is not used" for name in ignored)
 
@@ -87,15 +87,15 @@ def test_a_second_run_writes_what_is_missing(fitted, simulated):
 # -- parameters --------------------------------------------------------------------------------------------------------
 
 
-def test_with_fitted_parameters_the_bench_is_met(fitted, simulated, small, tmp_path):
+def test_with_fitted_parameters_the_trace_is_met(fitted, simulated, small, tmp_path):
     small.write_text(small.read_text().partition("[parameters]")[0])
     outcome = run_command("simulate", small, "--parameters", fitted.out / "parameters.json", "--out", tmp_path / "out")
     assert outcome.status == 0
-    bench = vgtjax.load_trace(small.parent / "step_80.csv")
-    remaining = np.std(bench.x_d - columns(tmp_path / "out" / "step_80.csv")["x_d [m]"])
+    given = vgtjax.load_trace(small.parent / "step_80.csv")
+    remaining = np.std(given.x_d - columns(tmp_path / "out" / "step_80.csv")["x_d [m]"])
     reported = read(fitted.out / "summary.json")["traces"]["step_80"]["rmse"]["x_d"]
     assert remaining == pytest.approx(reported, rel=1e-3)  # nine digits of 10 mm are a thousandth of this rmse
-    assert np.std(bench.x_d - columns(simulated[0] / "step_80.csv")["x_d [m]"]) > 5 * reported
+    assert np.std(given.x_d - columns(simulated[0] / "step_80.csv")["x_d [m]"]) > 5 * reported
 
 
 def test_a_folder_of_a_fit_without_units_will_do(fitted, small, tmp_path):

@@ -37,7 +37,7 @@ def test_a_run_writes_its_three_files_and_no_more(done):
     assert {path.name for path in done.iterdir()} == {".study.json", "summary.json", "samples.npz", "report.html"}
 
 
-def test_measured_widths_are_those_of_the_traces(summary, done):
+def test_widths_of_the_units_are_those_of_their_traces(summary, done):
     """Against a reading of our own: mean pressure in bins of position, opening less closing."""
     for name in ("0", "1500", "3000"):
         trace = vgtjax.load_trace(done.parent / f"unit_01_{int(name):04d}mbar.csv")

@@ -276,7 +276,7 @@ def test_on_a_stop_is_learned_only_what_leads_off_it(wanted, learns):
     assert float(after.drift) != 1e5
 
 
-def test_the_full_plant_follows_signal_1_under_the_noise_of_the_bench(actuator):
+def test_the_full_plant_follows_signal_1_under_the_noise_of_sensors(actuator):
     """The plant has a plunger that lags, adiabatic air and end stops. Measured over 52 s: 4 um, at most 15 um."""
     scenario = Scenario(control.signal_1(), sensors=Sensors.bench())
     run = control.close_loop(actuator, AdaptiveBackstepping(), scenario, 3.0)
@@ -289,7 +289,7 @@ def test_the_full_plant_follows_signal_1_under_the_noise_of_the_bench(actuator):
 
 
 def test_a_heavy_unit_turns_round_whatever_was_learned(actuator):
-    """Fitted units move up to 3 kg under a fifth of the printed damping.
+    """Units fitted to the fleet's traces move up to 3 kg under a fifth of the printed damping.
 
     Signal 1 around its maximum, after 1 s. Measured: 8 to 16 um at most.
     """

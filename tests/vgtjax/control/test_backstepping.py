@@ -33,7 +33,7 @@ VANES = HysteresisMap(
     closing=(2.5, 2.1, 1.7, 1.6, 1.3, 1.2, 5.1, 4.2, 3.4, 3.1, 2.7, 2.5),
     opening=(-1.8, -1.5, -1.2, -1.0, -0.9, -0.9, -3.5, -2.9, -2.4, -2.0, -1.8, -1.8),
 )
-"""N; about that of a bench unit, at 1500 and 3000 mbar."""
+"""N; about that of a unit of the simulated fleet, at 1500 and 3000 mbar."""
 WAVE = control.Sine(amplitude=0.002, rate=5.0, offset=0.004)
 STEP = 2e-5
 """s; the law is derived in continuous time."""

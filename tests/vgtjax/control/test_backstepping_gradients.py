@@ -39,7 +39,7 @@ def test_the_step_of_the_observer_does_not_jump_where_the_plunger_closes(actuato
 
 def test_gradients_of_a_noisy_loop_are_central_differences(actuator, flow_map):
     controller = Backstepping(observer=PressureObserver(DesignModel.for_plant(actuator, flow_map)))
-    # Noise of the bench, which meets every kink. Rounded readings would make a staircase of the cost.
+    # Noise of the sensors, which meets every kink. Rounded readings would make a staircase of the cost.
     sensors = control.Sensors(*(control.Sensor(noise) for noise in (8e-6, 60.0, 60.0)))
     reference = control.Sine(0.002, 5.0, 0.005)
     scenario = Scenario(reference, sensors=sensors, start=control.balanced_at(0.005), duty_before=55.0)

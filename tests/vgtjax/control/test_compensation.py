@@ -138,7 +138,7 @@ def test_the_smooth_relative_becomes_levants_law_as_its_width_falls():
 
 
 def test_friction_compensation_tracks_what_static_balance_does_not(actuator):
-    """Measured: 0.39 mm without, 0.019 mm with, 0.020 mm under the bench's noise."""
+    """Measured: 0.39 mm without, 0.019 mm with, 0.020 mm under the noise of sensors."""
 
     def peak(controller, sensors):
         run = close_loop(actuator, controller, Scenario(slow_sine(), sensors=sensors), LONG)

@@ -22,7 +22,7 @@ def test_ideal_sensors_tell_exactly_the_truth():
         np.testing.assert_array_equal(getattr(found, name), getattr(TRUTH, name))
 
 
-def test_the_bench_sensors_have_white_noise_of_8_um_and_60_pa():
+def test_the_assumed_sensors_have_white_noise_of_8_um_and_60_pa():
     found = readings(Sensors.bench())
     for name, deviation in (("position", 8e-6), ("pressure", 60.0), ("reservoir", 60.0)):
         noise = np.asarray(getattr(found, name)) - float(getattr(TRUTH, name))

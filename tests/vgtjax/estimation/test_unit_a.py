@@ -1,4 +1,4 @@
-"""The main claim, on a real bench: fitted on five traces, the model meets two that it has not seen."""
+"""The main claim, on traces of an independent plant: fitted on five, the model meets two that it has not seen."""
 
 import gzip
 
@@ -12,7 +12,7 @@ from vgtjax.estimation import calibrate, plan_task
 
 @pytest.fixture(scope="module")
 def calibration(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("bench")
+    folder = tmp_path_factory.mktemp("example")
     (folder / "ramp.csv").write_bytes(gzip.decompress((DATA / "ramp.csv.gz").read_bytes()))
     names = ("step_50", "step_80", "step_100", "levels_1", "pyramid")
     fit = [vgtjax.load_trace(EXAMPLE / f"{name}.csv") for name in names]

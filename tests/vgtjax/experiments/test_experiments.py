@@ -223,7 +223,7 @@ def test_without_gauge_pressure_the_table_has_no_say(hot):
         np.testing.assert_array_equal(value, found[name], err_msg=name)
 
 
-def test_readings_agree_with_those_of_a_measured_loop(hot):
+def test_readings_agree_with_those_of_a_loop_of_a_trace(hot):
     found, x_d, p_act = hot
     gauge = p_act - float(HOT.air.pressure)
     for row, at in enumerate(("0mbar", "1500mbar")):
@@ -238,7 +238,7 @@ def test_readings_agree_with_those_of_a_measured_loop(hot):
         assert end == pytest.approx(found[f"end_pressure_{at}"], abs=10.0)
 
 
-def test_a_noisy_bench_gives_the_simulated_readings(hot):
+def test_noisy_traces_give_the_readings_of_the_simulation(hot):
     """Sensors that are 30 or 70 um and 300 or -200 Pa off and noisy, gas 15 mbar beside its operating point."""
     found, x_d, p_act = hot
     rng = np.random.default_rng(5)

@@ -1,4 +1,4 @@
-"""Models beside a bench trace whose sensors have offsets."""
+"""Models beside a trace whose sensors have offsets."""
 
 import numpy as np
 import pytest

@@ -107,7 +107,7 @@ def assert_recovered(result, names, truth=TRUTH, worst=WORST):
         assert error < worst[name] * abs(truth[name]), f"{name}: {value} +- {error}"
 
 
-# -- each test on a bench run whose parameters are known ---------------------------------------------------------------
+# -- each test on a simulated run whose parameters are known -----------------------------------------------------------
 
 
 def test_the_spring(found):

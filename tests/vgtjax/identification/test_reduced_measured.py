@@ -1,4 +1,4 @@
-"""The polynomial flow map from what a bench records."""
+"""The polynomial flow map from what sensors see of a simulated run."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ PWM = LEVELS[(TIME / 0.8).astype(int)]
 
 
 def recorded(model, seed):
-    """A run with the noise of the bench: 1 mbar and 10 um."""
+    """A run with the noise of sensors: 1 mbar and 10 um."""
     trace = vgtjax.Trace(TIME, pwm=PWM, p_res=np.full_like(TIME, 2e4), name="levels")
     run, noise = vgtjax.simulate(model, trace), np.random.default_rng(seed)
     return run, trace.replace(
