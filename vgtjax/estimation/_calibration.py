@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float
 
 from .._errors import InputError
 from .._printing import Cells, Printed
+from .._types import Vector
 from ..parameters import (
     Bounds,
     Selection,
@@ -28,7 +29,8 @@ from ._evidence import (
     DELAY_SCALE,
     EVIDENT,
     LONGEST_DELAY,
-    MOST_STAGES,
+    LONGEST_STEP,
+    MOST_CORRECTIONS,
     NOTHING,
     SETTLED,
     Unknown,
@@ -43,6 +45,10 @@ from ._sensors import Sensor
 RUNAWAY = 1e5
 """Factor by which a positive value may leave its start. In fits of twenty actuators none moves by more than 10^1.7;
 from a hopeless start a fit goes to where nothing changes any more, converges there, and leaves a mass of 1e88 kg."""
+
+
+LAST = 4
+"""Corrections whose scatter goes into the errors where they have not settled."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -278,7 +284,7 @@ class Calibration(Printed):
 class Calibrator:
     """A calibration under way; `notes` say what was done with its start.
 
-    `minimiser` searches with what is known of the `sensors`; `advance` ends a search by learning more of them.
+    `minimiser` searches with what is known of the `sensors`; where it ends, `correct` learns more of them.
     """
 
     task: Task
@@ -298,39 +304,41 @@ class Calibrator:
 
     def run(self, report: Callable[[Progress], None] = lambda progress: None) -> Calibration:
         """Steps on to the end, calling `report` after every step."""
-        calibrator: Calibrator | None = self
-        while calibrator is not None:
-            current = calibrator
-            while not current.minimiser.progress.finished:
-                report(current.minimiser.step())
-            calibrator = current.advance()
-        return current.finish()
+        while not self.minimiser.progress.finished:
+            report(self.minimiser.step())
+        calibrator = self
+        while (following := calibrator.correct()) is not None:
+            calibrator = following
+            report(calibrator.minimiser.progress)
+        return calibrator.finish()
 
-    def advance(self) -> "Calibrator | None":
-        """Another search with what this one has told, or `None` where that would find nothing else."""
-        progress, unknown = self.minimiser.progress, self.task.unknown
-        if not unknown.anything or not progress.converged or progress.stage >= MOST_STAGES or self._has_settled():
-            return None
-        again = progress.again()
-        if self.task.late_duty and not self._duty_is_late():
-            again = dataclasses.replace(again, coordinates=(*again.coordinates[:-1], 0.0))
-            again = dataclasses.replace(again, anchor=again.coordinates)
-        return dataclasses.replace(start_calibration(self.task, again), notes=self.notes)
-
-    def _has_settled(self) -> bool:
-        """Whether this search moved by less than errors that matter from where the last one ended."""
+    def correct(self) -> "Calibrator | None":
+        """The next correction of a search that has converged, or `None` where there is none, or none that matters."""
         progress = self.minimiser.progress
-        if not progress.stage:
-            return False
-        moved = np.abs(np.asarray(progress.coordinates) - np.asarray(progress.anchor))
-        return bool(np.all(moved <= SETTLED * np.nan_to_num(self._uncertainty().std_errors, nan=np.inf)))
+        if not (self.task.unknown.anything and progress.converged) or progress.settled:
+            return None
+        if not progress.corrections:
+            return self._go_on(np.zeros(len(progress.coordinates)), 1.0)
+        found = self._uncertainty()
+        errors = np.where(found.determined, found.std_errors, np.inf)
+        step = np.where(found.determined, -found.values, 0.0)
+        if np.all(np.abs(step) <= SETTLED * errors):
+            self.minimiser.progress = dataclasses.replace(progress, settled=True)
+            return None
+        if progress.corrections >= MOST_CORRECTIONS:
+            return None
+        part = 1 / max(progress.corrections - 1, 1)
+        return self._go_on(step, min(part, LONGEST_STEP / float(np.max(np.abs(step)))))
 
-    def _duty_is_late(self) -> bool:
-        """Whether the delay is more than a chance."""
-        if self.task.unknown.duty_delay is True:
-            return True
-        error = self._uncertainty().std_errors[-1]
-        return bool(abs(self.minimiser.progress.coordinates[-1]) > EVIDENT * error)
+    def _go_on(self, step: Vector, part: float) -> "Calibrator":
+        """Corrected after a part of a step, without a delay of the duty that may as well be none."""
+        progress = self.minimiser.progress
+        coordinates = np.array(self.transform.clip(np.asarray(progress.coordinates) + part * step))
+        if self.task.late_duty and self.task.unknown.duty_delay is not True:
+            error = np.nan_to_num(self._uncertainty().std_errors[-1])
+            coordinates[-1] *= abs(coordinates[-1]) > EVIDENT * error
+        corrected = progress.corrected(coordinates.tolist(), step.tolist())
+        return dataclasses.replace(start_calibration(self.task, corrected), notes=self.notes)
 
     def _uncertainty(self) -> LeastSquares:
         problem = self.minimiser.problem
@@ -345,6 +353,10 @@ class Calibrator:
         slope = np.asarray(self.transform.slope(coordinates))
         model = self.task.selection.unpack(self.task.model, values[:count])
         uncertainty = everything.first(count)
+        if progress.corrections and not progress.settled:
+            # Corrections that go to and fro say how well the numbers themselves are known.
+            last = np.asarray(progress.wanted)[-LAST:, :count] * uncertainty.determined
+            uncertainty = dataclasses.replace(uncertainty, covariance=uncertainty.covariance + last.T @ last / LAST)
         with np.errstate(over="ignore"):  # the error of a value that ran away may be beyond every number
             covariance = uncertainty.covariance * np.outer(slope[:count], slope[:count])
         late = self.task.late_duty and progress.coordinates[-1] != 0.0
@@ -382,7 +394,7 @@ def start_calibration(task: Task, resume: Progress | None = None) -> Calibrator:
     transform = build_transform(parameter_table(task.model), task.selection.entries, start, task.bounds)
     progress = Progress(()) if resume is None else resume
     if task.late_duty:
-        refused = progress.stage > 0 and progress.anchor[-1] == 0.0
+        refused = progress.corrections > 0 and progress.coordinates[-1] == 0.0
         longest = 0.0 if refused else LONGEST_DELAY
         transform = transform.extended(DELAY_SCALE, -longest, longest)
     sensors = _sensors_at(task, transform, progress)
@@ -405,10 +417,10 @@ def _first_guess(task: Task) -> Float[np.ndarray, " coordinates"]:
 
 
 def _sensors_at(task: Task, transform: Transform, progress: Progress) -> Sensors:
-    """What is known of the sensors in a stage: at first what their signals show, then what the last search told."""
-    if not progress.stage:
+    """What is known of the sensors: at first what their signals show, then what is left over."""
+    if not progress.corrections:
         return white_sensors(task.fit, task.channels)
-    count, values = len(task.selection.entries), np.asarray(transform.to_physical(np.asarray(progress.anchor)))
+    count, values = len(task.selection.entries), np.asarray(transform.to_physical(np.asarray(progress.coordinates)))
     model = task.selection.unpack(task.model, values[:count])
     delay = float(values[-1]) if task.late_duty else None
     return learn_sensors(model, delay, task.fit, task.channels, task.stepping, task.unknown)

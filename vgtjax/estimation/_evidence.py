@@ -3,7 +3,8 @@ its own smooth model and steps are off.
 
 A search uses the smooth model, whose derivatives can be believed. Where it ends, every trace is simulated once more
 with the jump as it is and fine steps; the data less that difference are what the smooth model must meet (defect
-correction, Stetter, 1978). What is left over tells the sensors' noise. The next search begins there; few are needed.
+correction, Stetter, 1978). What is left over tells the sensors' noise. A full linear step leads from there to where the
+same is done again, until nothing moves: then the sharp model meets the data, and the smooth one has only told the way.
 """
 
 import dataclasses
@@ -32,10 +33,13 @@ DELAY_SCALE = 1e-3
 """s; a delay of this size is a large but sane step."""
 EVIDENT = 3.0
 """Standard errors by which a delay must differ from zero to be one."""
-SETTLED = 0.1
-"""Standard errors: a search that moves nothing by more has found what the last one found."""
-MOST_STAGES = 5
-"""Searches after which corrections have not settled."""
+SETTLED = 0.2
+"""Standard errors: corrections that move nothing by more have settled. The sharp model chatters by about a tenth."""
+MOST_CORRECTIONS = 8
+"""The third and later ones take a half, a third, and so on, of a full step (Robbins and Monro, 1951): where the sharp
+model jumps, full steps would go to and fro, and these come to the middle."""
+LONGEST_STEP = 0.5
+"""Coordinates by which a correction moves at most."""
 
 Choice = Literal["evidence"] | bool
 
@@ -56,7 +60,7 @@ class Unknown:
 
     @property
     def anything(self) -> bool:
-        """Whether a second search can tell more than the first."""
+        """Whether there is anything to correct a search for."""
         return bool(self.duty_delay) or self.noise != "white" or self.loss != "gaussian" or self.numerics
 
 

@@ -1,6 +1,7 @@
 """Levenberg-Marquardt by optimistix, one step at a time, so that a fit can be watched, interrupted and resumed."""
 
 import dataclasses
+from collections.abc import Iterable
 from typing import Any
 
 import equinox as eqx
@@ -43,8 +44,9 @@ class Progress:
     the cost after every iteration, the start first (half the mean squared residual in units of the noise). `failed`
     counts trial steps whose simulation failed.
 
-    A fit may search again with what its end has told of sensors and numerical errors: then `stage` counts the
-    searches before, `anchor` is where the last of them ended, and `begun` the length of `history` before this one.
+    A search that has converged may be corrected, in full linear steps, for what it tells of sensors and of numerical
+    errors: `corrections` counts these, and `settled` says whether the last one would move anything that matters.
+    `wanted` are the full linear steps from the second on.
     """
 
     coordinates: tuple[float, ...]
@@ -56,28 +58,20 @@ class Progress:
     converged: bool = False
     stalled: bool = False
     history: tuple[float, ...] = ()
-    stage: int = 0
-    anchor: tuple[float, ...] = ()
-    begun: int = 0
+    corrections: int = 0
+    settled: bool = False
+    wanted: tuple[tuple[float, ...], ...] = ()
 
-    def again(self) -> "Progress":
-        """The beginning of another search where this one has ended."""
-        return Progress(
-            self.coordinates,
-            step_size=NEAR_STEP_SIZE,
-            iteration=self.iteration,
-            accepted=self.accepted,
-            failed=self.failed,
-            history=self.history,
-            stage=self.stage + 1,
-            anchor=self.coordinates,
-            begun=len(self.history),
+    def corrected(self, coordinates: Iterable[float], wanted: Iterable[float]) -> "Progress":
+        """After a correction that leads to these coordinates, whose cost is not known yet."""
+        return dataclasses.replace(
+            self,
+            coordinates=tuple(coordinates),
+            wanted=(*self.wanted, tuple(wanted)) if self.corrections else (),
+            iteration=self.iteration + 1,
+            accepted=self.accepted + 1,
+            corrections=self.corrections + 1,
         )
-
-    @property
-    def searched(self) -> tuple[float, ...]:
-        """The history of this search alone."""
-        return self.history[self.begun :]
 
     @property
     def cost(self) -> float:
@@ -87,18 +81,22 @@ class Progress:
     @property
     def finished(self) -> bool:
         """Whether another step would be wasted."""
-        return self.converged or self.rejected_in_a_row >= MAX_REJECTED or len(self.searched) > MAX_ITERATIONS
+        return self.converged or self.rejected_in_a_row >= MAX_REJECTED or self.iteration >= MAX_ITERATIONS
 
     @property
     def verdict(self) -> str:
         """Why the fit stopped, or that it has not."""
+        if self.corrections and not self.settled:
+            return f"not settled after {self.corrections} corrections for sensors and numerical errors"
+        if self.corrections:
+            return f"{self.corrections} corrections for sensors and numerical errors have settled"
         if self.converged and self.stalled:
             return f"the last {STALL} trials together lowered chi^2 by less than {STALL_TOLERANCE:g}"
         if self.converged:
             return f"the last step lowered chi^2 by less than {CHI2_TOLERANCE:g}"
         if self.rejected_in_a_row >= MAX_REJECTED:
             return f"stuck, {MAX_REJECTED} trial steps in a row did not lower the cost"
-        if len(self.searched) > MAX_ITERATIONS:
+        if self.iteration >= MAX_ITERATIONS:
             return f"not converged after {MAX_ITERATIONS} iterations"
         return "running"
 
@@ -163,9 +161,9 @@ class LevenbergMarquardt:
                 "the simulation with the start values fails, so there is nothing to fit from; check the start "
                 "values and the inputs of the traces"
             )
-        if not self.progress.searched:
+        if len(self.progress.history) <= self.progress.iteration:
             self.progress = dataclasses.replace(self.progress, history=(*self.progress.history, float(cost)))
-            if 2 * float(cost) < NEAR and not self.progress.stage:
+            if 2 * float(cost) < NEAR and not self.progress.corrections:
                 state = _first_state(problem, coordinates, jnp.asarray(NEAR_STEP_SIZE))
                 self._coordinates, self._state, _ = _step(problem, replicate(coordinates), replicate(state))
 
@@ -180,7 +178,7 @@ class LevenbergMarquardt:
         history = (*before.history, float(cost))
         recent = 2 * self.problem.count * (history[-1 - STALL :][0] - history[-1])
         # Before the first accepted step, rejections say that the start's damping is too small.
-        stalled = before.accepted > 0 and len(before.searched) > STALL and recent < STALL_TOLERANCE
+        stalled = before.accepted > 0 and before.iteration >= STALL and recent < STALL_TOLERANCE
         stalled = stalled and self._gain_of_a_linear_step() < STALL_SHARE * 2 * self.problem.count * float(cost)
         self.progress = dataclasses.replace(
             before,

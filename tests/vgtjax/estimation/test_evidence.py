@@ -1,0 +1,151 @@
+"""What a fit finds out besides the parameters: a late duty, coloured noise, outliers, its own numerical errors."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from support import duty_trace
+
+import vgtjax
+from vgtjax import FixedStep
+from vgtjax.estimation import (
+    Progress,
+    Unknown,
+    bundle_traces,
+    observe,
+    observe_with_jacobian,
+    plan_task,
+    start_calibration,
+)
+from vgtjax.parameters import select
+from vgtjax.parts import with_sharp_seat
+from vgtjax.traces import delay_duty
+
+TRUTH = {"diaphragm.stiffness": 12600.0, "diaphragm.preload": 51.0, "chamber.volume": 57e-6}
+FREE = list(TRUTH)
+LEVELS = (0, 0.05), (70, 0.35), (40, 0.3), (60, 0.3)
+
+
+def test_a_late_duty_keeps_its_area():
+    """By hand: two steps of a 1 ms record, 1.5 ms late, mean by interval."""
+    duty, duration = jnp.asarray([0.0, 0.0, 80.0, 80.0, 30.0, 30.0, 30.0]), jnp.full(7, 1e-3)
+    late = delay_duty(duty, duration, jnp.asarray(1.5e-3))
+    np.testing.assert_allclose(late, [0.0, 0.0, 0.0, 40.0, 80.0, 55.0, 30.0], atol=1e-9)
+    np.testing.assert_allclose(delay_duty(duty, duration, jnp.asarray(2e-3))[2:], duty[:-2], atol=1e-9)
+    early = delay_duty(duty, duration, jnp.asarray(-1e-3))
+    np.testing.assert_allclose(early, [0.0, 80.0, 80.0, 30.0, 30.0, 30.0, 30.0], atol=1e-9)
+
+
+@pytest.mark.parametrize("delay", [0.4e-3, 4.3e-3])
+def test_a_late_duty_has_the_slope_of_its_differences(delay):
+    rng = np.random.default_rng(1)
+    duty, duration = jnp.asarray(rng.uniform(0, 100, 50)), jnp.asarray(rng.uniform(0.5e-3, 2e-3, 50)).at[-1].set(0.0)
+    slope = jax.jacfwd(lambda late: delay_duty(duty, duration, late))(jnp.asarray(delay))
+    above, below = (delay_duty(duty, duration, jnp.asarray(delay + step)) for step in (1e-9, -1e-9))
+    # Piecewise linear: exact but for rounding of a percent in a nanosecond.
+    np.testing.assert_allclose(slope, (above - below) / 2e-9, rtol=1e-5, atol=1e-2)
+
+
+@pytest.fixture(scope="module")
+def bundle():
+    trace = duty_trace(*LEVELS, p_res=2.0e4, x_d=0.0, p_act=101013.0)
+    return bundle_traces(vgtjax.Actuator(), [trace])[0]
+
+
+def test_the_derivative_by_the_delay_is_that_of_the_simulation(bundle, actuator):
+    """The last column of the segment-parallel Jacobian against differences; a kink that is crossed moves a sample."""
+    selection, delay, step = select(actuator, ["diaphragm.stiffness"]), 2.5e-3, 2e-6
+    _, columns = observe_with_jacobian(actuator, selection, bundle, jnp.asarray(delay))
+    above, below = (np.asarray(observe(actuator, bundle, jnp.asarray(delay + by))) for by in (step, -step))
+    difference = (above - below) / (2 * step)
+    assert columns.shape == (*difference.shape, 2)
+    for channel in range(2):
+        exact, approximate = np.asarray(columns[..., channel, 1]), difference[..., channel]
+        assert np.linalg.norm(exact - approximate) < 1e-3 * np.linalg.norm(exact)  # measured: 1e-5 and 3e-5
+
+
+def recorded(seed, late=0, keep=0.0, outliers=0.0):
+    """A bench of known truth that our own simulator did not smooth: sharp seat, 0.1 ms; the file's duty is early."""
+    trace = duty_trace(*LEVELS, p_res=2.0e4)
+    applied = trace.replace(pwm=np.concatenate([np.zeros(late), trace.pwm[: len(trace.pwm) - late]]))
+    plant = with_sharp_seat(vgtjax.replace_parameters(vgtjax.Actuator(), TRUTH))
+    run = vgtjax.simulate(plant, applied, stepping=FixedStep(max_step=1e-4))
+    rng, count = np.random.default_rng(seed), len(trace.time)
+    white, noise = rng.normal(0, 8e-6, count), np.zeros(count)
+    for k in range(count):
+        noise[k] = keep * noise[k - 1] + np.sqrt(1 - keep**2) * white[k]
+    bad = rng.random(count) < outliers
+    position = np.asarray(run.x_d) + 2e-5 + noise + bad * 240e-6 * rng.choice([-1, 1], count)
+    return trace.replace(x_d=position, p_act=np.asarray(run.p_act) - 150.0 + rng.normal(0, 60.0, count))
+
+
+def fit(trace, **unknown):
+    task = plan_task(vgtjax.Actuator(), [trace], free=FREE, unknown=Unknown(**unknown))
+    return start_calibration(task).run()
+
+
+def scores(calibration):
+    """Errors in standard errors, in the order of the entries."""
+    truth = np.array([TRUTH[entry] for entry in calibration.task.selection.entries])
+    return (calibration.values - truth) / calibration.std_errors
+
+
+@pytest.fixture(scope="module")
+def plain():
+    return fit(recorded(0))
+
+
+def test_where_nothing_is_wrong_nothing_is_found(plain):
+    assert plain.converged
+    assert plain.duty_delay == 0.0
+    assert plain.duty_delay_error is None
+    assert all(len(sensor.memory) == 0 for sensor in plain.sensors[0].values())
+    assert np.all(np.abs(scores(plain)) < 4)
+
+
+@pytest.fixture(scope="module")
+def late():
+    return fit(recorded(1, late=4))
+
+
+def test_a_late_duty_is_found_with_its_error(late):
+    assert late.converged
+    assert late.duty_delay_error < 1e-4
+    assert abs(late.duty_delay - 4e-3) < 4 * late.duty_delay_error
+    assert np.all(np.abs(scores(late)) < 4)
+    assert late.uncertainty.scale == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_delay_that_is_not_looked_for_spoils_the_parameters(late):
+    """The test above could not fail otherwise."""
+    blind = fit(late.task.fit[0], duty_delay=False)
+    assert (
+        np.max(np.abs(scores(blind))) > 5
+    )  # measured: 6.3, although what is left over makes the errors twenty times wider
+
+
+def test_coloured_noise_is_found_and_its_errors_hold():
+    run = fit(recorded(2, keep=0.78))
+    assert np.sum(run.sensors[0]["x_d"].memory) == pytest.approx(0.78, abs=0.1)  # of 1000 samples
+    assert len(run.sensors[0]["p_act"].memory) == 0
+    assert np.all(np.abs(scores(run)) < 4)
+
+
+def test_outliers_are_found():
+    run = fit(recorded(3, outliers=0.02))
+    assert run.sensors[0]["x_d"].outliers == pytest.approx(0.02, abs=0.01)
+    assert run.traces[0].noise["x_d"] == pytest.approx(8e-6, rel=0.1)
+    assert np.all(np.abs(scores(run)) < 4)
+
+
+def test_an_interrupted_fit_goes_on_among_its_corrections(plain):
+    """From what a file keeps of its progress: the same coordinates."""
+    calibrator = start_calibration(plain.task)
+    while not calibrator.minimiser.progress.finished:
+        calibrator.minimiser.step()
+    saved = Progress(**dataclasses.asdict(calibrator.correct().minimiser.progress))
+    assert saved.corrections == 1
+    resumed = start_calibration(plain.task, saved).run()
+    np.testing.assert_array_equal(resumed.progress.coordinates, plain.progress.coordinates)
