@@ -22,10 +22,7 @@ P = TypeVar("P", bound=Any)
 
 
 def run_once(out: pathlib.Path, command: str, fingerprint: str, compute: Callable[[], None]) -> None:
-    """Claims a folder and computes, unless it holds the results already.
-
-    **Raises:** `InputError` when the folder belongs to something else.
-    """
+    """Claims a folder and computes, unless it holds the results already."""
     claim(out, command, fingerprint)
     if is_done(out):
         return
@@ -59,8 +56,6 @@ def run_units(
 
     **Arguments:** `compute`: writes the `summary.json` of a unit into its folder, and a report if it comes that far;
     `overview`: the report on top.
-
-    **Raises:** `InputError` when the folder belongs to something else.
     """
 
     def compute_all() -> None:

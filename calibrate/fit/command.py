@@ -8,14 +8,14 @@ from vgtjax import Calibration, SimulationError
 from vgtjax.estimation import Progress, Task
 from vgtjax.identification import plan_fit, start_fit
 
-from ..output.console import FitDisplay, console
+from ..output.console import console
 from ..output.files import REPORT, SUMMARY, read_json, write_json, write_text
 from ..output.sections import trace_summary
 from ..resumable import ProgressFile, run_units
 from ..study.models import passivity_note
-from ..study.parameter_file import rows, to_json
+from ..study.parameter_file import calibrated, to_json
 from ..study.units import Job, Unit, check_fit, prepare
-from .report import UnitReport, render, render_overview
+from .report import render, render_overview
 
 
 def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathlib.Path) -> None:
@@ -23,8 +23,7 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
 
     What was finished by an earlier run of the same study is kept; a fit that was interrupted goes on where it was.
 
-    **Raises:** `InputError` before anything is written; `SimulationError` when a unit failed or did not converge,
-    after everything else is written.
+    **Raises:** `SimulationError` when a unit failed or did not converge, after everything else is written.
     """
     job = prepare(study, parameters, needs=("x_d|p_act",))
     check_fit(job)
@@ -44,14 +43,8 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
 
 def _plan(job: Job, unit: Unit) -> Task:
     chosen = job.study.fit
-    return plan_fit(
-        unit.model,
-        unit.used("fit"),
-        unit.used("validate"),
-        free=chosen.free,
-        fixed=chosen.fixed,
-        bounds=unit.bounds,
-    )
+    traces = unit.used("fit"), unit.used("validate")
+    return plan_fit(unit.model, *traces, free=chosen.free, fixed=chosen.fixed, bounds=unit.bounds)
 
 
 def _fit_unit(job: Job, unit: Unit, task: Task, folder: pathlib.Path) -> None:
@@ -65,17 +58,17 @@ def _fit_unit(job: Job, unit: Unit, task: Task, folder: pathlib.Path) -> None:
     note = passivity_note(calibration.model)
     if note is not None:
         console.print(f"warning: {note}")
-    found = rows(calibration)
-    write_json(folder / "parameters.json", to_json(job.study, found))
+    table = calibrated(calibration)
+    write_json(folder / "parameters.json", to_json(job.study, table))
     write_json(folder / SUMMARY, _summary(calibration, seconds, undetermined, job))
-    write_text(folder / REPORT, render(job, UnitReport(unit.name, calibration, found, seconds, undetermined)))
+    write_text(folder / REPORT, render(job, unit.name, calibration, table, seconds, undetermined))
     ProgressFile.remove_from(folder)
 
 
 def _fit(unit: Unit, task: Task, folder: pathlib.Path) -> tuple[Calibration, float, list[str]]:
     """Fits one unit, keeping its progress on disk; also the seconds it took, and what it could not see."""
-    saved = ProgressFile(folder, Progress, "the fit")
-    with FitDisplay(unit.name or "fit") as display:
+    saved, title = ProgressFile(folder, Progress, "the fit"), unit.name or "fit"
+    with console.status(f"{title}: compiling") as status:
         calibrator = start_fit(task, saved.progress)
         resumed = saved.progress is not None
         undetermined = list(saved.facts.get("undetermined", ())) if resumed else calibrator.undetermined()
@@ -84,13 +77,22 @@ def _fit(unit: Unit, task: Task, folder: pathlib.Path) -> tuple[Calibration, flo
         if undetermined:
             console.print(f"warning: these traces do not determine {', '.join(undetermined)}; hold or excite them")
 
+        def show(progress: Progress) -> None:
+            rejected = "  rejected" if progress.rejected_in_a_row else ""
+            console.print(
+                f"{progress.iteration:6d} {2 * progress.cost:12.6g} {1 / progress.step_size:10.3g} "
+                f"{saved.seconds:8.1f}{rejected}"
+            )
+            status.update(f"{title}: step {progress.iteration + 1}")
+
         def report(progress: Progress) -> None:
             saved.save(progress, undetermined=undetermined)
-            display.show(progress)
+            show(progress)
 
-        display.show(calibrator.minimiser.progress)
+        console.print(f"{'step':>6} {'chi^2/N':>12} {'damping':>10} {'seconds':>8}")
+        show(calibrator.minimiser.progress)
         calibration = calibrator.run(report)
-        display.wait("writing the report")
+        status.update(f"{title}: writing the report")
         return calibration, saved.seconds, undetermined
 
 
@@ -105,8 +107,7 @@ def _failure(error: SimulationError, seconds: float, job: Job) -> dict[str, Any]
         "converged": False,
         "error": str(error),
         "iterations": 0,
-        "wall_seconds": round(seconds, 3),
-        "study_sha256": job.fingerprint,
+        **job.account(seconds),
         "traces": {},
     }
 
@@ -119,13 +120,12 @@ def _summary(calibration: Calibration, seconds: float, undetermined: list[str], 
         "iterations": progress.iteration,
         "rejected_steps": progress.iteration - progress.accepted,
         "failed_simulations": progress.failed,
-        "wall_seconds": round(seconds, 3),
         "cost": progress.cost,
         "chi2_per_degree_of_freedom": calibration.uncertainty.scale,
         "chi2_gain_of_a_further_linear_step": calibration.uncertainty.gain,
         "unidentifiable_at_start": undetermined,
         "friction_is_passive": passivity_note(calibration.model) is None,
-        "study_sha256": job.fingerprint,
+        **job.account(seconds),
         "traces": {result.trace.name: trace_summary(result) for result in calibration.traces},
         **({"error": calibration.verdict} if calibration.troubles else {}),
     }

@@ -9,9 +9,7 @@ import plotly.graph_objects as go
 import vgtjax
 from vgtjax.parts import Contact, Vanes
 
-from .figures import MEASURED, SIMULATED, styled
-
-CURVES = ("#c2410c", "#1d4ed8", "#15803d", "#7c3aed", "#0e7490")
+from .figures import MEASURED, PALETTE, curve, styled
 
 
 def component_figures(model: Any) -> list[tuple[str, go.Figure]]:
@@ -83,9 +81,6 @@ def vane_force_figure(model: Any) -> go.Figure:
 def _plot(curves: list[tuple[Any, Any, str]], x_label: str, y_label: str) -> go.Figure:
     figure = go.Figure()
     for number, (x, y, name) in enumerate(curves):
-        line = {"color": SIMULATED if len(curves) == 1 else CURVES[number % len(CURVES)], "width": 1.6}
-        x, y = np.asarray(x, np.float32), np.asarray(y, np.float32)
-        figure.add_trace(go.Scatter(x=x, y=y, mode="lines", name=name, line=line, showlegend=bool(name)))
-    figure.update_xaxes(title_text=x_label)
-    figure.update_yaxes(title_text=y_label)
-    return styled(figure, 340)
+        color = PALETTE[number % len(PALETTE)]
+        figure.add_trace(curve(x, y, name, color, width=1.6, showlegend=bool(name)))
+    return styled(figure, 340, x_label, y_label)

@@ -5,11 +5,22 @@ import os
 import pathlib
 from typing import Any
 
+import numpy as np
+
 from vgtjax import InputError
 
 MARKER = ".study.json"
 PROGRESS = ".progress.json"
 SUMMARY, REPORT = "summary.json", "report.html"
+
+
+def finite(values: Any) -> Any:
+    """Numbers for JSON, which has neither NaN nor infinity: `None` where there is none."""
+    if isinstance(values, dict):
+        return {key: finite(value) for key, value in values.items()}
+    if np.ndim(values):
+        return [finite(value) for value in values]
+    return float(values) if np.isfinite(values) else None
 
 
 def write_text(path: pathlib.Path, text: str) -> None:
@@ -25,10 +36,7 @@ def write_json(path: pathlib.Path, content: Any) -> None:
 
 
 def read_json(path: pathlib.Path) -> Any:
-    """Reads JSON that this package wrote.
-
-    **Raises:** `InputError` when the file can't be read or is no JSON.
-    """
+    """Reads JSON that this package wrote."""
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
@@ -38,10 +46,7 @@ def read_json(path: pathlib.Path) -> Any:
 
 
 def claim(out: pathlib.Path, command: str, fingerprint: str) -> None:
-    """Makes `out` the folder of this command and study.
-
-    **Raises:** `InputError` when it is a file, or belongs to another command or study.
-    """
+    """Makes `out` the folder of this command and study."""
     marker = out / MARKER
     if out.exists() and not out.is_dir():
         raise InputError(f"--out must be a folder, but {out} is a file; choose another name")

@@ -1,6 +1,5 @@
 """What summaries and reports say of a model and of how it meets its traces, whatever found it."""
 
-import math
 from typing import Any
 
 import numpy as np
@@ -10,32 +9,30 @@ from vgtjax.estimation import TraceResult
 
 from . import figures
 from .component_figures import component_figures
-from .hysteresis import loop_pair, loop_widths, loops_figure
+from .files import finite
+from .hysteresis import loop_pair, loops_figure
 from .page import figure_html
 
 
-def component_sections(model: vgtjax.AbstractModel) -> list[dict[str, str]]:
-    """Title and picture of each law of a model."""
-    return [{"title": title, "figure": figure_html(figure)} for title, figure in component_figures(model)]
+def model_sections(model: vgtjax.AbstractModel, results: list[TraceResult]) -> dict[str, Any]:
+    """What reports show of a model: each trace, the slow loops, and each law."""
+    laws = [{"title": title, "figure": figure_html(figure)} for title, figure in component_figures(model)]
+    return {"traces": [trace_section(result) for result in results], "loops": loop_section(results), "laws": laws}
 
 
 def loop_section(results: list[TraceResult]) -> dict[str, Any] | None:
     """What a report shows of the slow loops among the traces, if there are any: widths in mbar, and one picture."""
-    figure = loops_figure(results)
-    if figure is None:
-        return None
     pairs = sorted((pair for result in results if (pair := loop_pair(result)) is not None), key=lambda p: p.turbine)
     rows = [
         {
-            "name": pair.name,
+            "name": pair.result.trace.name,
             "turbine": pair.turbine / 100,
-            "measured": pair.measured.mean_width / 100,
-            "simulated": pair.simulated.mean_width / 100,
+            **{kind: width / 100 for kind, width in pair.widths.items()},
             "difference": 100 * (pair.simulated.mean_width / pair.measured.mean_width - 1),
         }
         for pair in pairs
     ]
-    return {"rows": rows, "figure": figure_html(figure)}
+    return {"rows": rows, "figure": figure_html(loops_figure(pairs))} if pairs else None
 
 
 def trace_section(result: TraceResult) -> dict[str, Any]:
@@ -67,15 +64,12 @@ def trace_section(result: TraceResult) -> dict[str, Any]:
 def trace_summary(result: TraceResult) -> dict[str, Any]:
     """How a model meets one trace, in SI units, as summaries state it."""
 
-    def finite(values: dict[str, float]) -> dict[str, float | None]:
-        return {channel: value if math.isfinite(value) else None for channel, value in values.items()}
-
-    widths = loop_widths(result)
+    pair = loop_pair(result)
     return {
         "use": result.use,
         "rmse": finite(result.rmse),
         "offset": finite(result.offset),
         "noise": {name: channel.noise for name, channel in result.channels.items()},
-        **({} if widths is None else {"loop_width": widths}),
+        **({} if pair is None else {"loop_width": pair.widths}),
         "notes": list(result.trace.notes),
     }

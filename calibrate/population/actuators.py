@@ -40,8 +40,6 @@ def read_actuators(
 
     **Arguments:** `path`: of the study; `parameters`: of the nominal actuator, or a folder with several fitted units,
     by default what the study names; `levels`: whether quantities must be independent, one a curve.
-
-    **Raises:** `InputError` for the first thing that is wrong.
     """
     if parameters is None and study.population.units is not None:
         parameters = path.parent / study.population.units

@@ -12,6 +12,7 @@ from vgtjax.experiments import AbstractExperiment, MeasuredLoops, SlowLoop, Step
 from vgtjax.parts import feels_gas
 from vgtjax.population import Population
 
+from ..study.job import StudyJob
 from ..study.models import start_values
 from ..study.read import TraceSource, expand_traces, fingerprint, load_study
 from ..study.tables import Study
@@ -25,12 +26,9 @@ POINTS = (0.0, 1.5e5, 3.0e5)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class PopulationJob:
-    """Everything that a population study needs; nothing has been written yet."""
+class PopulationJob(StudyJob):
+    """Everything that a population study needs."""
 
-    study: Study
-    text: str
-    fingerprint: str
     population: Population
     fitted: dict[str, vgtjax.AbstractModel]
     """Fitted units, if the population comes from such."""
@@ -44,26 +42,24 @@ def prepare_population(path: pathlib.Path | None, parameters: pathlib.Path | Non
 
     **Arguments:** `path`: the study, or `None` for the example that ships; `parameters`: of the nominal actuator, or a
     folder with several fitted units; `levels`: whether quantities must be independent, one a curve.
-
-    **Raises:** `InputError` for the first thing that is wrong.
     """
     path = FLEET if path is None else path
     study = load_study(path)
     if study.model != "full":
         raise InputError(f"a population study needs model = 'full', but it is '{study.model}'; change it")
     actuators = read_actuators(path, study, parameters, levels=levels)
-    population = actuators.population
+    nominal = actuators.population.model
     sources = expand_traces(study, path.parent)
     measured = _measured(study, sources, actuators.first)
     return PopulationJob(
         study,
         path.read_text(encoding="utf-8-sig"),
         fingerprint(study, sources, actuators.values),
-        population,
+        actuators.population,
         actuators.fitted,
-        _experiments(study, population.model, measured),
+        _experiments(study, nominal, measured),
         measured,
-        actuators.notes + _more_notes(population.model, sources, measured),
+        actuators.notes + _more_notes(nominal, sources, measured),
     )
 
 

@@ -1,9 +1,6 @@
 """How outputs are shown: in the units of the bench."""
 
 import dataclasses
-from typing import Any
-
-import numpy as np
 
 from vgtjax.experiments import Output
 
@@ -25,8 +22,3 @@ def scaled(output: Output) -> Scaled:
     """The units of the bench: mbar, ms, mm."""
     axis = ("s", 1.0) if output.axis_unit == "s" else _SHOWN[output.axis_unit]
     return Scaled(*_SHOWN[output.unit], *axis)
-
-
-def finite(value: Any) -> float | None:
-    """A number, `None` where there is none: JSON has no NaN."""
-    return float(value) if np.isfinite(value) else None

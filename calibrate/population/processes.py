@@ -15,10 +15,7 @@ T = TypeVar("T")
 
 
 def join(coordinator: str | None, count: int | None, index: int | None) -> None:
-    """Joins the other processes, before JAX computes anything; does nothing where no coordinator is named.
-
-    **Raises:** `InputError` when only some of the three are given, or they contradict each other.
-    """
+    """Joins the other processes, before JAX computes anything; does nothing where no coordinator is named."""
     given = (coordinator, count, index)
     if all(option is None for option in given):
         return

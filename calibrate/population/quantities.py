@@ -5,8 +5,8 @@ from typing import Any
 
 from vgtjax.population import Sample
 
+from ..output.files import finite
 from .job import PopulationJob
-from .outputs import finite
 
 NAMED = 100
 """Failed samples that a summary names with their values; more of them say no more."""
@@ -23,12 +23,17 @@ def describe_failed(job: PopulationJob, sample: Sample, failed: dict[int, str]) 
 
 
 def describe_quantities(job: PopulationJob) -> dict[str, Any]:
-    """Unit, nominal value, mean and deviation of everything that varies."""
+    """Unit, distribution, nominal value, mean and deviation of everything that varies."""
     population = job.population
     units = population.factors.units(population.model)
+    columns = (population.factors.entries, units, population.nominal.tolist(), population.margins)
     return {
-        entry: {"unit": unit, "nominal": nominal, "mean": finite(margin.mean()), "deviation": finite(margin.std())}
-        for entry, unit, nominal, margin in zip(
-            population.factors.entries, units, population.nominal.tolist(), population.margins, strict=True
-        )
+        entry: {
+            "unit": unit,
+            "distribution": type(margin.dist).__name__.removesuffix("_gen"),
+            "nominal": nominal,
+            "mean": finite(margin.mean()),
+            "deviation": finite(margin.std()),
+        }
+        for entry, unit, nominal, margin in zip(*columns, strict=True)
     }

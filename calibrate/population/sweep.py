@@ -15,7 +15,8 @@ from vgtjax.experiments import Output
 from vgtjax.population import Evaluator, Sample
 
 from ..output.console import console
-from ..output.files import claim
+from ..output.files import REPORT, claim
+from ..resumable import is_done, say_report
 from .chunks import FOLDER, ChunkStore
 from .job import PopulationJob
 from .processes import agree, leads, meet, together
@@ -50,8 +51,6 @@ def carry_out(
 
     **Arguments:** `derive`: simulates what is wanted beside the samples, in all processes; `write`: makes the files
     of the samples, of that, and of the seconds that all took, in the first process.
-
-    **Raises:** `InputError` when `out` can't be this command's folder.
     """
     if not claim_together(out, command, plan.job.fingerprint):
         return
@@ -64,7 +63,7 @@ def carry_out(
     if leads():
         write(store, derived, time.monotonic() - began)
         store.remove()
-        console.print(f"report: {(out / 'report.html').resolve()}")
+        say_report(out)
     meet()
 
 
@@ -87,10 +86,7 @@ def _sweep(plan: Plan, store: ChunkStore, title: str) -> None:
 
 
 def claim_together(out: pathlib.Path, command: str, fingerprint: str) -> bool:
-    """Makes `out` the folder of this command and study; false where it holds the finished results already.
-
-    **Raises:** `InputError` when it can't be.
-    """
+    """Makes `out` the folder of this command and study; false where it holds the finished results already."""
 
     def check() -> None:
         if fingerprint != bytes(agree(np.frombuffer(fingerprint.encode(), np.uint8))).decode():
@@ -99,11 +95,10 @@ def claim_together(out: pathlib.Path, command: str, fingerprint: str) -> bool:
             claim(out, command, fingerprint)
 
     together(check)
-    finished = bool(agree((out / "report.html").exists()))
+    finished = bool(agree((out / REPORT).exists()))
     if finished and leads():
         shutil.rmtree(out / FOLDER, ignore_errors=True)  # left by a run that was killed after its report
-        console.print(f"nothing to do: {out} holds this study's results")
-        console.print(f"report: {(out / 'report.html').resolve()}")
+        is_done(out)
     return not finished
 
 

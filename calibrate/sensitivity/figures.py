@@ -6,7 +6,7 @@ import plotly.graph_objects as go
 from vgtjax.experiments import Output
 from vgtjax.sensitivity import Interval, RankedInput, Ranking
 
-from ..output.figures import styled
+from ..output.figures import PALETTE, curve, heatmap, points, styled
 from ..population import scaled
 
 KINDS = (
@@ -18,7 +18,6 @@ KINDS = (
 )
 SHOWN = 6
 """Quantities in a bar chart; the rest is in the table."""
-COLORS = ("#1d4ed8", "#c2410c", "#15803d", "#7c3aed", "#0e7490", "#b45309", "#be185d", "#4d7c0f", "#334155", "#a16207")
 
 
 def overview(rankings: tuple[Ranking, ...], threshold: float) -> go.Figure:
@@ -28,21 +27,10 @@ def overview(rankings: tuple[Ranking, ...], threshold: float) -> go.Figure:
         {name for row in totals for name, value in row.items() if value > threshold},
         key=lambda name: -sum(np.nan_to_num(row[name]) for row in totals),
     )
-    values = np.array([[row[name] for name in names] for row in totals], np.float32)
-    figure = go.Figure(
-        go.Heatmap(
-            z=values,
-            x=names,
-            y=[ranking.output for ranking in rankings],
-            zmin=0,
-            zmax=1,
-            colorscale="Oranges",
-            texttemplate="%{z:.2f}",
-            colorbar={"title": "total"},
-        )
-    )
-    figure.update_yaxes(autorange="reversed")
-    return styled(figure, 200 + 22 * len(rankings)).update_layout(margin={"l": 230, "b": 190}, hovermode="closest")
+    values = np.array([[row[name] for name in names] for row in totals])
+    outputs = [ranking.output for ranking in rankings]
+    figure = heatmap(values, names, outputs, "total", zmin=0, colorscale="Oranges", texttemplate="%{z:.2f}")
+    return styled(figure, 200 + 22 * len(rankings), margin={"l": 230, "b": 190}, hovermode="closest")
 
 
 def bars(ranking: Ranking) -> go.Figure:
@@ -67,8 +55,8 @@ def bars(ranking: Ranking) -> go.Figure:
                 marker={"color": color},
             )
         )
-    figure.update_yaxes(title_text="share of variance", rangemode="tozero")
-    return styled(figure, 320).update_layout(barmode="group", hovermode="closest")
+    figure.update_yaxes(rangemode="tozero")
+    return styled(figure, 320, y="share of variance", barmode="group", hovermode="closest")
 
 
 def over_time(
@@ -81,20 +69,10 @@ def over_time(
     size = np.nan_to_num(total).max(axis=0)
     figure = go.Figure()
     for number, place in enumerate(np.argsort(-size)[:most]):
-        color = COLORS[number % len(COLORS)]
-        for values, mode, name in ((total, "lines", inputs[place]), (local, "markers", f"{inputs[place]}, gradient")):
-            figure.add_trace(
-                go.Scatter(
-                    x=output.axis,
-                    y=values[:, place].astype(np.float32),
-                    mode=mode,
-                    name=name,
-                    legendgroup=inputs[place],
-                    showlegend=mode == "lines",
-                    line={"color": color, "width": 1.8},
-                    marker={"color": color, "size": 4},
-                )
-            )
-    figure.update_xaxes(title_text=f"time after the step, {scaled(output).axis_unit}")
-    figure.update_yaxes(title_text="share of variance", range=[0, 1.05])
-    return styled(figure, 420).update_layout(legend={"orientation": "v", "x": 1.02, "y": 1}, hovermode="closest")
+        name, color = inputs[place], PALETTE[number % len(PALETTE)]
+        figure.add_trace(curve(output.axis, total[:, place], name, color, width=1.8))
+        local_name, style = f"{name}, gradient", {"legendgroup": name, "showlegend": False}
+        figure.add_trace(points(output.axis, local[:, place], local_name, color, 4, **style))
+    figure.update_yaxes(range=[0, 1.05])
+    legend, x = {"orientation": "v", "x": 1.02, "y": 1}, f"time after the step, {scaled(output).axis_unit}"
+    return styled(figure, 420, x, "share of variance", legend=legend, hovermode="closest")

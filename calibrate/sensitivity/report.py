@@ -13,10 +13,7 @@ def render(job: PopulationJob, analysis: Analysis, summary: dict[str, Any]) -> s
     threshold = job.study.sensitivity.threshold
     return render_page(
         "sensitivity.html.jinja",
-        title=job.study.name,
-        study=job.study,
-        study_text=job.text,
-        fingerprint=job.fingerprint,
+        **job.heading(),
         summary=summary,
         overview=figure_html(figures.overview(tuple(analysis.rankings.values()), threshold)),
         outputs=[

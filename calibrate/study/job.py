@@ -25,3 +25,7 @@ class StudyJob:
             "study_text": self.text,
             "fingerprint": self.fingerprint,
         }
+
+    def account(self, seconds: float) -> dict[str, Any]:
+        """What every summary says of its study."""
+        return {"wall_seconds": round(seconds, 3), "study_sha256": self.fingerprint}

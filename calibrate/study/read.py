@@ -33,10 +33,7 @@ class TraceSource(Table):
 
 
 def load_study(path: pathlib.Path) -> Study:
-    """Reads and validates a study file.
-
-    **Raises:** `InputError` with the file, the key and the remedy.
-    """
+    """Reads and validates a study file."""
     try:
         raw = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
@@ -50,11 +47,7 @@ def load_study(path: pathlib.Path) -> Study:
 
 
 def expand_traces(study: Study, folder: pathlib.Path) -> list[TraceSource]:
-    """The trace files of a study, patterns expanded in alphabetical order.
-
-    **Raises:** `InputError` when a file or pattern matches nothing, a name occurs twice within a unit, or only some
-    traces have a unit.
-    """
+    """The trace files of a study, patterns expanded in alphabetical order."""
     sources = []
     for entry in study.trace:
         for path in _files(folder, entry.file):

@@ -47,8 +47,6 @@ def prepare(path: pathlib.Path | None, parameters: pathlib.Path | None, needs: t
 
     **Arguments:** `path`: the study, or `None` for the example that ships; `parameters`: of an earlier fit;
     `needs`: columns that every trace must have besides those of the model, alternatives joined by `|`.
-
-    **Raises:** `InputError` for the first thing that is wrong.
     """
     path = EXAMPLE if path is None else path
     study = _holding_replaced(load_study(path))
@@ -80,10 +78,7 @@ def _holding_replaced(study: Study) -> Study:
 def load_source(
     source: TraceSource, model: vgtjax.AbstractModel, bounds: Bounds, needs: tuple[str, ...]
 ) -> vgtjax.Trace:
-    """The trace of a source, checked against what the model's rod can do.
-
-    **Raises:** `InputError` for what is wrong with the file, or lacks a column of `needs`.
-    """
+    """The trace of a source, checked against what the model's rod can do."""
     travel = float(vgtjax.get_parameter(model, "diaphragm.travel"))
     trace = vgtjax.load_trace(
         source.path,
@@ -99,10 +94,7 @@ def load_source(
 
 
 def check_fit(job: Job) -> None:
-    """What a fit needs beyond a simulation.
-
-    **Raises:** `InputError` when a unit has no trace to fit.
-    """
+    """Refuses a unit without a trace to fit."""
     for unit in job.units:
         if not unit.used("fit"):
             where = "" if unit.name is None else f" of unit '{unit.name}'"

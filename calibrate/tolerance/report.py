@@ -18,10 +18,7 @@ def render(job: PopulationJob, store: ChunkStore, known: Results, summary: dict[
     """The report as HTML."""
     return render_page(
         "tolerance.html.jinja",
-        title=job.study.name,
-        study=job.study,
-        study_text=job.text,
-        fingerprint=job.fingerprint,
+        **job.heading(),
         summary=summary,
         failed=[
             (each["sample"], each["cause"].replace("_", " "), _unusual(job, each["values"]))
@@ -32,7 +29,6 @@ def render(job: PopulationJob, store: ChunkStore, known: Results, summary: dict[
         histograms=_histograms(job, store),
         steps=_steps(job, store, known),
         units=_units(job, summary),
-        shapes={entry: type(m.dist).__name__.removesuffix("_gen") for entry, m in _margins(job)},
     )
 
 

@@ -8,11 +8,11 @@ import numpy as np
 
 from vgtjax.tuning import gain_names
 
-from ..study.parameter_file import Estimate, Row, tabulate, to_json
+from ..study.parameter_file import Entry, Estimate, tabulate, to_json
 from .job import TuneJob
 
 
-def gain_rows(job: TuneJob, coordinates: np.ndarray) -> list[Row]:
+def gain_entries(job: TuneJob, coordinates: np.ndarray) -> list[Entry]:
     """Every gain of the design, free and fixed, beside its start; one that moves no error is not identifiable."""
     start, tuned = job.true.controller, job.true.controller_at(coordinates)
     at_bound = job.true.transform.at_bound(jnp.asarray(coordinates)).tolist()
@@ -25,6 +25,6 @@ def gain_rows(job: TuneJob, coordinates: np.ndarray) -> list[Row]:
     )
 
 
-def gains_json(job: TuneJob, rows: list[Row]) -> dict[str, Any]:
+def gains_json(job: TuneJob, entries: list[Entry]) -> dict[str, Any]:
     """The content of `gains.json`; a gain that was chosen has no standard error."""
-    return {"design": job.study.control.design, **to_json(job.study, rows)}
+    return {"design": job.study.control.design, **to_json(job.study, entries)}

@@ -49,10 +49,7 @@ class TuneJob(StudyJob):
 
 
 def prepare_tuning(path: pathlib.Path | None, parameters: pathlib.Path | None) -> TuneJob:
-    """Reads and checks a study of a controller.
-
-    **Raises:** `InputError` for the first thing that is wrong.
-    """
+    """Reads and checks a study of a controller."""
     path = EXAMPLE if path is None else path
     study = load_study(path)
     if study.model != "full":

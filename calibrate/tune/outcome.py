@@ -8,7 +8,7 @@ import numpy as np
 
 from vgtjax.tuning import TERMS, CaseCosts, Problem, TuningProgress
 
-from ..population import finite
+from ..output.files import finite
 from .job import TuneJob
 
 
@@ -69,7 +69,6 @@ def summarise(job: TuneJob, outcome: Outcome, conditions: dict[str, float]) -> d
         "verdict": progress.verdict,
         "iterations": progress.iteration,
         "failed_steps": progress.failed,
-        "wall_seconds": round(outcome.seconds, 3),
         "design": job.study.control.design,
         "cost": {name: _ends(comparison) for name, comparison in _comparisons(outcome).items()},
         "gap": finite(_gap(outcome)),
@@ -78,7 +77,7 @@ def summarise(job: TuneJob, outcome: Outcome, conditions: dict[str, float]) -> d
         "cases": {name: _rows(comparison) for name, comparison in _comparisons(outcome).items()},
         "failed": failed,
         "notes": list(job.notes),
-        "study_sha256": job.fingerprint,
+        **job.account(outcome.seconds),
     }
 
 

@@ -7,21 +7,22 @@ import numpy as np
 import vgtjax
 from vgtjax.tuning import Problem, wanted_widths
 
+from ..output.figures import convergence_figure
 from ..output.page import figure_html, render_page
-from ..study.parameter_file import Row
+from ..study.parameter_file import Entry
 from . import figures
 from .job import TuneJob
 from .outcome import Comparison, Outcome
 
 
-def render(job: TuneJob, outcome: Outcome, rows: list[Row], summary: dict[str, Any]) -> str:
+def render(job: TuneJob, outcome: Outcome, entries: list[Entry], summary: dict[str, Any]) -> str:
     """The report as HTML."""
     return render_page(
         "tune.html.jinja",
         **job.heading(),
         summary=summary,
-        rows=rows,
-        convergence=figure_html(figures.convergence(outcome.progress)),
+        entries=entries,
+        convergence=figure_html(convergence_figure(outcome.progress.history, "cost of the smoothed loops")),
         smoothed=_smoothed(job),
         groups=[
             ("Closed loops that gains were tuned on", _table(outcome.true), _spread(outcome.true)),
