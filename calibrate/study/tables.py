@@ -122,6 +122,8 @@ class Study(Table):
     """A whole study file; a class a model."""
 
     name: str = "study"
+    data: str | None = None
+    """Where the traces come from, e.g. that they are simulated: in the head of every report."""
     model: str
     components: Components
     trace: list[TraceEntry] = []
