@@ -42,7 +42,7 @@ def _prepare_jax(processes: dict[str, Any]) -> None:
 
     configure(cache=platformdirs.user_cache_path("vgtjax") / "compiled")
     if processes:
-        from .population import join
+        from .processes import join
 
         join(processes["coordinator"], processes["processes"], processes["process"])
 

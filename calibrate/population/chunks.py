@@ -4,7 +4,6 @@ import dataclasses
 import math
 import os
 import pathlib
-import shutil
 from collections.abc import Sequence
 
 import numpy as np
@@ -82,10 +81,6 @@ class ChunkStore:
             content = np.load(self._path(number), mmap_mode="r")
             parts.append(np.array(content[places, max(begin - first, 0) : min(end, last) - first]).T)
         return np.concatenate(parts)
-
-    def remove(self) -> None:
-        """Removes all chunks, once what was wanted of them is written elsewhere."""
-        shutil.rmtree(self.folder / FOLDER)
 
     def _kept(self, row: int) -> tuple[Output, ...]:
         """What is kept in the chunk that begins at a row."""

@@ -1,8 +1,17 @@
-"""How outputs are shown: in the units of the bench."""
+"""What summaries and reports say of a population: outputs in the units of the bench, quantities, failed samples."""
 
 import dataclasses
+import itertools
+from typing import Any
 
 from vgtjax.experiments import Output
+from vgtjax.population import Sample
+
+from ..output.files import finite
+from .job import PopulationJob
+
+NAMED = 100
+"""Failed samples that a summary names with their values; more of them say no more."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -22,3 +31,30 @@ def scaled(output: Output) -> Scaled:
     """The units of the bench: mbar, ms, mm."""
     axis = ("s", 1.0) if output.axis_unit == "s" else _SHOWN[output.axis_unit]
     return Scaled(*_SHOWN[output.unit], *axis)
+
+
+def describe_failed(job: PopulationJob, sample: Sample, failed: dict[int, str]) -> dict[str, Any]:
+    """How many samples failed; row numbers, causes and values of the first of them."""
+    entries, named = job.population.factors.entries, []
+    for row, cause in itertools.islice(failed.items(), NAMED):
+        values = job.population.values(sample.points(row, row + 1))[0].tolist()
+        by_name = {entry: finite(value) for entry, value in zip(entries, values, strict=True)}
+        named.append({"sample": row, "cause": cause, "values": by_name})
+    return {"count": len(failed), "samples": named}
+
+
+def describe_quantities(job: PopulationJob) -> dict[str, Any]:
+    """Unit, distribution, nominal value, mean and deviation of everything that varies."""
+    population = job.population
+    units = population.factors.units(population.model)
+    columns = (population.factors.entries, units, population.nominal.tolist(), population.margins)
+    return {
+        entry: {
+            "unit": unit,
+            "distribution": type(margin.dist).__name__.removesuffix("_gen"),
+            "nominal": nominal,
+            "mean": finite(margin.mean()),
+            "deviation": finite(margin.std()),
+        }
+        for entry, unit, nominal, margin in zip(*columns, strict=True)
+    }

@@ -12,7 +12,8 @@ from vgtjax.sensitivity import RadialDesign
 
 from ..output.console import console
 from ..output.files import REPORT, SUMMARY, read_json, write_json, write_text
-from ..population import ChunkStore, Plan, agree, carry_out, leads, prepare_population, together
+from ..population import ChunkStore, Plan, carry_out, prepare_population
+from ..processes import agree, leads, together
 from .analysis import analyse_all, chosen_outputs
 from .report import render
 from .summary import summarise

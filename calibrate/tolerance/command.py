@@ -8,7 +8,8 @@ from vgtjax import SimulationError
 from vgtjax.population import Evaluator, Results, make_sample
 
 from ..output.files import REPORT, SUMMARY, read_json, write_json, write_text
-from ..population import ChunkStore, Plan, agree, carry_out, leads, prepare_population, together
+from ..population import ChunkStore, Plan, carry_out, prepare_population
+from ..processes import agree, leads, together
 from .report import render
 from .samples import CURVES, write_samples
 from .summary import check_limits, summarise

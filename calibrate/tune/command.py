@@ -10,9 +10,8 @@ from vgtjax.tuning import Tuner, TuningProgress, conditions
 from ..output.console import console
 from ..output.files import REPORT, SUMMARY, read_json, write_json, write_text
 from ..resumable import ProgressFile, run_once
-from .gains_file import gain_entries, gains_json
 from .job import TuneJob, prepare_tuning
-from .outcome import compare, summarise
+from .outcome import compare, gain_entries, gains_json, summarise
 from .report import render
 
 

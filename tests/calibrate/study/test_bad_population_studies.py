@@ -4,7 +4,7 @@ import pytest
 from commands import assert_refused, run_command
 from support import EXAMPLE
 
-from calibrate.population import join
+from calibrate.processes import join
 from vgtjax import InputError
 
 BAD = [

@@ -9,7 +9,7 @@ from jax.experimental import multihost_utils
 
 from vgtjax import InputError
 
-from ..output.console import console
+from .output.console import console
 
 T = TypeVar("T")
 
