@@ -1,5 +1,6 @@
 """The command `fit`: calibrates every unit of a study, resumably, and reports."""
 
+import functools
 import pathlib
 import time
 from typing import Any
@@ -14,7 +15,7 @@ from ..output.sections import trace_summary
 from ..resumable import ProgressFile, run_units
 from ..study.models import passivity_note
 from ..study.parameter_file import calibrated, to_json
-from ..study.units import Job, Unit, check_fit, prepare
+from ..study.units import Job, Unit, prepare
 from .report import render, render_overview
 
 
@@ -25,9 +26,9 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
 
     **Raises:** `SimulationError` when a unit failed or did not converge, after everything else is written.
     """
-    job = prepare(study, parameters, needs=("x_d|p_act",))
-    check_fit(job)
-    tasks = {unit.name: _plan(job, unit) for unit in job.units}
+    job = prepare(study, parameters, to_fit=True)
+    plan = functools.partial(plan_fit, free=job.study.fit.free, fixed=job.study.fit.fixed)
+    tasks = {u.name: plan(u.model, u.used("fit"), u.used("validate"), bounds=u.bounds) for u in job.units}
     summaries = run_units(
         job,
         out,
@@ -41,19 +42,14 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
         raise SimulationError("; ".join(reasons))
 
 
-def _plan(job: Job, unit: Unit) -> Task:
-    chosen = job.study.fit
-    traces = unit.used("fit"), unit.used("validate")
-    return plan_fit(unit.model, *traces, free=chosen.free, fixed=chosen.fixed, bounds=unit.bounds)
-
-
 def _fit_unit(job: Job, unit: Unit, task: Task, folder: pathlib.Path) -> None:
     """Fits one unit and writes its files, the report last; what can't be simulated leaves a summary that says so."""
     began = time.monotonic()
     try:
         calibration, seconds, undetermined = _fit(unit, task, folder)
     except SimulationError as error:
-        write_json(folder / SUMMARY, _failure(error, time.monotonic() - began, job))
+        failure = {"converged": False, "error": str(error), "iterations": 0, "traces": {}}
+        write_json(folder / SUMMARY, {**failure, **job.account(time.monotonic() - began)})
         return
     note = passivity_note(calibration.model)
     if note is not None:
@@ -100,16 +96,6 @@ def _population(job: Job, out: pathlib.Path) -> dict[str, dict[str, Any]]:
     """Content of `parameters.json` by unit, of those that have one."""
     files = {unit.name: unit.folder(out) / "parameters.json" for unit in job.units}
     return {name: read_json(file)["parameters"] for name, file in files.items() if name and file.exists()}
-
-
-def _failure(error: SimulationError, seconds: float, job: Job) -> dict[str, Any]:
-    return {
-        "converged": False,
-        "error": str(error),
-        "iterations": 0,
-        **job.account(seconds),
-        "traces": {},
-    }
 
 
 def _summary(calibration: Calibration, seconds: float, undetermined: list[str], job: Job) -> dict[str, Any]:

@@ -7,7 +7,7 @@ import numpy as np
 from vgtjax.estimation import Calibration
 
 from ..output import figures
-from ..output.page import figure_html, render_page
+from ..output.page import render_page
 from ..output.sections import model_sections
 from ..resumable import Summaries
 from ..study.models import passivity_note
@@ -24,7 +24,7 @@ def render(
     """
     known = calibration.uncertainty.determined
     entries = [e for e, is_known in zip(calibration.task.selection.entries, known, strict=True) if is_known]
-    correlation = figures.correlation_figure(entries, calibration.covariance[np.ix_(known, known)])
+    covariance = calibration.covariance[np.ix_(known, known)]
     cost = 2 * np.asarray(calibration.progress.history)
     return render_page(
         "fit.html.jinja",
@@ -36,9 +36,9 @@ def render(
         start=start_as_study(calibration),
         passivity=passivity_note(calibration.model),
         **model_sections(calibration.model, calibration.traces),
-        convergence=figure_html(figures.convergence_figure(cost, "chi^2 / N")),
-        autocorrelation=figure_html(figures.autocorrelation_figure(calibration.traces)),
-        correlation=figure_html(correlation) if len(entries) > 1 else "",
+        convergence=figures.convergence_figure(cost, "chi^2 / N"),
+        autocorrelation=figures.autocorrelation_figure(calibration.traces),
+        correlation=figures.correlation_figure(entries, covariance) if len(entries) > 1 else None,
     )
 
 

@@ -1,5 +1,6 @@
 """The command `identify`: the bench tests of chapters 2 and 3 that the traces allow, one after the other."""
 
+import functools
 import pathlib
 import time
 from typing import Any
@@ -17,7 +18,7 @@ from ..output.files import REPORT, SUMMARY, finite, write_json, write_text
 from ..output.sections import model_sections, trace_summary
 from ..resumable import run_units
 from ..study.parameter_file import Estimate, by_entry, tabulate, to_json
-from ..study.units import Job, Unit, check_fit, prepare
+from ..study.units import Job, Unit, prepare
 from .report import render, render_overview
 
 
@@ -29,20 +30,13 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
 
     **Raises:** `SimulationError` when nothing could be identified, after everything else is written.
     """
-    job = prepare(study, parameters, needs=("x_d|p_act",))
-    check_fit(job)
-    summaries = run_units(
-        job,
-        out,
-        "identify",
-        lambda unit, folder: _identify_unit(job, unit, folder),
-        lambda summaries: render_overview(job, summaries),
-    )
+    job = prepare(study, parameters, to_fit=True)
+    compute, overview = functools.partial(_identify_unit, job), functools.partial(render_overview, job)
+    summaries = run_units(job, out, "identify", compute, overview)
     empty = [name or "this study" for name, summary in summaries.items() if not summary["identified"]]
     if empty:
-        raise SimulationError(
-            f"the traces of {', '.join(empty)} allow no identification; the report says what is missing"
-        )
+        units = ", ".join(empty)
+        raise SimulationError(f"the traces of {units} allow no identification; the report says what is missing")
 
 
 def _identify_unit(job: Job, unit: Unit, folder: pathlib.Path) -> None:

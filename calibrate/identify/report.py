@@ -9,7 +9,7 @@ from vgtjax.identification import Curve, Identified
 
 from ..output.figures import MEASURED, PALETTE, curve, points, styled
 from ..output.files import finite
-from ..output.page import figure_html, render_page
+from ..output.page import render_page
 from ..resumable import Summaries
 from ..study.parameter_file import Entry, by_entry
 from ..study.units import Job
@@ -42,9 +42,9 @@ def _section(result: Identified, table: list[Entry]) -> dict[str, Any]:
         for entry in table
         if entry.name in values
     ]
-    titles = list(dict.fromkeys(curve.title for curve in result.figures))
+    titles = dict.fromkeys(curve.title for curve in result.figures)
     pictures = [_picture([curve for curve in result.figures if curve.title == title]) for title in titles]
-    return {"result": result, "rows": rows, "figures": [figure_html(picture) for picture in pictures]}
+    return {"result": result, "rows": rows, "figures": pictures}
 
 
 def _picture(curves: list[Curve]) -> go.Figure:

@@ -1,8 +1,10 @@
 """Files that a command writes: whole or not at all, and never over another study's results."""
 
+import contextlib
 import json
 import os
 import pathlib
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -23,11 +25,18 @@ def finite(values: Any) -> Any:
     return float(values) if np.isfinite(values) else None
 
 
+@contextlib.contextmanager
+def replacing(path: pathlib.Path) -> Iterator[pathlib.Path]:
+    """A new file that takes the place of `path` in the end, so that a crash leaves either the old or the new one."""
+    new = path.with_name(f".{path.name}.new")
+    yield new
+    os.replace(new, path)
+
+
 def write_text(path: pathlib.Path, text: str) -> None:
-    """Writes a file so that a crash leaves either the old one or the new one."""
-    temporary = path.with_name(f".{path.name}.new")
-    temporary.write_text(text, encoding="utf-8")
-    os.replace(temporary, path)
+    """Writes a text file whole or not at all."""
+    with replacing(path) as new:
+        new.write_text(text, encoding="utf-8")
 
 
 def write_json(path: pathlib.Path, content: Any) -> None:

@@ -14,7 +14,6 @@ from vgtjax.experiments import HysteresisLoop, find_loop
 from . import figures
 from .component_figures import component_figures
 from .files import finite
-from .page import figure_html
 
 LOOP_POINTS = 1200
 
@@ -62,23 +61,14 @@ def loops_figure(pairs: Sequence[LoopPair]) -> go.Figure:
 
 def model_sections(model: vgtjax.AbstractModel, results: list[TraceResult]) -> dict[str, Any]:
     """What reports show of a model: each trace, the slow loops, and each law."""
-    laws = [{"title": title, "figure": figure_html(figure)} for title, figure in component_figures(model)]
-    return {"traces": [trace_section(result) for result in results], "loops": loop_section(results), "laws": laws}
+    traces, laws = [trace_section(result) for result in results], component_figures(model)
+    return {"traces": traces, "loops": loop_section(results), "laws": laws}
 
 
 def loop_section(results: list[TraceResult]) -> dict[str, Any] | None:
-    """What a report shows of the slow loops among the traces, if there are any: widths in mbar, and one picture."""
+    """What a report shows of the slow loops among the traces, if there are any."""
     pairs = sorted((pair for result in results if (pair := loop_pair(result)) is not None), key=lambda p: p.turbine)
-    rows = [
-        {
-            "name": pair.result.trace.name,
-            "turbine": pair.turbine / 100,
-            **{kind: width / 100 for kind, width in pair.widths.items()},
-            "difference": 100 * (pair.simulated.mean_width / pair.measured.mean_width - 1),
-        }
-        for pair in pairs
-    ]
-    return {"rows": rows, "figure": figure_html(loops_figure(pairs))} if pairs else None
+    return {"pairs": pairs, "figure": loops_figure(pairs)} if pairs else None
 
 
 def trace_section(result: TraceResult) -> dict[str, Any]:
@@ -102,14 +92,13 @@ def trace_section(result: TraceResult) -> dict[str, Any]:
         "use": result.use,
         "notes": result.trace.notes,
         "channels": channels,
-        "figure": figure_html(figures.trace_figure(result)),
-        "loop": figure_html(figures.loop_figure(result)),
+        "figure": figures.trace_figure(result),
+        "loop": figures.loop_figure(result),
     }
 
 
 def trace_summary(result: TraceResult) -> dict[str, Any]:
     """How a model meets one trace, in SI units, as summaries state it."""
-
     pair = loop_pair(result)
     return {
         "use": result.use,

@@ -2,7 +2,6 @@
 
 import dataclasses
 import math
-import os
 import pathlib
 from collections.abc import Sequence
 
@@ -10,6 +9,8 @@ import numpy as np
 
 from vgtjax.experiments import Output
 from vgtjax.population import CAUSES, Results, column_names
+
+from ..output.files import replacing
 
 FOLDER = ".chunks"
 
@@ -52,10 +53,8 @@ class ChunkStore:
         content = np.vstack([causes, kept.matrix.T])
         path = self._path(number)
         path.parent.mkdir(exist_ok=True)
-        temporary = path.with_suffix(".new")
-        with temporary.open("wb") as file:
+        with replacing(path) as new, new.open("wb") as file:
             np.save(file, content)
-        os.replace(temporary, path)
 
     def failed(self) -> dict[int, str]:
         """Rows of which a simulation failed, with the cause."""

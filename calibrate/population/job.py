@@ -1,4 +1,4 @@
-"""From a study to a population, the experiments that it goes through, and what the bench measured of its units."""
+"""From a study to a population, the experiments that it goes through, and what traces tell of its units."""
 
 import dataclasses
 import pathlib
@@ -12,11 +12,10 @@ from vgtjax.experiments import AbstractExperiment, MeasuredLoops, SlowLoop, Step
 from vgtjax.parts import feels_gas
 from vgtjax.population import Population
 
-from ..study.job import StudyJob
 from ..study.models import start_values
 from ..study.read import TraceSource, expand_traces, fingerprint, load_study
 from ..study.tables import Study
-from ..study.units import load_source
+from ..study.units import StudyJob, load_source
 from .actuators import read_actuators
 
 FLEET = pathlib.Path(__file__).parents[1] / "example" / "fleet" / "study.toml"
@@ -96,9 +95,9 @@ def _experiments(
     table = study.experiments
     pressures = table.turbine_pressure
     if pressures is None:
-        seen = {at for loops in measured.values() for at in loops.turbine_pressures}
+        measured_at = {at for loops in measured.values() for at in loops.turbine_pressures}
         # Gas that acts on nothing gives the same loop at every pressure.
-        pressures = sorted(seen or set(POINTS)) if feels_gas(model) else [0.0]
+        pressures = sorted(measured_at or set(POINTS)) if feels_gas(model) else [0.0]
     loop = SlowLoop(tuple(pressures), table.loop_seconds, table.loop_duty)
     if not table.steps:
         return (loop,)

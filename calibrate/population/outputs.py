@@ -1,8 +1,7 @@
 """What summaries and reports say of a population: outputs in the units of the bench, quantities, failed samples."""
 
-import dataclasses
 import itertools
-from typing import Any
+from typing import Any, NamedTuple
 
 from vgtjax.experiments import Output
 from vgtjax.population import Sample
@@ -14,8 +13,7 @@ NAMED = 100
 """Failed samples that a summary names with their values; more of them say no more."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Scaled:
+class Scaled(NamedTuple):
     """The units in which an output is shown, and the factors to them from SI."""
 
     unit: str

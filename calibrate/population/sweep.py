@@ -39,11 +39,7 @@ class Plan:
 
 
 def carry_out(
-    plan: Plan,
-    out: pathlib.Path,
-    command: str,
-    derive: Callable[[], T],
-    write: Callable[[ChunkStore, T, float], None],
+    plan: Plan, out: pathlib.Path, command: str, derive: Callable[[], T], write: Callable[[ChunkStore, T, float], None]
 ) -> None:
     """Simulates what is missing in `out`, then writes the results; does nothing where they are already.
 

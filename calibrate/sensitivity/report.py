@@ -9,7 +9,7 @@ from vgtjax.experiments import Output
 from vgtjax.sensitivity import Interval, RankedInput, Ranking
 
 from ..output.figures import PALETTE, curve, heatmap, points, styled
-from ..output.page import figure_html, render_page
+from ..output.page import render_page
 from ..population import PopulationJob, scaled
 from .analysis import Analysis
 
@@ -26,31 +26,14 @@ SHOWN = 6
 
 def render(job: PopulationJob, analysis: Analysis, summary: dict[str, Any]) -> str:
     """The report as HTML."""
-    threshold = job.study.sensitivity.threshold
+    rankings = analysis.rankings.values()
     return render_page(
         "sensitivity.html.jinja",
         **job.heading(),
         summary=summary,
-        overview=figure_html(_overview(tuple(analysis.rankings.values()), threshold)),
-        outputs=[
-            {"name": ranking.output, "figure": figure_html(_bars(ranking)), "shown": _shown(summary, ranking)}
-            for ranking in analysis.rankings.values()
-        ],
-        over_time=[
-            {
-                "title": output.meaning,
-                "figure": figure_html(
-                    _over_time(
-                        output,
-                        analysis.inputs,
-                        analysis.seen(output, analysis.indices.total.value),
-                        analysis.seen(output, analysis.local),
-                    )
-                ),
-            }
-            for output in analysis.outputs
-            if output.axis
-        ],
+        overview=_overview(tuple(rankings), job.study.sensitivity.threshold),
+        outputs=[(ranking.output, _bars(ranking), _shown(summary, ranking)) for ranking in rankings],
+        over_time=[(each.meaning, _over_time(analysis, each)) for each in analysis.outputs if each.axis],
     )
 
 
@@ -106,17 +89,13 @@ def _bars(ranking: Ranking) -> go.Figure:
     return styled(figure, 320, y="share of variance", barmode="group", hovermode="closest")
 
 
-def _over_time(
-    output: Output, inputs: tuple[str, ...], total: np.ndarray, local: np.ndarray, most: int = 10
-) -> go.Figure:
-    """Total index (lines) and share by the exact gradient (points) along a step.
-
-    **Arguments:** `total`, `local`: `(time, quantities)`.
-    """
+def _over_time(analysis: Analysis, output: Output, most: int = 10) -> go.Figure:
+    """Total index (lines) and share by the exact gradient (points) along a step."""
+    total, local = (analysis.above_noise(output, shares) for shares in (analysis.indices.total.value, analysis.local))
     size = np.nan_to_num(total).max(axis=0)
     figure = go.Figure()
     for number, place in enumerate(np.argsort(-size)[:most]):
-        name, color = inputs[place], PALETTE[number % len(PALETTE)]
+        name, color = analysis.inputs[place], PALETTE[number % len(PALETTE)]
         figure.add_trace(curve(output.axis, total[:, place], name, color, width=1.8))
         local_name, style = f"{name}, gradient", {"legendgroup": name, "showlegend": False}
         figure.add_trace(points(output.axis, local[:, place], local_name, color, 4, **style))

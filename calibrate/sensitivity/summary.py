@@ -99,7 +99,7 @@ def _over_time(analysis: Analysis, output: Output, threshold: float) -> dict[str
         "src_thesis": indices.correlation.value,
         "gradient": analysis.local,
     }
-    total = analysis.seen(output, indices.total.value)
+    total = analysis.above_noise(output, indices.total.value)
     ever = np.nan_to_num(total, nan=0.0).max(axis=0) > threshold
     return {
         "meaning": output.meaning,
@@ -107,7 +107,7 @@ def _over_time(analysis: Analysis, output: Output, threshold: float) -> dict[str
         "unit": scaled(output).unit,
         "deviation": finite(analysis.deviation[rows] * scaled(output).factor),
         "quantities": {
-            name: {kind: finite(analysis.seen(output, shares)[:, i]) for kind, shares in kinds.items()}
+            name: {kind: finite(analysis.above_noise(output, shares)[:, i]) for kind, shares in kinds.items()}
             for i, name in enumerate(analysis.inputs)
             if ever[i]
         },

@@ -57,6 +57,11 @@ def parameters_of(study: Study) -> dict[str, StartValue]:
     return {name: given for name, given in study.parameters.items() if not name.startswith("converter.")}
 
 
+def values_of(model: eqx.Module) -> dict[str, Any]:
+    """Every parameter of a model by name, a list for a vector."""
+    return {name: np.asarray(vgtjax.get_parameter(model, name)).tolist() for name in vgtjax.parameter_table(model)}
+
+
 def start_values(model: eqx.Module, stated: Mapping[str, StartValue]) -> tuple[dict[str, Any], Bounds]:
     """Start values by name and bounds by entry, of a model or a controller."""
     values: dict[str, Any] = {}

@@ -15,7 +15,7 @@ from vgtjax.parameters import Bounds, entry_names, unknown_name
 from vgtjax.plants import on_given_knots
 
 from ..output.files import finite, read_json
-from .models import check_length
+from .models import check_length, values_of
 from .tables import Study
 
 
@@ -57,8 +57,7 @@ def tabulate(
     table = vgtjax.parameter_table(model)
     everything = vgtjax.select(model, free=names)
     values = np.asarray(everything.pack(model)).tolist()
-    knots = {name: np.asarray(vgtjax.get_parameter(model, name)).tolist() for name in table}
-    initials = np.asarray(everything.pack(on_given_knots(start, knots))).tolist()
+    initials = np.asarray(everything.pack(on_given_knots(start, values_of(model)))).tolist()
     found = []
     for name, value, initial in zip(everything.entries, values, initials, strict=True):
         row, estimate = vgtjax.parameters.table_row(table, name), estimates.get(name, Estimate())
@@ -86,11 +85,7 @@ def by_entry(values: Mapping[str, Any]) -> dict[str, Any]:
 
 def start_as_study(calibration: Calibration) -> str:
     """The start values of a fit, exact to the last digit, as the `[parameters]` table of a study."""
-    model = calibration.task.model
-    lines = [
-        f'"{name}" = {{value = {np.asarray(vgtjax.get_parameter(model, name)).tolist()!r}}}'
-        for name in vgtjax.parameter_table(model)
-    ]
+    lines = [f'"{name}" = {{value = {value!r}}}' for name, value in values_of(calibration.task.model).items()]
     return "\n".join(["[parameters]", *lines])
 
 
@@ -141,8 +136,10 @@ def load_values(path: pathlib.Path, unit: str | None, study: Study, model: vgtja
             raise unknown_name(f"{path.name}: parameter", name, entry_names(table))
         if not isinstance(fields, dict) or "value" not in fields:
             raise InputError(f"{path.name}: the parameter '{name}' has no value; add it")
-        values[name] = math.inf if fields["value"] is None else fields["value"]
-        _check_numbers(path, name, values[name])
+        value = values[name] = math.inf if fields["value"] is None else fields["value"]
+        for each in value if isinstance(value, list) else [value]:
+            if isinstance(each, bool) or not isinstance(each, int | float):
+                raise InputError(f"{path.name}: the value of '{name}' must be a number, but it is {each!r}; correct it")
     try:
         model = on_given_knots(model, values)
         table = vgtjax.parameter_table(model)
@@ -164,9 +161,3 @@ def fitted_entries(path: pathlib.Path) -> list[str]:
     parameters = read_json(path)["parameters"]
     moved = [by_entry({name: fields.get("free", True)}) for name, fields in parameters.items()]
     return [entry for free in moved for entry, is_free in free.items() if is_free]
-
-
-def _check_numbers(path: pathlib.Path, name: str, value: Any) -> None:
-    for number in value if isinstance(value, list) else [value]:
-        if isinstance(number, bool) or not isinstance(number, int | float):
-            raise InputError(f"{path.name}: the value of '{name}' must be a number, but it is {number!r}; correct it")

@@ -1,4 +1,4 @@
-"""`summary.json` of a tolerance study: quantiles, yield, envelopes, failures, and the measured units beside them."""
+"""`summary.json` of a tolerance study: quantiles, yield, envelopes, failures, and the units with traces beside them."""
 
 import math
 from collections.abc import Sequence
@@ -112,7 +112,7 @@ def _share(meets: np.ndarray) -> dict[str, float] | None:
 
 
 def _unit(loops: MeasuredLoops) -> dict[str, Any]:
-    """A measured unit: widths in mbar by turbine pressure in mbar, and all else that was read, in mbar."""
+    """A unit with traces: widths in mbar by turbine pressure in mbar, and all else that was read, in mbar."""
     readings = {name: np.asarray(value) / 100 for name, value in loops.readings.items()}
     return {
         "hysteresis_mbar": {label(at).removesuffix("mbar"): width / 100 for at, width in loops.hysteresis.items()},

@@ -11,7 +11,7 @@ from vgtjax.control import ClosedLoop
 from vgtjax.tuning import Problem, wanted_widths
 
 from ..output.figures import convergence_figure, curve, points, styled
-from ..output.page import figure_html, render_page
+from ..output.page import render_page
 from ..study.parameter_file import Entry
 from .job import TuneJob
 from .outcome import Comparison, Outcome
@@ -26,15 +26,11 @@ def render(job: TuneJob, outcome: Outcome, entries: list[Entry], summary: dict[s
         **job.heading(),
         summary=summary,
         entries=entries,
-        convergence=figure_html(convergence_figure(outcome.progress.history, "cost of the smoothed loops")),
+        convergence=convergence_figure(outcome.progress.history, "cost of the smoothed loops"),
         smoothed=_smoothed(job),
         groups=[
-            ("Closed loops that gains were tuned on", _table(outcome.true), figure_html(_spread_figure(outcome.true))),
-            (
-                "Closed loops that tuning has not seen",
-                _table(outcome.unseen),
-                figure_html(_spread_figure(outcome.unseen)),
-            ),
+            ("Closed loops that gains were tuned on", _table(outcome.true), _spread_figure(outcome.true)),
+            ("Closed loops that gains were not tuned on", _table(outcome.unseen), _spread_figure(outcome.unseen)),
         ],
         runs=_runs(outcome),
     )
@@ -83,16 +79,16 @@ def _table(comparison: Comparison) -> list[dict[str, Any]]:
     return table
 
 
-def _runs(outcome: Outcome) -> list[dict[str, str]]:
-    """The worst closed loop of every reference, seen and unseen."""
+def _runs(outcome: Outcome) -> list[tuple[str, go.Figure]]:
+    """The worst closed loop of every reference, tuned on and not."""
     sections = []
-    for comparison in (outcome.true, outcome.unseen):
+    for comparison, remark in ((outcome.true, ""), (outcome.unseen, " (not tuned on)")):
         worst = comparison.worst()
         before = comparison.problem.simulate(comparison.problem.start, worst)
         after = comparison.problem.simulate(outcome.coordinates, worst)
         for place, index in enumerate(worst):
-            title = f"{comparison.problem.cases.labels[index]}{' (unseen)' if comparison is outcome.unseen else ''}"
-            sections.append({"title": title, "figure": figure_html(_run_figure(before, after, place))})
+            title = f"{comparison.problem.cases.labels[index]}{remark}"
+            sections.append((title, _run_figure(before, after, place)))
     return sections
 
 
