@@ -9,10 +9,13 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Any, Generic, TypeVar
 
+import numpy as np
+
 from vgtjax import InputError
 
 from .output.console import console, say_notes
 from .output.files import PROGRESS, REPORT, SUMMARY, claim, read_json, write_json, write_text
+from .processes import agree, leads, together
 from .study.units import Job, Unit
 
 Summaries = dict[str | None, dict[str, Any]]
@@ -22,28 +25,19 @@ P = TypeVar("P", bound=Any)
 
 
 def run_once(out: pathlib.Path, command: str, fingerprint: str, compute: Callable[[], None]) -> None:
-    """Claims a folder and computes, unless it holds the results already.
+    """Claims a folder and computes, unless it holds the results already; all processes of a run do the same."""
 
-    **Raises:** `InputError` when the folder belongs to something else.
-    """
-    claim(out, command, fingerprint)
-    if is_done(out):
-        return
-    compute()
-    say_report(out)
+    def check() -> None:
+        if fingerprint != bytes(agree(np.frombuffer(fingerprint.encode(), np.uint8))).decode():
+            raise InputError("all processes must be given the same study, but this one has another; give it that")
+        if leads():
+            claim(out, command, fingerprint)
 
-
-def is_done(out: pathlib.Path) -> bool:
-    """Whether a folder holds finished results; says so."""
-    if not (out / REPORT).exists():
-        return False
-    console.print(f"nothing to do: {out} holds the results already")
-    say_report(out)
-    return True
-
-
-def say_report(out: pathlib.Path) -> None:
-    """Where to look, if there is something to see."""
+    together(check)
+    if agree((out / REPORT).exists()):
+        console.print(f"nothing to do: {out} holds the results already")
+    else:
+        compute()
     if (out / REPORT).exists():
         console.print(f"report: {(out / REPORT).resolve()}")
 
@@ -59,8 +53,6 @@ def run_units(
 
     **Arguments:** `compute`: writes the `summary.json` of a unit into its folder, and a report if it comes that far;
     `overview`: the report on top.
-
-    **Raises:** `InputError` when the folder belongs to something else.
     """
 
     def compute_all() -> None:

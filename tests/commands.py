@@ -40,6 +40,19 @@ def read(path: pathlib.Path) -> Any:
     return json.loads(path.read_text(encoding="utf-8"))
 
 
+def entries_of(parameters: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """The fields of `parameters.json` by entry, arrays taken apart."""
+    found = {}
+    for name, fields in parameters.items():
+        if isinstance(fields["value"], list):
+            for index in range(len(fields["value"])):
+                each = {key: field[index] for key, field in fields.items()}
+                found[f"{name}[{index}]"] = each
+        else:
+            found[name] = fields
+    return found
+
+
 def cut_example(name: str, seconds: float, folder: pathlib.Path, new_name: str | None = None) -> None:
     """The first seconds of a trace that ships, as `folder/NEW_NAME.csv`."""
     example = pathlib.Path(command_line.__file__).parent / "example" / f"{name}.csv"

@@ -1,3 +1,1 @@
 """The command `fit`: calibrates every unit of a study."""
-
-from .command import run as run

@@ -1,5 +1,6 @@
 """The command `fit`: calibrates every unit of a study, resumably, and reports."""
 
+import functools
 import pathlib
 import time
 from typing import Any
@@ -8,14 +9,14 @@ from vgtjax import Calibration, SimulationError
 from vgtjax.estimation import Progress, Task
 from vgtjax.identification import plan_fit, start_fit
 
-from ..output.console import FitDisplay, console
+from ..output.console import console
 from ..output.files import REPORT, SUMMARY, read_json, write_json, write_text
 from ..output.sections import trace_summary
 from ..resumable import ProgressFile, run_units
 from ..study.models import passivity_note
-from ..study.parameter_file import rows, to_json
-from ..study.units import Job, Unit, check_fit, prepare
-from .report import UnitReport, render, render_overview
+from ..study.parameter_file import calibrated, to_json
+from ..study.units import Job, Unit, prepare
+from .report import render, render_overview
 
 
 def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathlib.Path) -> None:
@@ -23,12 +24,11 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
 
     What was finished by an earlier run of the same study is kept; a fit that was interrupted goes on where it was.
 
-    **Raises:** `InputError` before anything is written; `SimulationError` when a unit failed or did not converge,
-    after everything else is written.
+    **Raises:** `SimulationError` when a unit failed or did not converge, after everything else is written.
     """
-    job = prepare(study, parameters, needs=("x_d|p_act",))
-    check_fit(job)
-    tasks = {unit.name: _plan(job, unit) for unit in job.units}
+    job = prepare(study, parameters, to_fit=True)
+    plan = functools.partial(plan_fit, free=job.study.fit.free, fixed=job.study.fit.fixed)
+    tasks = {u.name: plan(u.model, u.used("fit"), u.used("validate"), bounds=u.bounds) for u in job.units}
     summaries = run_units(
         job,
         out,
@@ -42,40 +42,29 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
         raise SimulationError("; ".join(reasons))
 
 
-def _plan(job: Job, unit: Unit) -> Task:
-    chosen = job.study.fit
-    return plan_fit(
-        unit.model,
-        unit.used("fit"),
-        unit.used("validate"),
-        free=chosen.free,
-        fixed=chosen.fixed,
-        bounds=unit.bounds,
-    )
-
-
 def _fit_unit(job: Job, unit: Unit, task: Task, folder: pathlib.Path) -> None:
     """Fits one unit and writes its files, the report last; what can't be simulated leaves a summary that says so."""
     began = time.monotonic()
     try:
         calibration, seconds, undetermined = _fit(unit, task, folder)
     except SimulationError as error:
-        write_json(folder / SUMMARY, _failure(error, time.monotonic() - began, job))
+        failure = {"converged": False, "error": str(error), "iterations": 0, "traces": {}}
+        write_json(folder / SUMMARY, {**failure, **job.account(time.monotonic() - began)})
         return
     note = passivity_note(calibration.model)
     if note is not None:
         console.print(f"warning: {note}")
-    found = rows(calibration)
-    write_json(folder / "parameters.json", to_json(job.study, found))
+    table = calibrated(calibration)
+    write_json(folder / "parameters.json", to_json(job.study, table))
     write_json(folder / SUMMARY, _summary(calibration, seconds, undetermined, job))
-    write_text(folder / REPORT, render(job, UnitReport(unit.name, calibration, found, seconds, undetermined)))
+    write_text(folder / REPORT, render(job, unit.name, calibration, table, seconds, undetermined))
     ProgressFile.remove_from(folder)
 
 
 def _fit(unit: Unit, task: Task, folder: pathlib.Path) -> tuple[Calibration, float, list[str]]:
     """Fits one unit, keeping its progress on disk; also the seconds it took, and what it could not see."""
-    saved = ProgressFile(folder, Progress, "the fit")
-    with FitDisplay(unit.name or "fit") as display:
+    saved, title = ProgressFile(folder, Progress, "the fit"), unit.name or "fit"
+    with console.status(f"{title}: compiling") as status:
         calibrator = start_fit(task, saved.progress)
         resumed = saved.progress is not None
         undetermined = list(saved.facts.get("undetermined", ())) if resumed else calibrator.undetermined()
@@ -84,13 +73,22 @@ def _fit(unit: Unit, task: Task, folder: pathlib.Path) -> tuple[Calibration, flo
         if undetermined:
             console.print(f"warning: these traces do not determine {', '.join(undetermined)}; hold or excite them")
 
+        def show(progress: Progress) -> None:
+            rejected = "  rejected" if progress.rejected_in_a_row else ""
+            console.print(
+                f"{progress.iteration:6d} {2 * progress.cost:12.6g} {1 / progress.step_size:10.3g} "
+                f"{saved.seconds:8.1f}{rejected}"
+            )
+            status.update(f"{title}: step {progress.iteration + 1}")
+
         def report(progress: Progress) -> None:
             saved.save(progress, undetermined=undetermined)
-            display.show(progress)
+            show(progress)
 
-        display.show(calibrator.minimiser.progress)
+        console.print(f"{'step':>6} {'chi^2/N':>12} {'damping':>10} {'seconds':>8}")
+        show(calibrator.minimiser.progress)
         calibration = calibrator.run(report)
-        display.wait("writing the report")
+        status.update(f"{title}: writing the report")
         return calibration, saved.seconds, undetermined
 
 
@@ -98,17 +96,6 @@ def _population(job: Job, out: pathlib.Path) -> dict[str, dict[str, Any]]:
     """Content of `parameters.json` by unit, of those that have one."""
     files = {unit.name: unit.folder(out) / "parameters.json" for unit in job.units}
     return {name: read_json(file)["parameters"] for name, file in files.items() if name and file.exists()}
-
-
-def _failure(error: SimulationError, seconds: float, job: Job) -> dict[str, Any]:
-    return {
-        "converged": False,
-        "error": str(error),
-        "iterations": 0,
-        "wall_seconds": round(seconds, 3),
-        "study_sha256": job.fingerprint,
-        "traces": {},
-    }
 
 
 def _summary(calibration: Calibration, seconds: float, undetermined: list[str], job: Job) -> dict[str, Any]:
@@ -119,13 +106,12 @@ def _summary(calibration: Calibration, seconds: float, undetermined: list[str], 
         "iterations": progress.iteration,
         "rejected_steps": progress.iteration - progress.accepted,
         "failed_simulations": progress.failed,
-        "wall_seconds": round(seconds, 3),
         "cost": progress.cost,
         "chi2_per_degree_of_freedom": calibration.uncertainty.scale,
         "chi2_gain_of_a_further_linear_step": calibration.uncertainty.gain,
         "unidentifiable_at_start": undetermined,
         "friction_is_passive": passivity_note(calibration.model) is None,
-        "study_sha256": job.fingerprint,
+        **job.account(seconds),
         "traces": {result.trace.name: trace_summary(result) for result in calibration.traces},
         **({"error": calibration.verdict} if calibration.troubles else {}),
     }

@@ -1,6 +1,5 @@
 """The report of a fit: one HTML file that carries all it shows."""
 
-import dataclasses
 from typing import Any
 
 import numpy as np
@@ -8,32 +7,38 @@ import numpy as np
 from vgtjax.estimation import Calibration
 
 from ..output import figures
-from ..output.page import figure_html, render_page
-from ..output.sections import component_sections, loop_section, trace_section
+from ..output.page import render_page
+from ..output.sections import model_sections
 from ..resumable import Summaries
 from ..study.models import passivity_note
-from ..study.parameter_file import Row, start_as_study
+from ..study.parameter_file import Entry, by_entry, start_as_study
 from ..study.units import Job
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class UnitReport:
-    """What a report says of one unit."""
+def render(
+    job: Job, unit: str | None, calibration: Calibration, table: list[Entry], seconds: float, undetermined: list[str]
+) -> str:
+    """The report of one unit as HTML, with plots, their library and the study inside.
 
-    name: str | None
-    calibration: Calibration
-    rows: list[Row]
-    seconds: float
-    undetermined: list[str]
-    """Free parameters that the traces did not determine at the start values."""
-
-
-def render(job: Job, unit: UnitReport) -> str:
-    """The report of one unit as HTML, with plots, their library and the study inside."""
+    **Arguments:** `undetermined`: free parameters that the traces did not determine at the start values.
+    """
+    known = calibration.uncertainty.determined
+    entries = [e for e, is_known in zip(calibration.task.selection.entries, known, strict=True) if is_known]
+    covariance = calibration.covariance[np.ix_(known, known)]
+    cost = 2 * np.asarray(calibration.progress.history)
     return render_page(
         "fit.html.jinja",
-        **job.heading(unit.name),
-        unit=_sections(unit),
+        **job.heading(unit),
+        fit=calibration,
+        seconds=seconds,
+        undetermined=undetermined,
+        table=table,
+        start=start_as_study(calibration),
+        passivity=passivity_note(calibration.model),
+        **model_sections(calibration.model, calibration.traces),
+        convergence=figures.convergence_figure(cost, "chi^2 / N"),
+        autocorrelation=figures.autocorrelation_figure(calibration.traces),
+        correlation=figures.correlation_figure(entries, covariance) if len(entries) > 1 else None,
     )
 
 
@@ -71,16 +76,15 @@ def _overview_row(name: str, summary: dict[str, Any]) -> dict[str, Any]:
 
 def _spread(population: dict[str, dict[str, Any]]) -> list[dict[str, Any]]:
     """How each fitted entry differs from unit to unit, beside the standard error of one unit."""
-    entries: dict[str, list[tuple[float, float | None, str]]] = {}
+    found: dict[str, list[tuple[float, float | None, str]]] = {}
     for parameters in population.values():
         for name, fields in parameters.items():
-            many = isinstance(fields["value"], list)
-            keys = ("value", "std_error", "unit", "free")
-            columns = [fields[key] if many else [fields[key]] for key in keys]
-            for index, (value, error, unit, free) in enumerate(zip(*columns, strict=True)):
+            columns = [by_entry({name: fields[key]}) for key in ("value", "std_error", "unit", "free")]
+            for entry in columns[0]:
+                value, error, unit, free = (column[entry] for column in columns)
                 if free and value is not None:
-                    entries.setdefault(f"{name}[{index}]" if many else name, []).append((value, error, unit))
-    return [_spread_row(entry, found) for entry, found in entries.items()]
+                    found.setdefault(entry, []).append((value, error, unit))
+    return [_spread_row(entry, numbers) for entry, numbers in found.items()]
 
 
 def _spread_row(entry: str, found: list[tuple[float, float | None, str]]) -> dict[str, Any]:
@@ -94,26 +98,4 @@ def _spread_row(entry: str, found: list[tuple[float, float | None, str]]) -> dic
         "low": float(values.min()),
         "high": float(values.max()),
         "error": float(np.median(errors)) if errors else None,
-    }
-
-
-def _sections(unit: UnitReport) -> dict[str, Any]:
-    calibration = unit.calibration
-    known = calibration.uncertainty.determined
-    entries = [e for e, seen in zip(calibration.task.selection.entries, known, strict=True) if seen]
-    covariance = calibration.covariance[np.ix_(known, known)]
-    return {
-        "name": unit.name,
-        "calibration": calibration,
-        "seconds": unit.seconds,
-        "undetermined": unit.undetermined,
-        "rows": unit.rows,
-        "start": start_as_study(calibration),
-        "traces": [trace_section(result) for result in calibration.traces],
-        "passivity": passivity_note(calibration.model),
-        "loops": loop_section(calibration.traces),
-        "components": component_sections(calibration.model),
-        "convergence": figure_html(figures.convergence_figure(calibration.progress)),
-        "autocorrelation": figure_html(figures.autocorrelation_figure(calibration.traces)),
-        "correlation": figure_html(figures.correlation_figure(entries, covariance)) if len(entries) > 1 else "",
     }

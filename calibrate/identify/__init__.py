@@ -1,3 +1,1 @@
 """The command `identify`: one bench test after the other."""
-
-from .command import run as run

@@ -1,5 +1,6 @@
 """The command `identify`: the bench tests of chapters 2 and 3 that the traces allow, one after the other."""
 
+import functools
 import pathlib
 import time
 from typing import Any
@@ -13,12 +14,12 @@ from vgtjax.identification import Identified, identify
 from vgtjax.parameters import move_inside
 
 from ..output.console import console
-from ..output.files import REPORT, SUMMARY, write_json, write_text
-from ..output.sections import trace_summary
+from ..output.files import REPORT, SUMMARY, finite, write_json, write_text
+from ..output.sections import model_sections, trace_summary
 from ..resumable import run_units
-from ..study.parameter_file import Estimate, tabulate, to_json
-from ..study.units import Job, Unit, check_fit, prepare
-from .report import UnitIdentification, render, render_overview
+from ..study.parameter_file import Estimate, by_entry, tabulate, to_json
+from ..study.units import Job, Unit, prepare
+from .report import render, render_overview
 
 
 def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathlib.Path) -> None:
@@ -27,23 +28,15 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
     The traces with use = 'fit' are used; all of them are compared with the model that comes out. Units that an
     earlier run of the same study has finished are kept.
 
-    **Raises:** `InputError` before anything is written; `SimulationError` when nothing could be identified, after
-    everything else is written.
+    **Raises:** `SimulationError` when nothing could be identified, after everything else is written.
     """
-    job = prepare(study, parameters, needs=("x_d|p_act",))
-    check_fit(job)
-    summaries = run_units(
-        job,
-        out,
-        "identify",
-        lambda unit, folder: _identify_unit(job, unit, folder),
-        lambda summaries: render_overview(job, summaries),
-    )
+    job = prepare(study, parameters, to_fit=True)
+    compute, overview = functools.partial(_identify_unit, job), functools.partial(render_overview, job)
+    summaries = run_units(job, out, "identify", compute, overview)
     empty = [name or "this study" for name, summary in summaries.items() if not summary["identified"]]
     if empty:
-        raise SimulationError(
-            f"the traces of {', '.join(empty)} allow no identification; the report says what is missing"
-        )
+        units = ", ".join(empty)
+        raise SimulationError(f"the traces of {units} allow no identification; the report says what is missing")
 
 
 def _identify_unit(job: Job, unit: Unit, folder: pathlib.Path) -> None:
@@ -59,39 +52,31 @@ def _identify_unit(job: Job, unit: Unit, folder: pathlib.Path) -> None:
             console.print(f"{who}{result.name} [{result.equations}]: {outcome}")
         status.update("simulating all traces")
         model = move_inside(model, unit.bounds)  # so that a fit can start from it
-        traces = _compare(model, unit)
+        traces = compare(plan_task(model, unit.used("fit"), unit.used("validate"), free=[]), model)
     seconds = time.monotonic() - began
     table = tabulate(unit.model, model, _estimates(model, found, unit), unit.bounds)
-    summary = _summary(found, traces, seconds, job)
-    report = UnitIdentification(unit.name, model, found, table, traces, seconds)
     write_json(folder / "parameters.json", to_json(job.study, table))
-    write_json(folder / SUMMARY, summary)
-    write_text(folder / REPORT, render(job, report))
-
-
-def _compare(model: vgtjax.AbstractModel, unit: Unit) -> list[TraceResult]:
-    return compare(plan_task(model, unit.used("fit"), unit.used("validate"), free=[]), model)
+    write_json(folder / SUMMARY, _summary(found, traces, seconds, job))
+    page = render(job, unit.name, found, table, seconds, model_sections(model, traces))
+    write_text(folder / REPORT, page)
 
 
 def _estimates(model: vgtjax.AbstractModel, found: list[Identified], unit: Unit) -> dict[str, Estimate]:
     """Standard errors by entry, of the last test that determined each."""
-    estimates: dict[str, Estimate] = {}
-    values = dict(zip((every := vgtjax.select(model, free=["*"])).entries, np.asarray(every.pack(model)), strict=True))
-    for result in found:
-        for name, errors in result.std_errors.items():
-            entries = [name] if np.ndim(errors) == 0 else [f"{name}[{i}]" for i in range(len(errors))]
-            for entry, error in zip(entries, np.atleast_1d(errors), strict=True):
-                if entry in values:
-                    ends = unit.bounds.get(entry, (None, None))
-                    estimates[entry] = Estimate(float(error), float(values[entry]) in ends, bool(np.isfinite(error)))
-    return estimates
+    every = vgtjax.select(model, free=["*"])
+    values = dict(zip(every.entries, np.asarray(every.pack(model)).tolist(), strict=True))
+    return {
+        entry: Estimate(float(error), values[entry] in unit.bounds.get(entry, (None, None)), bool(np.isfinite(error)))
+        for result in found
+        for entry, error in by_entry(result.std_errors).items()
+        if entry in values
+    }
 
 
 def _summary(found: list[Identified], traces: list[TraceResult], seconds: float, job: Job) -> dict[str, Any]:
     return {
         "identified": sorted({name for result in found for name in result.values}),
-        "wall_seconds": round(seconds, 3),
-        "study_sha256": job.fingerprint,
+        **job.account(seconds),
         "sections": [_section(result) for result in found],
         "traces": {result.trace.name: trace_summary(result) for result in traces},
     }
@@ -104,12 +89,6 @@ def _section(result: Identified) -> dict[str, Any]:
         "method": result.method,
         "samples": result.samples,
         "values": {name: np.asarray(value).tolist() for name, value in result.values.items()},
-        "std_errors": {name: _without_nan(errors) for name, errors in result.std_errors.items()},
+        "std_errors": finite(result.std_errors),
         "unseen": list(result.limitations),
     }
-
-
-def _without_nan(errors: Any) -> Any:
-    if np.ndim(errors) == 0:
-        return float(errors) if np.isfinite(errors) else None
-    return [_without_nan(error) for error in errors]

@@ -9,45 +9,31 @@ import plotly.graph_objects as go
 import vgtjax
 from vgtjax.parts import Contact, Vanes
 
-from .figures import MEASURED, SIMULATED, styled
-
-CURVES = ("#c2410c", "#1d4ed8", "#15803d", "#7c3aed", "#0e7490")
+from .figures import MEASURED, PALETTE, curve, styled
 
 
 def component_figures(model: Any) -> list[tuple[str, go.Figure]]:
     """Title and figure of every law that the model has: magnet, areas, flow function, friction, vane force."""
-    figures = []
-    if isinstance(model, vgtjax.Actuator):
-        figures += [
-            ("Magnetic force against duty [2.9]", magnet_figure(model)),
-            ("Effective areas against plunger position [B.2, B.3]", area_figure(model)),
-            ("Flow function [2.15]", flow_function_figure(model)),
-        ]
+    figures = _air_path_figures(model) if isinstance(model, vgtjax.Actuator) else []
     figures.append(("Friction against velocity [3.7]", friction_figure(model)))
     if not isinstance(model.vane_force, vgtjax.NoVaneForce):
         figures.append(("Exhaust gas force on the rod [3.15-3.17]", vane_force_figure(model)))
     return figures
 
 
-def magnet_figure(model: vgtjax.Actuator) -> go.Figure:
-    """Pull of the magnet on a closed plunger over the duty."""
-    duty = np.linspace(0.0, 100.0, 201)
+def _air_path_figures(model: vgtjax.Actuator) -> list[tuple[str, go.Figure]]:
+    """Pull on a closed plunger; area of the orifice to the reservoir (below zero) or the atmosphere (above); Phi."""
+    duty, position, ratio = np.linspace(0.0, 100.0, 201), np.linspace(-3e-3, 1e-3, 801), np.linspace(0.0, 1.0, 501)
     pull = model.converter.magnetic_force.steady_pull(duty, np.zeros_like(duty))
-    return _plot([(duty, pull, "")], "duty, %", "magnetic force, N")
-
-
-def area_figure(model: vgtjax.Actuator) -> go.Figure:
-    """Area of the open orifice over the plunger's position: to the reservoir below zero, to the atmosphere above."""
-    position = np.linspace(-3e-3, 1e-3, 801)
-    area = jax.vmap(model.converter.orifice_area)(position)
-    return _plot([(position * 1e3, np.asarray(area) * 1e6, "")], "plunger position, mm", "effective area, mm²")
-
-
-def flow_function_figure(model: vgtjax.Actuator) -> go.Figure:
-    """Phi over the pressure ratio."""
-    ratio = np.linspace(0.0, 1.0, 501)
-    figure = _plot([(ratio, vgtjax.flow_function(model.air, ratio), "")], "pressure ratio", "Phi")
-    return figure.add_vline(float(model.air.critical_ratio()), line_dash="dot", line_color=MEASURED)
+    area = np.asarray(jax.vmap(model.converter.orifice_area)(position))
+    phi = _plot([(ratio, vgtjax.flow_function(model.air, ratio), "")], "pressure ratio", "Phi")
+    phi.add_vline(float(model.air.critical_ratio()), line_dash="dot", line_color=MEASURED)
+    areas = _plot([(position * 1e3, area * 1e6, "")], "plunger position, mm", "effective area, mm²")
+    return [
+        ("Magnetic force against duty [2.9]", _plot([(duty, pull, "")], "duty, %", "magnetic force, N")),
+        ("Effective areas against plunger position [B.2, B.3]", areas),
+        ("Flow function [2.15]", phi),
+    ]
 
 
 def friction_figure(model: Any) -> go.Figure:
@@ -83,9 +69,6 @@ def vane_force_figure(model: Any) -> go.Figure:
 def _plot(curves: list[tuple[Any, Any, str]], x_label: str, y_label: str) -> go.Figure:
     figure = go.Figure()
     for number, (x, y, name) in enumerate(curves):
-        line = {"color": SIMULATED if len(curves) == 1 else CURVES[number % len(CURVES)], "width": 1.6}
-        x, y = np.asarray(x, np.float32), np.asarray(y, np.float32)
-        figure.add_trace(go.Scatter(x=x, y=y, mode="lines", name=name, line=line, showlegend=bool(name)))
-    figure.update_xaxes(title_text=x_label)
-    figure.update_yaxes(title_text=y_label)
-    return styled(figure, 340)
+        color = PALETTE[number % len(PALETTE)]
+        figure.add_trace(curve(x, y, name, color, width=1.6, showlegend=bool(name)))
+    return styled(figure, 340, x_label, y_label)

@@ -1,12 +1,17 @@
 """Figures of a report (plotly), in the units of the bench: s, mbar gauge, mm."""
 
+import itertools
+from typing import Any
+
 import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from vgtjax.estimation import Progress, TraceResult
+from vgtjax.estimation import TraceResult
 
 MEASURED, SIMULATED, DUTY = "#9aa5b1", "#c2410c", "#64748b"
+PALETTE = ("#c2410c", "#1d4ed8", "#15803d", "#7c3aed", "#0e7490", "#b45309", "#be185d", "#4d7c0f", "#334155", "#a16207")
+"""Where several curves share a picture."""
 POINTS = 1500
 """Pairs of points a curve; extremes are kept, so no spike is lost."""
 SCALE = {"x_d": 1e3, "p_act": 1e-2}
@@ -27,21 +32,25 @@ def thin(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return time[kept], values[kept]
 
 
-def _line(time: np.ndarray, values: np.ndarray, color: str, name: str, **style: object) -> go.Scatter:
-    x, y = thin(time, values)
-    return go.Scatter(
-        x=x.astype(np.float32),
-        y=y.astype(np.float32),
-        mode="lines",
-        name=name,
-        legendgroup=name,
-        line={"color": color, "width": style.pop("width", 1.2)},
-        **style,
-    )
+def curve(
+    x: Any, y: Any, name: str, color: str, *, width: float = 1.2, dash: str = "solid", **style: Any
+) -> go.Scatter:
+    """A thinned line; the legend switches curves of one name together."""
+    x, y = (values.astype(np.float32) for values in thin(np.asarray(x), np.asarray(y)))
+    line = {"color": color, "width": width, "dash": dash}
+    return go.Scatter(x=x, y=y, name=name, line=line, **{"mode": "lines", "legendgroup": name, **style})
 
 
-def styled(figure: go.Figure, height: int) -> go.Figure:
-    """The look that all figures of a report share."""
+def points(
+    x: Any, y: Any, name: str, color: str, size: float, *, symbol: str = "circle", opacity: float = 1.0, **style: Any
+) -> go.Scatter:
+    """Marks where `curve` draws a line."""
+    marker = {"color": color, "size": size, "symbol": symbol, "opacity": opacity}
+    return curve(x, y, name, color, mode="markers", marker=marker, **style)
+
+
+def styled(figure: go.Figure, height: int, x: str = "", y: str = "", **layout: Any) -> go.Figure:
+    """The look that all figures of a report share, and the titles of its axes."""
     figure.update_layout(
         template="plotly_white",
         height=height,
@@ -50,7 +59,11 @@ def styled(figure: go.Figure, height: int) -> go.Figure:
         legend={"orientation": "h", "y": 1.06, "x": 0},
         hovermode="x unified",
     )
-    return figure
+    if x:
+        figure.update_xaxes(title_text=x)
+    if y:
+        figure.update_yaxes(title_text=y)
+    return figure.update_layout(**layout)
 
 
 def _shown(channel: str, values: np.ndarray, atmosphere: float) -> np.ndarray:
@@ -69,18 +82,15 @@ def trace_figure(result: TraceResult) -> go.Figure:
             ("measured", channel.measured - channel.offset, MEASURED),
             ("simulated", channel.simulated, SIMULATED),
         ):
-            line = _line(channel.time, _shown(name, values, trace.atmosphere), color, kind, showlegend=number == 0)
-            figure.add_trace(line, row=row, col=1)
+            shown = _shown(name, values, trace.atmosphere)
+            figure.add_trace(curve(channel.time, shown, kind, color, showlegend=number == 0), row=row, col=1)
         label, scale = RESIDUAL[name]
-        figure.add_trace(
-            _line(channel.time, channel.residual * scale, MEASURED, "residual", showlegend=False, width=0.7),
-            row=row + 1,
-            col=1,
-        )
+        residual = curve(channel.time, channel.residual * scale, "residual", MEASURED, width=0.7, showlegend=False)
+        figure.add_trace(residual, row=row + 1, col=1)
         figure.update_yaxes(title_text=LABEL[name], row=row, col=1)
         figure.update_yaxes(title_text=label, row=row + 1, col=1)
     if trace.pwm is not None:
-        duty = _line(trace.channels["pwm"].time, trace.pwm, DUTY, "duty", line_shape="hv", showlegend=False)
+        duty = curve(trace.channels["pwm"].time, trace.pwm, "duty", DUTY, line_shape="hv", showlegend=False)
         figure.add_trace(duty, row=rows, col=1)
         figure.update_yaxes(title_text="duty, %", row=rows, col=1)
     figure.update_xaxes(title_text="time, s", row=rows, col=1)
@@ -89,21 +99,20 @@ def trace_figure(result: TraceResult) -> go.Figure:
 
 def loop_figure(result: TraceResult) -> go.Figure:
     """Position over chamber pressure: the hysteresis loop. Sensor offsets removed."""
-    figure, atmosphere = go.Figure(), result.trace.atmosphere
-    for name, axes in (("measured", measured_pair(result)), ("simulated", result.simulated)):
-        stride = -(-len(axes["x_d"]) // (2 * POINTS))
-        figure.add_trace(
-            go.Scatter(
-                x=_shown("p_act", axes["p_act"], atmosphere)[::stride].astype(np.float32),
-                y=_shown("x_d", axes["x_d"], atmosphere)[::stride].astype(np.float32),
-                mode="lines",
-                name=name,
-                line={"color": MEASURED if name == "measured" else SIMULATED, "width": 1.2},
-            )
-        )
-    figure.update_xaxes(title_text=LABEL["p_act"])
-    figure.update_yaxes(title_text=LABEL["x_d"])
-    return styled(figure, 420).update_layout(hovermode="closest")
+    loops = loop_curves(result, 2 * POINTS)
+    colors = {"measured": MEASURED, "simulated": SIMULATED}
+    figure = go.Figure([curve(*loop, kind, colors[kind]) for kind, loop in loops.items()])
+    return styled(figure, 420, LABEL["p_act"], LABEL["x_d"], hovermode="closest")
+
+
+def loop_curves(result: TraceResult, most: int) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Pressure and position as shown, measured and simulated: at most so many samples of each, equally spaced."""
+    loops = {}
+    for kind, values in (("measured", measured_pair(result)), ("simulated", result.simulated)):
+        stride = -(-len(values["x_d"]) // most)
+        pressure, position = (_shown(n, values[n], result.trace.atmosphere)[::stride] for n in ("p_act", "x_d"))
+        loops[kind] = (pressure, position)
+    return loops
 
 
 def measured_pair(result: TraceResult) -> dict[str, np.ndarray]:
@@ -117,42 +126,29 @@ def measured_pair(result: TraceResult) -> dict[str, np.ndarray]:
     return pair
 
 
-def convergence_figure(progress: Progress) -> go.Figure:
+def convergence_figure(history: Any, title: str, color: str = SIMULATED) -> go.Figure:
     """Cost after every step."""
-    cost = 2 * np.asarray(progress.history)
-    figure = go.Figure(go.Scatter(x=np.arange(len(cost)), y=cost, mode="lines+markers", line={"color": SIMULATED}))
-    figure.update_yaxes(type="log", title_text="chi^2 / N", exponentformat="power")
-    figure.update_xaxes(title_text="step")
-    return styled(figure, 300)
+    figure = go.Figure(curve(np.arange(len(history)), history, "", color, mode="lines+markers"))
+    figure.update_yaxes(type="log", exponentformat="power")
+    return styled(figure, 300, "step", title)
 
 
 def autocorrelation_figure(results: list[TraceResult]) -> go.Figure:
     """Autocorrelation of the residuals of each trace: white residuals stay inside the band."""
     figure = make_subplots(rows=1, cols=2, subplot_titles=("position", "pressure"))
-    for result in results:
+    for result, color in zip(results, itertools.cycle(PALETTE), strict=False):
         for column, channel in enumerate(("x_d", "p_act"), 1):
             if channel in result.channels:
                 residual = result.channels[channel].residual
                 lags = np.arange(1, min(51, len(residual)))
                 rho = [autocorrelation(residual, int(lag)) for lag in lags]
-                figure.add_trace(
-                    go.Scatter(
-                        x=lags,
-                        y=np.asarray(rho, np.float32),
-                        mode="lines",
-                        name=result.trace.name,
-                        legendgroup=result.trace.name,
-                        showlegend=column == 1,
-                    ),
-                    row=1,
-                    col=column,
-                )
+                line = curve(lags, rho, result.trace.name, color, width=2, showlegend=column == 1)
+                figure.add_trace(line, row=1, col=column)
     for column in (1, 2):
         bound = 1.96 / np.sqrt(min(len(channel.time) for result in results for channel in result.channels.values()))
         figure.add_hrect(-bound, bound, fillcolor="#94a3b8", opacity=0.2, line_width=0, row=1, col=column)
-        figure.update_xaxes(title_text="lag, samples", row=1, col=column)
     figure.update_yaxes(title_text="autocorrelation", row=1, col=1)
-    return styled(figure, 340).update_layout(margin={"t": 70})
+    return styled(figure, 340, "lag, samples", margin={"t": 70})
 
 
 def autocorrelation(residual: np.ndarray, lag: int) -> float:
@@ -165,18 +161,13 @@ def correlation_figure(entries: list[str], covariance: np.ndarray) -> go.Figure:
     """How the estimates of the parameters hang together."""
     deviation = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(deviation, deviation)
+    figure = heatmap(correlation, entries, entries, "correlation", zmin=-1, colorscale="RdBu")
+    return styled(figure, 260 + 18 * len(entries), hovermode="closest", margin={"l": 240, "b": 220, "t": 20})
+
+
+def heatmap(values: np.ndarray, columns: Any, rows: Any, title: str, **style: Any) -> go.Figure:
+    """Numbers up to one as colours; the first row is on top."""
     figure = go.Figure(
-        go.Heatmap(
-            z=correlation.astype(np.float32),
-            x=entries,
-            y=entries,
-            zmin=-1,
-            zmax=1,
-            colorscale="RdBu",
-            colorbar={"title": "correlation"},
-        )
+        go.Heatmap(z=values.astype(np.float32), x=columns, y=rows, zmax=1, colorbar={"title": title}, **style)
     )
-    figure.update_yaxes(autorange="reversed")
-    return styled(figure, 260 + 18 * len(entries)).update_layout(
-        hovermode="closest", margin={"l": 240, "b": 220, "t": 20}
-    )
+    return figure.update_yaxes(autorange="reversed")

@@ -1,9 +1,13 @@
 """Files that a command writes: whole or not at all, and never over another study's results."""
 
+import contextlib
 import json
 import os
 import pathlib
+from collections.abc import Iterator
 from typing import Any
+
+import numpy as np
 
 from vgtjax import InputError
 
@@ -12,11 +16,27 @@ PROGRESS = ".progress.json"
 SUMMARY, REPORT = "summary.json", "report.html"
 
 
+def finite(values: Any) -> Any:
+    """Numbers for JSON, which has neither NaN nor infinity: `None` where there is none."""
+    if isinstance(values, dict):
+        return {key: finite(value) for key, value in values.items()}
+    if np.ndim(values):
+        return [finite(value) for value in values]
+    return float(values) if np.isfinite(values) else None
+
+
+@contextlib.contextmanager
+def replacing(path: pathlib.Path) -> Iterator[pathlib.Path]:
+    """A new file that takes the place of `path` in the end, so that a crash leaves either the old or the new one."""
+    new = path.with_name(f".{path.name}.new")
+    yield new
+    os.replace(new, path)
+
+
 def write_text(path: pathlib.Path, text: str) -> None:
-    """Writes a file so that a crash leaves either the old one or the new one."""
-    temporary = path.with_name(f".{path.name}.new")
-    temporary.write_text(text, encoding="utf-8")
-    os.replace(temporary, path)
+    """Writes a text file whole or not at all."""
+    with replacing(path) as new:
+        new.write_text(text, encoding="utf-8")
 
 
 def write_json(path: pathlib.Path, content: Any) -> None:
@@ -25,10 +45,7 @@ def write_json(path: pathlib.Path, content: Any) -> None:
 
 
 def read_json(path: pathlib.Path) -> Any:
-    """Reads JSON that this package wrote.
-
-    **Raises:** `InputError` when the file can't be read or is no JSON.
-    """
+    """Reads JSON that this package wrote."""
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
@@ -38,10 +55,7 @@ def read_json(path: pathlib.Path) -> Any:
 
 
 def claim(out: pathlib.Path, command: str, fingerprint: str) -> None:
-    """Makes `out` the folder of this command and study.
-
-    **Raises:** `InputError` when it is a file, or belongs to another command or study.
-    """
+    """Makes `out` the folder of this command and study."""
     marker = out / MARKER
     if out.exists() and not out.is_dir():
         raise InputError(f"--out must be a folder, but {out} is a file; choose another name")

@@ -6,6 +6,7 @@ import platform
 from typing import Any
 
 import jinja2
+import markupsafe
 import plotly.graph_objects as go
 import plotly.offline
 
@@ -21,7 +22,7 @@ def render_page(template: str, **values: Any) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["number"] = _number
+    environment.filters |= {"number": _number, "figure": _figure}
     return environment.get_template(template).render(
         date=datetime.datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z"),
         versions={name: importlib.metadata.version(name) for name in _PACKAGES},
@@ -32,9 +33,10 @@ def render_page(template: str, **values: Any) -> str:
     )
 
 
-def figure_html(figure: go.Figure) -> str:
+def _figure(figure: go.Figure) -> markupsafe.Markup:
     """A figure as a part of a page that has the plot library already."""
-    return figure.to_html(full_html=False, include_plotlyjs=False, config={"displaylogo": False, "responsive": True})
+    config = {"displaylogo": False, "responsive": True}
+    return markupsafe.Markup(figure.to_html(full_html=False, include_plotlyjs=False, config=config))
 
 
 def _number(value: float | None, digits: int = 5) -> str:

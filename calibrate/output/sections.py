@@ -1,41 +1,74 @@
 """What summaries and reports say of a model and of how it meets its traces, whatever found it."""
 
-import math
+import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import plotly.graph_objects as go
 
 import vgtjax
 from vgtjax.estimation import TraceResult
+from vgtjax.experiments import HysteresisLoop, find_loop
 
 from . import figures
 from .component_figures import component_figures
-from .hysteresis import loop_pair, loop_widths, loops_figure
-from .page import figure_html
+from .files import finite
+
+LOOP_POINTS = 1200
 
 
-def component_sections(model: vgtjax.AbstractModel) -> list[dict[str, str]]:
-    """Title and picture of each law of a model."""
-    return [{"title": title, "figure": figure_html(figure)} for title, figure in component_figures(model)]
+@dataclasses.dataclass(frozen=True, eq=False)
+class LoopPair:
+    """A measured loop and the simulated one, read at the same positions; `turbine` in Pa gauge."""
+
+    result: TraceResult
+    turbine: float
+    measured: HysteresisLoop
+    simulated: HysteresisLoop
+
+    @property
+    def widths(self) -> dict[str, float]:
+        """Mean widths over 2 to 8 mm of travel in Pa."""
+        return {"measured": self.measured.mean_width, "simulated": self.simulated.mean_width}
+
+
+def loop_pair(result: TraceResult) -> LoopPair | None:
+    """The loops of a trace that is one slow excursion with both signals measured, or `None`."""
+    trace = result.trace
+    if trace.x_d is None or trace.p_act is None:
+        return None
+    pair = figures.measured_pair(result)
+    measured = find_loop(trace.on_one_clock().time, pair["x_d"], pair["p_act"])
+    simulated = find_loop(trace.time, result.simulated["x_d"], result.simulated["p_act"])
+    if measured is None or simulated is None:
+        return None
+    turbine = 0.0 if trace.p_trb is None else float(np.mean(trace.p_trb))
+    return LoopPair(result, turbine, measured, simulated)
+
+
+def loops_figure(pairs: Sequence[LoopPair]) -> go.Figure:
+    """All slow loops in one picture, a colour for every turbine pressure; points are measured, lines simulated."""
+    figure = go.Figure()
+    for number, pair in enumerate(pairs):
+        color = figures.PALETTE[number % len(figures.PALETTE)]
+        at = f"{pair.turbine / 100:.0f} mbar at the turbine"
+        loops = figures.loop_curves(pair.result, LOOP_POINTS)
+        figure.add_trace(figures.points(*loops["measured"], f"{at}, measured", color, 3, opacity=0.3))
+        figure.add_trace(figures.curve(*loops["simulated"], f"{at}, simulated", color, width=1.6))
+    return figures.styled(figure, 520, figures.LABEL["p_act"], figures.LABEL["x_d"], hovermode="closest")
+
+
+def model_sections(model: vgtjax.AbstractModel, results: list[TraceResult]) -> dict[str, Any]:
+    """What reports show of a model: each trace, the slow loops, and each law."""
+    traces, laws = [trace_section(result) for result in results], component_figures(model)
+    return {"traces": traces, "loops": loop_section(results), "laws": laws}
 
 
 def loop_section(results: list[TraceResult]) -> dict[str, Any] | None:
-    """What a report shows of the slow loops among the traces, if there are any: widths in mbar, and one picture."""
-    figure = loops_figure(results)
-    if figure is None:
-        return None
+    """What a report shows of the slow loops among the traces, if there are any."""
     pairs = sorted((pair for result in results if (pair := loop_pair(result)) is not None), key=lambda p: p.turbine)
-    rows = [
-        {
-            "name": pair.name,
-            "turbine": pair.turbine / 100,
-            "measured": pair.measured.mean_width / 100,
-            "simulated": pair.simulated.mean_width / 100,
-            "difference": 100 * (pair.simulated.mean_width / pair.measured.mean_width - 1),
-        }
-        for pair in pairs
-    ]
-    return {"rows": rows, "figure": figure_html(figure)}
+    return {"pairs": pairs, "figure": loops_figure(pairs)} if pairs else None
 
 
 def trace_section(result: TraceResult) -> dict[str, Any]:
@@ -59,23 +92,19 @@ def trace_section(result: TraceResult) -> dict[str, Any]:
         "use": result.use,
         "notes": result.trace.notes,
         "channels": channels,
-        "figure": figure_html(figures.trace_figure(result)),
-        "loop": figure_html(figures.loop_figure(result)),
+        "figure": figures.trace_figure(result),
+        "loop": figures.loop_figure(result),
     }
 
 
 def trace_summary(result: TraceResult) -> dict[str, Any]:
     """How a model meets one trace, in SI units, as summaries state it."""
-
-    def finite(values: dict[str, float]) -> dict[str, float | None]:
-        return {channel: value if math.isfinite(value) else None for channel, value in values.items()}
-
-    widths = loop_widths(result)
+    pair = loop_pair(result)
     return {
         "use": result.use,
         "rmse": finite(result.rmse),
         "offset": finite(result.offset),
         "noise": {name: channel.noise for name, channel in result.channels.items()},
-        **({} if widths is None else {"loop_width": widths}),
+        **({} if pair is None else {"loop_width": pair.widths}),
         "notes": list(result.trace.notes),
     }

@@ -4,18 +4,16 @@ import dataclasses
 import pathlib
 from typing import Any
 
-import numpy as np
-
 import vgtjax
 from vgtjax import InputError
 from vgtjax.plants import on_given_knots
 from vgtjax.population import Population, Spread, fitted_levels, fitted_population, spread_population
 
 from ..output.files import read_json
-from ..study.models import build_model, start_model
+from ..study.models import build_model, start_model, values_of
 from ..study.parameter_file import fitted_entries, load_values, unit_files
 from ..study.places import OF_A_POPULATION, stated
-from ..study.tables import PopulationTable, Study
+from ..study.tables import Study
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -40,8 +38,6 @@ def read_actuators(
 
     **Arguments:** `path`: of the study; `parameters`: of the nominal actuator, or a folder with several fitted units,
     by default what the study names; `levels`: whether quantities must be independent, one a curve.
-
-    **Raises:** `InputError` for the first thing that is wrong.
     """
     if parameters is None and study.population.units is not None:
         parameters = path.parent / study.population.units
@@ -73,23 +69,22 @@ def _models(
     knots: dict[str, Any] = {}
     for given in values.values():
         start, _ = start_model(model, study, given)
-        knots = knots or {
-            name: np.asarray(vgtjax.get_parameter(start, name)).tolist() for name in vgtjax.parameter_table(start)
-        }
+        knots = knots or values_of(start)
         models.append(on_given_knots(start, knots))
     return models
 
 
 def _population(
-    study: Study,
-    models: dict[str | None, vgtjax.AbstractModel],
-    parameters: pathlib.Path | None,
-    levels: bool,
+    study: Study, models: dict[str | None, vgtjax.AbstractModel], parameters: pathlib.Path | None, levels: bool
 ) -> tuple[Population, tuple[str, ...]]:
     table = study.population
     if None in models:
+        spreads = {name: Spread(**spread.model_dump()) for name, spread in table.parameters.items()}
+        pairs = [(each.parameters, each.value) for each in table.correlation]
         with stated(OF_A_POPULATION):
-            population = _stated_population(models[None], table)
+            population = spread_population(
+                models[None], table.relative, spreads=spreads, vary=table.vary, fixed=table.fixed, correlations=pairs
+            )
         notes = []
         if not table.parameters and "relative" not in table.model_fields_set:
             notes.append(
@@ -118,17 +113,6 @@ def _population(
         "than the units do"
     )
     return fitted_levels(population, list(models.values())), (note, *doubts)
-
-
-def _stated_population(model: vgtjax.AbstractModel, table: PopulationTable) -> Population:
-    return spread_population(
-        model,
-        table.relative,
-        spreads={name: Spread(**spread.model_dump()) for name, spread in table.parameters.items()},
-        vary=table.vary,
-        fixed=table.fixed,
-        correlations=[(each.parameters, each.value) for each in table.correlation],
-    )
 
 
 def _unconverged(folder: pathlib.Path) -> tuple[str, ...]:

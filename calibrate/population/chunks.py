@@ -2,15 +2,15 @@
 
 import dataclasses
 import math
-import os
 import pathlib
-import shutil
 from collections.abc import Sequence
 
 import numpy as np
 
 from vgtjax.experiments import Output
 from vgtjax.population import CAUSES, Results, column_names
+
+from ..output.files import replacing
 
 FOLDER = ".chunks"
 
@@ -53,10 +53,8 @@ class ChunkStore:
         content = np.vstack([causes, kept.matrix.T])
         path = self._path(number)
         path.parent.mkdir(exist_ok=True)
-        temporary = path.with_suffix(".new")
-        with temporary.open("wb") as file:
+        with replacing(path) as new, new.open("wb") as file:
             np.save(file, content)
-        os.replace(temporary, path)
 
     def failed(self) -> dict[int, str]:
         """Rows of which a simulation failed, with the cause."""
@@ -82,10 +80,6 @@ class ChunkStore:
             content = np.load(self._path(number), mmap_mode="r")
             parts.append(np.array(content[places, max(begin - first, 0) : min(end, last) - first]).T)
         return np.concatenate(parts)
-
-    def remove(self) -> None:
-        """Removes all chunks, once what was wanted of them is written elsewhere."""
-        shutil.rmtree(self.folder / FOLDER)
 
     def _kept(self, row: int) -> tuple[Output, ...]:
         """What is kept in the chunk that begins at a row."""

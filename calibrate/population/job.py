@@ -1,4 +1,4 @@
-"""From a study to a population, the experiments that it goes through, and what the bench measured of its units."""
+"""From a study to a population, the experiments that it goes through, and what traces tell of its units."""
 
 import dataclasses
 import pathlib
@@ -15,7 +15,7 @@ from vgtjax.population import Population
 from ..study.models import start_values
 from ..study.read import TraceSource, expand_traces, fingerprint, load_study
 from ..study.tables import Study
-from ..study.units import load_source
+from ..study.units import StudyJob, load_source
 from .actuators import read_actuators
 
 FLEET = pathlib.Path(__file__).parents[1] / "example" / "fleet" / "study.toml"
@@ -25,12 +25,9 @@ POINTS = (0.0, 1.5e5, 3.0e5)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class PopulationJob:
-    """Everything that a population study needs; nothing has been written yet."""
+class PopulationJob(StudyJob):
+    """Everything that a population study needs."""
 
-    study: Study
-    text: str
-    fingerprint: str
     population: Population
     fitted: dict[str, vgtjax.AbstractModel]
     """Fitted units, if the population comes from such."""
@@ -44,26 +41,24 @@ def prepare_population(path: pathlib.Path | None, parameters: pathlib.Path | Non
 
     **Arguments:** `path`: the study, or `None` for the example that ships; `parameters`: of the nominal actuator, or a
     folder with several fitted units; `levels`: whether quantities must be independent, one a curve.
-
-    **Raises:** `InputError` for the first thing that is wrong.
     """
     path = FLEET if path is None else path
     study = load_study(path)
     if study.model != "full":
         raise InputError(f"a population study needs model = 'full', but it is '{study.model}'; change it")
     actuators = read_actuators(path, study, parameters, levels=levels)
-    population = actuators.population
+    nominal = actuators.population.model
     sources = expand_traces(study, path.parent)
     measured = _measured(study, sources, actuators.first)
     return PopulationJob(
         study,
         path.read_text(encoding="utf-8-sig"),
         fingerprint(study, sources, actuators.values),
-        population,
+        actuators.population,
         actuators.fitted,
-        _experiments(study, population.model, measured),
+        _experiments(study, nominal, measured),
         measured,
-        actuators.notes + _more_notes(population.model, sources, measured),
+        actuators.notes + _more_notes(nominal, sources, measured),
     )
 
 
@@ -100,9 +95,9 @@ def _experiments(
     table = study.experiments
     pressures = table.turbine_pressure
     if pressures is None:
-        seen = {at for loops in measured.values() for at in loops.turbine_pressures}
+        measured_at = {at for loops in measured.values() for at in loops.turbine_pressures}
         # Gas that acts on nothing gives the same loop at every pressure.
-        pressures = sorted(seen or set(POINTS)) if feels_gas(model) else [0.0]
+        pressures = sorted(measured_at or set(POINTS)) if feels_gas(model) else [0.0]
     loop = SlowLoop(tuple(pressures), table.loop_seconds, table.loop_duty)
     if not table.steps:
         return (loop,)

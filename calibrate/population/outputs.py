@@ -1,15 +1,19 @@
-"""How outputs are shown: in the units of the bench."""
+"""What summaries and reports say of a population: outputs in the units of the bench, quantities, failed samples."""
 
-import dataclasses
-from typing import Any
-
-import numpy as np
+import itertools
+from typing import Any, NamedTuple
 
 from vgtjax.experiments import Output
+from vgtjax.population import Sample
+
+from ..output.files import finite
+from .job import PopulationJob
+
+NAMED = 100
+"""Failed samples that a summary names with their values; more of them say no more."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Scaled:
+class Scaled(NamedTuple):
     """The units in which an output is shown, and the factors to them from SI."""
 
     unit: str
@@ -27,6 +31,28 @@ def scaled(output: Output) -> Scaled:
     return Scaled(*_SHOWN[output.unit], *axis)
 
 
-def finite(value: Any) -> float | None:
-    """A number, `None` where there is none: JSON has no NaN."""
-    return float(value) if np.isfinite(value) else None
+def describe_failed(job: PopulationJob, sample: Sample, failed: dict[int, str]) -> dict[str, Any]:
+    """How many samples failed; row numbers, causes and values of the first of them."""
+    entries, named = job.population.factors.entries, []
+    for row, cause in itertools.islice(failed.items(), NAMED):
+        values = job.population.values(sample.points(row, row + 1))[0].tolist()
+        by_name = {entry: finite(value) for entry, value in zip(entries, values, strict=True)}
+        named.append({"sample": row, "cause": cause, "values": by_name})
+    return {"count": len(failed), "samples": named}
+
+
+def describe_quantities(job: PopulationJob) -> dict[str, Any]:
+    """Unit, distribution, nominal value, mean and deviation of everything that varies."""
+    population = job.population
+    units = population.factors.units(population.model)
+    columns = (population.factors.entries, units, population.nominal.tolist(), population.margins)
+    return {
+        entry: {
+            "unit": unit,
+            "distribution": type(margin.dist).__name__.removesuffix("_gen"),
+            "nominal": nominal,
+            "mean": finite(margin.mean()),
+            "deviation": finite(margin.std()),
+        }
+        for entry, unit, nominal, margin in zip(*columns, strict=True)
+    }

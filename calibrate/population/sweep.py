@@ -10,15 +10,14 @@ from typing import TypeVar
 import numpy as np
 import rich.progress
 
-from vgtjax import InputError
 from vgtjax.experiments import Output
 from vgtjax.population import Evaluator, Sample
 
 from ..output.console import console
-from ..output.files import claim
+from ..processes import agree, leads, meet
+from ..resumable import run_once
 from .chunks import FOLDER, ChunkStore
 from .job import PopulationJob
-from .processes import agree, leads, meet, together
 
 T = TypeVar("T")
 
@@ -40,31 +39,27 @@ class Plan:
 
 
 def carry_out(
-    plan: Plan,
-    out: pathlib.Path,
-    command: str,
-    derive: Callable[[], T],
-    write: Callable[[ChunkStore, T, float], None],
+    plan: Plan, out: pathlib.Path, command: str, derive: Callable[[], T], write: Callable[[ChunkStore, T, float], None]
 ) -> None:
     """Simulates what is missing in `out`, then writes the results; does nothing where they are already.
 
     **Arguments:** `derive`: simulates what is wanted beside the samples, in all processes; `write`: makes the files
     of the samples, of that, and of the seconds that all took, in the first process.
-
-    **Raises:** `InputError` when `out` can't be this command's folder.
     """
-    if not claim_together(out, command, plan.job.fingerprint):
-        return
-    for note in plan.job.notes:
-        console.print(f"note: {note}")
-    began = time.monotonic()
-    store = ChunkStore(out, plan.outputs, plan.sample.rows, plan.lanes, plan.curves)
-    _sweep(plan, store, command)
-    derived = derive()
+
+    def compute() -> None:
+        for note in plan.job.notes:
+            console.print(f"note: {note}")
+        began = time.monotonic()
+        store = ChunkStore(out, plan.outputs, plan.sample.rows, plan.lanes, plan.curves)
+        _sweep(plan, store, command)
+        derived = derive()
+        if leads():
+            write(store, derived, time.monotonic() - began)
+
+    run_once(out, command, plan.job.fingerprint, compute)
     if leads():
-        write(store, derived, time.monotonic() - began)
-        store.remove()
-        console.print(f"report: {(out / 'report.html').resolve()}")
+        shutil.rmtree(out / FOLDER, ignore_errors=True)  # also what a run has left that was killed after its report
     meet()
 
 
@@ -84,27 +79,6 @@ def _sweep(plan: Plan, store: ChunkStore, title: str) -> None:
             if leads():
                 store.save(number, results)
             progress.update(task, advance=size)
-
-
-def claim_together(out: pathlib.Path, command: str, fingerprint: str) -> bool:
-    """Makes `out` the folder of this command and study; false where it holds the finished results already.
-
-    **Raises:** `InputError` when it can't be.
-    """
-
-    def check() -> None:
-        if fingerprint != bytes(agree(np.frombuffer(fingerprint.encode(), np.uint8))).decode():
-            raise InputError("all processes must be given the same study, but this one has another; give it that")
-        if leads():
-            claim(out, command, fingerprint)
-
-    together(check)
-    finished = bool(agree((out / "report.html").exists()))
-    if finished and leads():
-        shutil.rmtree(out / FOLDER, ignore_errors=True)  # left by a run that was killed after its report
-        console.print(f"nothing to do: {out} holds this study's results")
-        console.print(f"report: {(out / 'report.html').resolve()}")
-    return not finished
 
 
 def _progress() -> rich.progress.Progress:

@@ -10,7 +10,7 @@ import rich.status
 
 from ..output.console import console
 from ..output.files import REPORT, write_json, write_text
-from ..output.page import figure_html, render_page
+from ..output.page import render_page
 from ..resumable import run_once
 from . import MEANING, ROWS, Result, Verdict, evaluate, figures
 
@@ -62,5 +62,5 @@ def render(results: list[Result]) -> str:
         sections=sections,
         meaning=MEANING,
         counts=_counted(results),
-        figures=[(title, text, figure_html(draw())) for title, text, draw in figures.ALL],
+        figures=[(title, text, draw()) for title, text, draw in figures.ALL],
     )

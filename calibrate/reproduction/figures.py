@@ -6,23 +6,10 @@ from plotly.subplots import make_subplots
 
 import vgtjax
 
-from ..output.figures import DUTY, MEASURED, SIMULATED, styled, thin
+from ..output.figures import DUTY, MEASURED, SIMULATED, curve, styled
 from . import air_flow, control_experiments, experiments, loops, reduced_models, responses, vanes
 
 SHADES = ("#0f766e", "#c2410c", "#4338ca", "#a16207")
-
-
-def _curve(x: np.ndarray, y: np.ndarray, name: str, color: str, **style: object) -> go.Scatter:
-    x, y = thin(x, y)
-    return go.Scatter(
-        x=x.astype(np.float32),
-        y=y.astype(np.float32),
-        mode="lines",
-        name=name,
-        legendgroup=name,
-        line={"color": color, "width": 1.4, "dash": style.pop("dash", "solid")},
-        **style,
-    )
 
 
 def flow_figure() -> go.Figure:
@@ -34,7 +21,7 @@ def flow_figure() -> go.Figure:
         air_flow.curves(),
         strict=True,
     ):
-        figure.add_trace(_curve(ratio, values, name, color, dash="solid" if name == "corrected" else "dash"))
+        figure.add_trace(curve(ratio, values, name, color, dash="solid" if name == "corrected" else "dash"))
     figure.update_xaxes(title_text="pressure ratio, downstream over upstream")
     figure.update_yaxes(title_text="Phi")
     return styled(figure, 340)
@@ -48,7 +35,7 @@ def response_figure() -> go.Figure:
         gauge = (solution.p_act - experiments.STANDARD_ATMOSPHERE) / experiments.MBAR
         for row, values in enumerate((gauge, 1e3 * solution.x_d), 1):
             figure.add_trace(
-                _curve(np.asarray(solution.time), np.asarray(values), f"{duty:g} %", color, showlegend=row == 1),
+                curve(np.asarray(solution.time), np.asarray(values), f"{duty:g} %", color, showlegend=row == 1),
                 row=row,
                 col=1,
             )
@@ -100,7 +87,7 @@ def polynomial_figure() -> go.Figure:
     figure = go.Figure()
     ratios = (1.0, 1.5, 2.0, 2.5)
     for ratio, color in zip(ratios, SHADES, strict=True):
-        figure.add_trace(_curve(vanes.ANGLES, vanes.polynomial(vanes.ANGLES, ratio), f"ratio {ratio:g}", color))
+        figure.add_trace(curve(vanes.ANGLES, vanes.polynomial(vanes.ANGLES, ratio), f"ratio {ratio:g}", color))
     figure.update_xaxes(title_text="crank angle, deg (closed at 4)")
     figure.update_yaxes(title_text="force against closing, N")
     return styled(figure, 340)
@@ -115,11 +102,11 @@ def validation_figure() -> go.Figure:
         found = reduced_models.along(name)
         traced, time = _panels(found.measured, found.measured), found.measured.time
         for row in (1, 2):
-            figure.add_trace(_curve(time, traced[row - 1], "trace", MEASURED, showlegend=col == row == 1), row, col)
+            figure.add_trace(curve(time, traced[row - 1], "trace", MEASURED, showlegend=col == row == 1), row, col)
         for (model, run), color in zip(found.solutions.items(), SHADES, strict=False):
             for row, values in enumerate(_panels(run, found.measured), 1):
-                curve = _curve(time, values, model, color, dash=dashes[model], showlegend=col == row == 1)
-                figure.add_trace(curve, row, col)
+                line = curve(time, values, model, color, dash=dashes[model], showlegend=col == row == 1)
+                figure.add_trace(line, row, col)
         figure.update_xaxes(title_text=f"time, s ({reduced_models.TRACES[name]})", row=rows, col=col)
     for row, title in enumerate(("pressure, mbar gauge", "position, mm", "pressure error, mbar"), 1):
         figure.update_yaxes(title_text=title, row=row, col=1)
@@ -145,8 +132,8 @@ def closed_loop_figure() -> go.Figure:
             run = control_experiments.runs(name, course)
             settled = run.time >= control_experiments.SETTLED
             for row, values in enumerate((run.position[-1], run.error[-1]), 1):
-                curve = _curve(run.time[settled], 1e3 * values[settled], name, shades[name], showlegend=False)
-                figure.add_trace(curve, row, col)
+                line = curve(run.time[settled], 1e3 * values[settled], name, shades[name], showlegend=False)
+                figure.add_trace(line, row, col)
         figure.update_xaxes(title_text=f"time, s ({course})", row=2, col=col)
     for name in names:
         next(figure.select_traces(selector={"name": name})).showlegend = True

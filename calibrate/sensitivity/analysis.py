@@ -22,7 +22,7 @@ from vgtjax.sensitivity import (
 from ..population import ChunkStore, PopulationJob
 
 NOISE = {"m": 8e-6, "Pa": 60.0}
-"""Of position and pressure on the bench; shares of a smaller spread, as of a rod at rest, are of no use."""
+"""Of the sensors of position and pressure; shares of a smaller spread, as of a rod at rest, are of no use."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ class Analysis:
         first = column_names(self.outputs).index(column_names([output])[0])
         return slice(first, first + output.size)
 
-    def seen(self, output: Output, shares: np.ndarray) -> np.ndarray:
+    def above_noise(self, output: Output, shares: np.ndarray) -> np.ndarray:
         """Shares `(columns, quantities)` of one output; NaN where its spread is below the noise of its sensor."""
         place = self.place(output)
         return np.where(self.deviation[place, None] > NOISE[output.unit], shares[place], np.nan)

@@ -11,8 +11,9 @@ from vgtjax.population import Evaluator, OutputTable
 from vgtjax.sensitivity import RadialDesign
 
 from ..output.console import console
-from ..output.files import read_json, write_json, write_text
-from ..population import ChunkStore, Plan, agree, carry_out, leads, prepare_population, together
+from ..output.files import REPORT, SUMMARY, read_json, write_json, write_text
+from ..population import ChunkStore, Plan, carry_out, prepare_population
+from ..processes import agree, leads, together
 from .analysis import analyse_all, chosen_outputs
 from .report import render
 from .summary import summarise
@@ -21,7 +22,7 @@ from .summary import summarise
 def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathlib.Path) -> None:
     """Writes `summary.json` and `report.html`; goes on where an earlier run was interrupted.
 
-    **Raises:** `InputError` before anything is written; `SimulationError` when too many samples failed for any index.
+    **Raises:** `SimulationError` when too many samples failed for any index.
     """
     plan, design = together(lambda: _plan(study, parameters))
 
@@ -29,11 +30,11 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
         with console.status("indices"):
             analysis = analyse_all(plan.job, design, store, gradients)
         summary = summarise(plan.job, design, analysis, seconds)
-        write_json(out / "summary.json", summary)
-        write_text(out / "report.html", render(plan.job, analysis, summary))
+        write_json(out / SUMMARY, summary)
+        write_text(out / REPORT, render(plan.job, analysis, summary))
 
     carry_out(plan, out, "sensitivity", lambda: _gradients(plan, design), write)
-    if agree(leads() and not _has_indices(read_json(out / "summary.json"))):
+    if agree(leads() and not _has_indices(read_json(out / SUMMARY))):
         raise SimulationError(
             "too many simulations failed for any index; narrow the spreads, or raise base under [sensitivity]"
         )

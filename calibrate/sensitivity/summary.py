@@ -7,7 +7,8 @@ import numpy as np
 from vgtjax.experiments import Output
 from vgtjax.sensitivity import BootstrapInterval, Interval, RadialDesign, RankedInput, explain
 
-from ..population import PopulationJob, describe_failed, describe_quantities, finite, scaled
+from ..output.files import finite
+from ..population import PopulationJob, describe_failed, describe_quantities, scaled
 from .analysis import Analysis
 
 CORRELATED = 0.02
@@ -31,8 +32,7 @@ def summarise(job: PopulationJob, design: RadialDesign, analysis: Analysis, seco
         "quantities": describe_quantities(job),
         "sample_correlation": analysis.sample_correlation,
         "notes": [*job.notes, *_sample_note(analysis)],
-        "wall_seconds": round(seconds, 3),
-        "study_sha256": job.fingerprint,
+        **job.account(seconds),
     }
 
 
@@ -99,17 +99,15 @@ def _over_time(analysis: Analysis, output: Output, threshold: float) -> dict[str
         "src_thesis": indices.correlation.value,
         "gradient": analysis.local,
     }
-    total = analysis.seen(output, indices.total.value)
+    total = analysis.above_noise(output, indices.total.value)
     ever = np.nan_to_num(total, nan=0.0).max(axis=0) > threshold
     return {
         "meaning": output.meaning,
         "time": list(output.axis),
         "unit": scaled(output).unit,
-        "deviation": [finite(value * scaled(output).factor) for value in analysis.deviation[rows]],
+        "deviation": finite(analysis.deviation[rows] * scaled(output).factor),
         "quantities": {
-            name: {
-                kind: [finite(value) for value in analysis.seen(output, shares)[:, i]] for kind, shares in kinds.items()
-            }
+            name: {kind: finite(analysis.above_noise(output, shares)[:, i]) for kind, shares in kinds.items()}
             for i, name in enumerate(analysis.inputs)
             if ever[i]
         },

@@ -1,3 +1,1 @@
 """The command `simulate`: the model on every trace of a study."""
-
-from .command import run as run

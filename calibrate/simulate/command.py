@@ -19,8 +19,7 @@ from ..study.units import prepare
 def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathlib.Path) -> None:
     """Writes `<trace name>.csv` for every trace: physical values without sensor offsets.
 
-    **Raises:** `InputError` before anything is written; `SimulationError` naming the traces that failed, after the
-    others are written.
+    **Raises:** `SimulationError` naming the traces that failed, after the others are written.
     """
     job = prepare(study, parameters)
     claim(out, "simulate", job.fingerprint)

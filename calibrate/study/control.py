@@ -1,5 +1,6 @@
 """`[control]`: a controller, what it has to do, and which of its gains are tuned."""
 
+import math
 from typing import Annotated, Literal
 
 import pydantic
@@ -13,11 +14,11 @@ class CostTable(Table):
 
     tracking: Positive = 1e-5
     """m"""
-    effort: Positive | None = None
+    effort: Positive = math.inf
     """%"""
-    chatter: Positive | None = 5.0
+    chatter: Positive = 5.0
     """% from one sample to the next."""
-    largest_error: Positive | None = None
+    largest_error: Positive = math.inf
     """m; beyond it every error costs ten times more."""
     worst: Annotated[float, pydantic.Field(ge=0, le=1)] = 0.5
 

@@ -21,8 +21,6 @@ def build_model(study: Study) -> vgtjax.AbstractModel:
     """The model that a study names, with printed parameters and its tables on the knots that the study states.
 
     A flow map is fitted to the converter and the air that the study states.
-
-    **Raises:** `InputError` for a stated value that the converter can't have, or knots that don't increase.
     """
     match study.components:
         case FullComponents() | MechanicalComponents() as parts:
@@ -38,8 +36,6 @@ def start_model(model: Any, study: Study, earlier: dict[str, Any]) -> tuple[Any,
     """A study's model with the values that it starts from, and their bounds by entry.
 
     **Arguments:** `earlier`: values of an earlier fit, by name; what the study states itself goes before them.
-
-    **Raises:** `InputError` for an unknown name, too few values, or one that is not physical or out of bounds.
     """
     start = vgtjax.replace_parameters(on_given_knots(model, earlier), earlier)
     stated, bounds = start_values(start, parameters_of(study))
@@ -49,10 +45,7 @@ def start_model(model: Any, study: Study, earlier: dict[str, Any]) -> tuple[Any,
 
 
 def parameters_of(study: Study) -> dict[str, StartValue]:
-    """What a study states of its model, without what only shapes a flow map.
-
-    **Raises:** `InputError` when such has bounds, which only a parameter of the model may have.
-    """
+    """What a study states of its model, without what only shapes a flow map."""
     if study.model != "static-map":
         return study.parameters
     for name, given in study.parameters.items():
@@ -64,11 +57,13 @@ def parameters_of(study: Study) -> dict[str, StartValue]:
     return {name: given for name, given in study.parameters.items() if not name.startswith("converter.")}
 
 
-def start_values(model: eqx.Module, stated: Mapping[str, StartValue]) -> tuple[dict[str, Any], Bounds]:
-    """Start values by name and bounds by entry, of a model or a controller.
+def values_of(model: eqx.Module) -> dict[str, Any]:
+    """Every parameter of a model by name, a list for a vector."""
+    return {name: np.asarray(vgtjax.get_parameter(model, name)).tolist() for name in vgtjax.parameter_table(model)}
 
-    **Raises:** `InputError` for an unknown name, a wrong number of values, or bounds that fall.
-    """
+
+def start_values(model: eqx.Module, stated: Mapping[str, StartValue]) -> tuple[dict[str, Any], Bounds]:
+    """Start values by name and bounds by entry, of a model or a controller."""
     values: dict[str, Any] = {}
     bounds: Bounds = {}
     for name, given in stated.items():
@@ -99,10 +94,7 @@ def _entries_of(model: eqx.Module, name: str) -> list[str]:
 
 
 def check_length(name: str, key: str, value: float | list[float] | None, entries: list[str]) -> None:
-    """Whether there are as many numbers as a parameter has entries.
-
-    **Raises:** `InputError` otherwise.
-    """
+    """Refuses more or fewer numbers than a parameter has entries."""
     if value is None:
         return
     if entries == [name] and isinstance(value, list):

@@ -3,7 +3,7 @@
 import dataclasses
 import math
 import pathlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,16 +14,16 @@ from vgtjax.estimation import Calibration
 from vgtjax.parameters import Bounds, entry_names, unknown_name
 from vgtjax.plants import on_given_knots
 
-from ..output.files import read_json
-from .models import check_length
+from ..output.files import finite, read_json
+from .models import check_length, values_of
 from .tables import Study
 
 
 @dataclasses.dataclass(frozen=True)
-class Row:
-    """One scalar entry of a calibrated model, in the unit of the table."""
+class Entry:
+    """One number of a calibrated model, in the unit of the parameter table."""
 
-    entry: str
+    name: str
     symbol: str
     unit: str
     value: float
@@ -40,53 +40,35 @@ class Row:
 
 @dataclasses.dataclass(frozen=True)
 class Estimate:
-    """What is known of one estimated entry, in the unit of the table; `std_error` is NaN where the data say nothing."""
+    """What is known of an entry, in the unit of the table; by default as of one that is held."""
 
-    std_error: float
+    std_error: float = math.nan
     at_bound: bool = False
-    identifiable: bool = True
+    identifiable: bool = False
 
 
 def tabulate(
     start: Any, model: Any, estimates: dict[str, Estimate], bounds: Bounds, names: Sequence[str] = ("*",)
-) -> list[Row]:
-    """Every scalar entry of a model or a controller beside its start, the estimated ones and the others, or of `names`.
+) -> list[Entry]:
+    """Every entry of a model or a controller beside its start, the estimated ones and the others, or of `names`.
 
     A table that was moved to other knots starts from its old force at the new ones.
     """
     table = vgtjax.parameter_table(model)
     everything = vgtjax.select(model, free=names)
     values = np.asarray(everything.pack(model)).tolist()
-    knots = {name: np.asarray(vgtjax.get_parameter(model, name)).tolist() for name in table}
-    initials = np.asarray(everything.pack(on_given_knots(start, knots))).tolist()
+    initials = np.asarray(everything.pack(on_given_knots(start, values_of(model)))).tolist()
     found = []
-    for entry, value, initial in zip(everything.entries, values, initials, strict=True):
-        row = vgtjax.parameters.table_row(table, entry)
-        estimate = estimates.get(entry)
-        error = math.nan if estimate is None else estimate.std_error
-        low, high = bounds.get(entry, (None, None))
-        found.append(
-            Row(
-                entry=entry,
-                symbol=row.symbol,
-                unit=str(row.unit),
-                value=value,
-                initial=initial,
-                std_error=error if math.isfinite(error) else None,
-                free=estimate is not None,
-                lower=low,
-                upper=high,
-                at_bound=estimate is not None and estimate.at_bound,
-                identifiable=estimate is not None and estimate.identifiable,
-                assumed=row.assumed,
-                source=row.source,
-            )
-        )
+    for name, value, initial in zip(everything.entries, values, initials, strict=True):
+        row, estimate = vgtjax.parameters.table_row(table, name), estimates.get(name, Estimate())
+        error, ends = finite(estimate.std_error), bounds.get(name, (None, None))
+        numbers = (value, initial, error, name in estimates, *ends, estimate.at_bound, estimate.identifiable)
+        found.append(Entry(name, row.symbol, str(row.unit), *numbers, row.assumed, row.source))
     return found
 
 
-def rows(calibration: Calibration) -> list[Row]:
-    """Every scalar entry of the fitted model, free and held."""
+def calibrated(calibration: Calibration) -> list[Entry]:
+    """Every entry of the fitted model, free and held."""
     entries = calibration.task.selection.entries
     known = calibration.uncertainty.determined.tolist()
     errors, ends = calibration.std_errors.tolist(), calibration.at_bound.tolist()
@@ -94,25 +76,29 @@ def rows(calibration: Calibration) -> list[Row]:
     return tabulate(calibration.task.model, calibration.model, estimates, calibration.task.bounds)
 
 
+def by_entry(values: Mapping[str, Any]) -> dict[str, Any]:
+    """What is given by parameter, a list for a vector, by entry."""
+    scalars = {name: value for name, value in values.items() if np.ndim(value) == 0}
+    vectors = {name: value for name, value in values.items() if np.ndim(value) == 1}
+    return scalars | {f"{name}[{i}]": value for name, vector in vectors.items() for i, value in enumerate(vector)}
+
+
 def start_as_study(calibration: Calibration) -> str:
     """The start values of a fit, exact to the last digit, as the `[parameters]` table of a study."""
-    model = calibration.task.model
-    lines = [
-        f'"{name}" = {{value = {np.asarray(vgtjax.get_parameter(model, name)).tolist()!r}}}'
-        for name in vgtjax.parameter_table(model)
-    ]
+    lines = [f'"{name}" = {{value = {value!r}}}' for name, value in values_of(calibration.task.model).items()]
     return "\n".join(["[parameters]", *lines])
 
 
 _FIELDS = ("value", "unit", "free", "std_error", "initial", "lower", "upper", "at_bound", "identifiable")
 
 
-def to_json(study: Study, found: list[Row]) -> dict[str, Any]:
+def to_json(study: Study, found: list[Entry]) -> dict[str, Any]:
     """The content of `parameters.json`; vector-valued parameters have lists in every field."""
     parameters: dict[str, Any] = {}
-    for row in found:
-        fields = {field: _without_infinity(getattr(row, field)) for field in _FIELDS}
-        name, bracket, _ = row.entry.partition("[")
+    for entry in found:
+        # JSON has no infinity: a `diaphragm.travel` without end is null.
+        fields = {field: None if (given := getattr(entry, field)) == math.inf else given for field in _FIELDS}
+        name, bracket, _ = entry.name.partition("[")
         if bracket:
             vector = parameters.setdefault(name, {field: [] for field in _FIELDS})
             for field in _FIELDS:
@@ -122,16 +108,8 @@ def to_json(study: Study, found: list[Row]) -> dict[str, Any]:
     return {"model": study.model, "components": study.components.names(), "parameters": parameters}
 
 
-def _without_infinity(value: Any) -> Any:
-    """JSON has no infinity: a `diaphragm.travel` without end is null."""
-    return None if isinstance(value, float) and math.isinf(value) else value
-
-
 def load_values(path: pathlib.Path, unit: str | None, study: Study, model: vgtjax.AbstractModel) -> dict[str, Any]:
-    """Values by name from a `parameters.json`, or from a folder of a fit with several units.
-
-    **Raises:** `InputError` when it can't be read, or belongs to another model.
-    """
+    """Values by name from a `parameters.json`, or from a folder of a fit with several units."""
     if path.is_dir():
         inner = path / unit / "parameters.json" if unit is not None else path / "parameters.json"
         if not inner.exists():
@@ -158,8 +136,10 @@ def load_values(path: pathlib.Path, unit: str | None, study: Study, model: vgtja
             raise unknown_name(f"{path.name}: parameter", name, entry_names(table))
         if not isinstance(fields, dict) or "value" not in fields:
             raise InputError(f"{path.name}: the parameter '{name}' has no value; add it")
-        values[name] = math.inf if fields["value"] is None else fields["value"]
-        _check_numbers(path, name, values[name])
+        value = values[name] = math.inf if fields["value"] is None else fields["value"]
+        for each in value if isinstance(value, list) else [value]:
+            if isinstance(each, bool) or not isinstance(each, int | float):
+                raise InputError(f"{path.name}: the value of '{name}' must be a number, but it is {each!r}; correct it")
     try:
         model = on_given_knots(model, values)
         table = vgtjax.parameter_table(model)
@@ -178,17 +158,6 @@ def unit_files(folder: pathlib.Path) -> dict[str, pathlib.Path]:
 
 def fitted_entries(path: pathlib.Path) -> list[str]:
     """The entries that a fit moved, in the order of its `parameters.json`."""
-    entries = []
-    for name, fields in read_json(path)["parameters"].items():
-        free = fields.get("free", True)
-        if isinstance(free, list):
-            entries += [f"{name}[{index}]" for index, moved in enumerate(free) if moved]
-        elif free:
-            entries.append(name)
-    return entries
-
-
-def _check_numbers(path: pathlib.Path, name: str, value: Any) -> None:
-    for number in value if isinstance(value, list) else [value]:
-        if isinstance(number, bool) or not isinstance(number, int | float):
-            raise InputError(f"{path.name}: the value of '{name}' must be a number, but it is {number!r}; correct it")
+    parameters = read_json(path)["parameters"]
+    moved = [by_entry({name: fields.get("free", True)}) for name, fields in parameters.items()]
+    return [entry for free in moved for entry, is_free in free.items() if is_free]

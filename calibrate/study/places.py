@@ -21,7 +21,12 @@ OF_A_CONTROLLER = {
     "fixed": "[control]",
 }
 """The same for tuning."""
-OF_A_POPULATION = {"fixed": "[population]"}
+OF_A_POPULATION = {
+    "vary": "[population]",
+    "fixed": "[population]",
+    "spreads": "[population.parameters]",
+    "correlations": "[[population.correlation]]",
+}
 """The same for populations."""
 
 

@@ -13,30 +13,22 @@ import pydantic
 
 from vgtjax import InputError
 
-from .base import Table
 from .sentences import sentence
-from .tables import AnyStudy, Study
+from .tables import AnyStudy, Study, TraceEntry
 
 EXAMPLE = pathlib.Path(__file__).parents[1] / "example" / "study.toml"
 """The study that runs when none is named."""
 
 
-class TraceSource(Table):
+class TraceSource(TraceEntry):
     """One trace file of a study after patterns are expanded."""
 
     path: pathlib.Path
-    use: str
     name: str
-    unit: str | None
-    atmosphere: float | None
-    window: tuple[float, float] | None
 
 
 def load_study(path: pathlib.Path) -> Study:
-    """Reads and validates a study file.
-
-    **Raises:** `InputError` with the file, the key and the remedy.
-    """
+    """Reads and validates a study file."""
     try:
         raw = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
@@ -50,24 +42,13 @@ def load_study(path: pathlib.Path) -> Study:
 
 
 def expand_traces(study: Study, folder: pathlib.Path) -> list[TraceSource]:
-    """The trace files of a study, patterns expanded in alphabetical order.
-
-    **Raises:** `InputError` when a file or pattern matches nothing, a name occurs twice within a unit, or only some
-    traces have a unit.
-    """
+    """The trace files of a study, patterns expanded in alphabetical order."""
     sources = []
     for entry in study.trace:
         for path in _files(folder, entry.file):
-            sources.append(
-                TraceSource(
-                    path=path,
-                    use=entry.use,
-                    name=_fill("{stem}" if entry.name is None else entry.name, path.stem),
-                    unit=None if entry.unit is None else _fill(entry.unit, path.stem),
-                    atmosphere=entry.atmosphere,
-                    window=entry.window,
-                )
-            )
+            name = _fill("{stem}" if entry.name is None else entry.name, path.stem)
+            unit = None if entry.unit is None else _fill(entry.unit, path.stem)
+            sources.append(TraceSource(**{**dict(entry), "path": path, "name": name, "unit": unit}))
     _check_names(sources)
     return sources
 
@@ -99,18 +80,18 @@ def _check_names(sources: list[TraceSource]) -> None:
         raise InputError(
             f"either all traces have a unit or none has, but '{without[0]}' has none while others do; add unit to it"
         )
-    seen: dict[tuple[str | None, str], pathlib.Path] = {}
+    named: dict[tuple[str | None, str], pathlib.Path] = {}
     for source in sources:
         for text, kind in ((source.name, "name"), (source.unit, "unit")):
             if text is not None and (not text or re.search(r"[/\\\0]", text) or text.startswith(".")):
                 raise InputError(f"the trace {kind} '{text}' can't be a file name; use letters and digits")
         key = (source.unit, source.name)
-        if key in seen:
+        if key in named:
             raise InputError(
-                f"the trace name '{source.name}' occurs twice ({seen[key].name} and {source.path.name}); give one of "
+                f"the trace name '{source.name}' occurs twice ({named[key].name} and {source.path.name}); give one of "
                 "them another name"
             )
-        seen[key] = source.path
+        named[key] = source.path
 
 
 def fingerprint(study: Study, sources: list[TraceSource], parameters: dict[str | None, dict[str, Any]]) -> str:

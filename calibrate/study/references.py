@@ -1,9 +1,8 @@
 """`[[control.reference]]`: a reference of the position by its kind, each with keys of its own; m, s, rad/s."""
 
-import abc
 import pathlib
-from collections.abc import Sequence
-from typing import Annotated, Any, Literal
+from collections.abc import Callable, Sequence
+from typing import Annotated, Literal
 
 import jax.numpy as jnp
 import pydantic
@@ -23,15 +22,6 @@ class AbstractReference(Table):
     begin: NotNegative = 0.0
     """s of the signal at which runs begin."""
 
-    @abc.abstractmethod
-    def signal(self, folder: pathlib.Path) -> AbstractSignal:
-        """Position in m over time, from the signal's own beginning; files lie in `folder`."""
-
-    @property
-    def stated(self) -> dict[str, Any]:
-        """What the study states of the signal itself."""
-        return {key: getattr(self, key) for key in sorted(self.model_fields_set - {"kind", "name", "begin"})}
-
 
 class SineReference(AbstractReference):
     """`offset + amplitude sin(rate t + phase)`."""
@@ -41,10 +31,6 @@ class SineReference(AbstractReference):
     rate: Positive
     offset: Finite | None = None
     phase: Finite | None = None
-
-    def signal(self, folder: pathlib.Path) -> AbstractSignal:
-        """See the base class."""
-        return Sine(**self.stated)
 
 
 class StepsReference(AbstractReference):
@@ -56,10 +42,6 @@ class StepsReference(AbstractReference):
     initial: Finite | None = None
     rise: Positive | None = None
 
-    def signal(self, folder: pathlib.Path) -> AbstractSignal:
-        """See the base class."""
-        return Steps(**self.stated)
-
 
 class RampsReference(AbstractReference):
     """Straight lines through `levels` at `times`, with round corners."""
@@ -69,20 +51,12 @@ class RampsReference(AbstractReference):
     levels: list[Finite]
     rounding: Positive | None = None
 
-    def signal(self, folder: pathlib.Path) -> AbstractSignal:
-        """See the base class."""
-        return Ramps(**self.stated)
-
 
 class PrintedReference(AbstractReference):
     """One of the thesis's two signals [5.44, 5.45]."""
 
     kind: Literal["signal-1", "signal-2"]
     rise: Positive | None = None
-
-    def signal(self, folder: pathlib.Path) -> AbstractSignal:
-        """See the base class."""
-        return {"signal-1": signal_1, "signal-2": signal_2}[self.kind](**self.stated)
 
 
 class TraceReference(AbstractReference):
@@ -91,13 +65,14 @@ class TraceReference(AbstractReference):
     kind: Literal["trace"]
     file: str
 
-    def signal(self, folder: pathlib.Path) -> AbstractSignal:
-        """See the base class."""
-        trace = vgtjax.load_trace(folder / self.file, needs=("x_d",))
-        position = trace.channels["x_d"]
-        return Sampled.through(position.time - trace.time[0], position.value)
 
-
+SIGNALS: dict[str, Callable[..., AbstractSignal]] = {
+    "sine": Sine,
+    "steps": Steps,
+    "ramps": Ramps,
+    "signal-1": signal_1,
+    "signal-2": signal_2,
+}
 Reference = Annotated[
     SineReference | StepsReference | RampsReference | PrintedReference | TraceReference,
     pydantic.Field(discriminator="kind"),
@@ -117,15 +92,22 @@ TRIED_ON: list[Reference] = [
 
 
 def build_references(entries: Sequence[AbstractReference], folder: pathlib.Path) -> dict[str, AbstractSignal]:
-    """Signals in m by name, which is the kind where the study gives none.
-
-    **Raises:** `InputError` for two references of one name.
-    """
+    """Signals in m by name, which is the kind where the study gives none."""
     signals: dict[str, AbstractSignal] = {}
     for entry in entries:
         name = entry.name or entry.kind
         if name in signals:
             raise InputError(f"two references are called '{name}'; give each its own name")
-        signal = entry.signal(folder)
+        signal = _signal(entry, folder)
         signals[name] = Later(signal, jnp.asarray(entry.begin)) if entry.begin > 0 else signal
     return signals
+
+
+def _signal(entry: AbstractReference, folder: pathlib.Path) -> AbstractSignal:
+    """Position in m over time, from the signal's own beginning; files lie in `folder`."""
+    if isinstance(entry, TraceReference):
+        trace = vgtjax.load_trace(folder / entry.file, needs=("x_d",))
+        position = trace.channels["x_d"]
+        return Sampled.through(position.time - trace.time[0], position.value)
+    stated = sorted(entry.model_fields_set - {"kind", "name", "begin"})
+    return SIGNALS[entry.kind](**{key: getattr(entry, key) for key in stated})

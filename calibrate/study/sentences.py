@@ -30,10 +30,10 @@ def sentence(error: pydantic.ValidationError) -> str:
         case "missing":
             return _missing(_find(first["loc"][:-1]), place.name)
         case "union_tag_not_found":
-            return f"the key '{place.inner(_discriminator(context))}' is missing; add it"
+            return f"the key '{place.inner(_quoted(context['discriminator'])[0])}' is missing; add it"
         case "union_tag_invalid":
             known = _quoted(context["expected_tags"])
-            return _none_of(place.inner(_discriminator(context)), context["tag"], known)
+            return _none_of(place.inner(_quoted(context["discriminator"])[0]), context["tag"], known)
         case "literal_error":
             known = _quoted(context["expected"])
             if len(known) == 1 and place.tag:
@@ -106,11 +106,6 @@ def _tagged_by(table: type[Table]) -> str:
 def _tags(table: type[Table]) -> tuple[str, ...]:
     key = _tagged_by(table)
     return typing.get_args(table.model_fields[key].annotation) if key else ()
-
-
-def _discriminator(context: dict[str, Any]) -> str:
-    """The key that pydantic names, in quotes, or the study's `model`, which has a default and thus a function."""
-    return (_quoted(context["discriminator"]) or ["model"])[0]
 
 
 def _surplus(place: _Place, name: str, given: Any) -> str:

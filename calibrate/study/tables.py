@@ -5,13 +5,7 @@ from typing import Annotated, Any, Literal
 import pydantic
 
 from .base import Count, Finite, Gauge, Positive, Seed, Share, StartValue, Table
-from .components import (
-    Components,
-    FullComponents,
-    MechanicalComponents,
-    PlungerMapComponents,
-    StaticMapComponents,
-)
+from .components import Components, FullComponents, MechanicalComponents, PlungerMapComponents, StaticMapComponents
 from .control import ControlTable
 
 
@@ -128,6 +122,8 @@ class Study(Table):
     """A whole study file; a class a model."""
 
     name: str = "study"
+    data: str | None = None
+    """Where the traces come from, e.g. that they are simulated: in the head of every report."""
     model: str
     components: Components
     trace: list[TraceEntry] = []
@@ -168,17 +164,15 @@ class StaticMapStudy(Study):
     components: StaticMapComponents = StaticMapComponents()
 
 
-def _model_of(raw: Any) -> str:
-    return str(raw.get("model", "full")) if isinstance(raw, dict) else "full"
+def _with_model(raw: Any) -> Any:
+    return {"model": "full", **raw} if isinstance(raw, dict) else raw
 
 
 AnyStudy: pydantic.TypeAdapter[Study] = pydantic.TypeAdapter(
     Annotated[
-        Annotated[FullStudy, pydantic.Tag("full")]
-        | Annotated[MechanicalStudy, pydantic.Tag("mechanical")]
-        | Annotated[PlungerMapStudy, pydantic.Tag("plunger-map")]
-        | Annotated[StaticMapStudy, pydantic.Tag("static-map")],
-        pydantic.Discriminator(_model_of),
+        FullStudy | MechanicalStudy | PlungerMapStudy | StaticMapStudy,
+        pydantic.Field(discriminator="model"),
+        pydantic.BeforeValidator(_with_model),
     ]
 )
 """Reads a study of any model."""

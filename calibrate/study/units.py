@@ -2,6 +2,7 @@
 
 import dataclasses
 import pathlib
+from collections.abc import Sequence
 from typing import Any
 
 import vgtjax
@@ -9,11 +10,35 @@ from vgtjax import InputError
 from vgtjax.parameters import Bounds
 from vgtjax.traces import STANDARD_ATMOSPHERE, TRAVEL
 
-from .job import StudyJob
 from .models import build_model, parameters_of, start_model, start_values
 from .parameter_file import load_values
 from .read import EXAMPLE, TraceSource, expand_traces, fingerprint, load_study
 from .tables import Study
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class StudyJob:
+    """A study that was read and checked: nothing has been written yet.
+
+    `text` is the file word by word, `fingerprint` a digest of all that a result depends on.
+    """
+
+    study: Study
+    text: str
+    fingerprint: str
+
+    def heading(self, unit: str | None = None) -> dict[str, Any]:
+        """What every report says of its study."""
+        return {
+            "title": self.study.name if unit is None else f"{self.study.name}: {unit}",
+            "study": self.study,
+            "study_text": self.text,
+            "fingerprint": self.fingerprint,
+        }
+
+    def account(self, seconds: float) -> dict[str, Any]:
+        """What every summary says of its study."""
+        return {"wall_seconds": round(seconds, 3), "study_sha256": self.fingerprint}
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -23,7 +48,7 @@ class Unit:
     name: str | None
     model: vgtjax.AbstractModel
     bounds: Bounds
-    traces: list[tuple[str, vgtjax.Trace]]
+    traces: Sequence[tuple[str, vgtjax.Trace]]
     """`fit` or `validate`, and the trace."""
 
     def used(self, use: str) -> list[vgtjax.Trace]:
@@ -42,13 +67,11 @@ class Job(StudyJob):
     units: list[Unit]
 
 
-def prepare(path: pathlib.Path | None, parameters: pathlib.Path | None, needs: tuple[str, ...] = ()) -> Job:
+def prepare(path: pathlib.Path | None, parameters: pathlib.Path | None, *, to_fit: bool = False) -> Job:
     """Reads and checks everything that a command will use.
 
     **Arguments:** `path`: the study, or `None` for the example that ships; `parameters`: of an earlier fit;
-    `needs`: columns that every trace must have besides those of the model, alternatives joined by `|`.
-
-    **Raises:** `InputError` for the first thing that is wrong.
+    `to_fit`: whether every trace needs a signal that can be fitted, and every unit a trace for that.
     """
     path = EXAMPLE if path is None else path
     study = _holding_replaced(load_study(path))
@@ -57,15 +80,19 @@ def prepare(path: pathlib.Path | None, parameters: pathlib.Path | None, needs: t
     model = build_model(study)
     start_values(model, parameters_of(study))  # mistakes are found before the traces are read, which takes longer
     sources = expand_traces(study, path.parent)
-    names = sorted({source.unit for source in sources}, key=str)
     units, given = [], {}
-    for name in names:
-        mine = [source for source in sources if source.unit == name]
+    for name in sorted({source.unit for source in sources}, key=str):
         values: dict[str, Any] = {} if parameters is None else load_values(parameters, name, study, model)
         given[name] = values
         start, bounds = start_model(model, study, values)
-        traces = [(source.use, load_source(source, start, bounds, (*start.needs, *needs))) for source in mine]
+        needs = (*start.needs, *(("x_d|p_act",) if to_fit else ()))
+        mine = [source for source in sources if source.unit == name]
+        traces = [(source.use, load_source(source, start, bounds, needs)) for source in mine]
         units.append(Unit(name, start, bounds, traces))
+    for unit in units:
+        if to_fit and not unit.used("fit"):
+            where = "" if unit.name is None else f" of unit '{unit.name}'"
+            raise InputError(f"a fit needs at least one trace{where} with use = 'fit'; mark one")
     return Job(study, path.read_text(encoding="utf-8-sig"), fingerprint(study, sources, given), units)
 
 
@@ -80,10 +107,7 @@ def _holding_replaced(study: Study) -> Study:
 def load_source(
     source: TraceSource, model: vgtjax.AbstractModel, bounds: Bounds, needs: tuple[str, ...]
 ) -> vgtjax.Trace:
-    """The trace of a source, checked against what the model's rod can do.
-
-    **Raises:** `InputError` for what is wrong with the file, or lacks a column of `needs`.
-    """
+    """The trace of a source, checked against what the rod can do; `needs`: columns, alternatives joined by `|`."""
     travel = float(vgtjax.get_parameter(model, "diaphragm.travel"))
     trace = vgtjax.load_trace(
         source.path,
@@ -96,14 +120,3 @@ def load_source(
     if source.window is not None:
         trace = trace.window(*source.window)
     return trace
-
-
-def check_fit(job: Job) -> None:
-    """What a fit needs beyond a simulation.
-
-    **Raises:** `InputError` when a unit has no trace to fit.
-    """
-    for unit in job.units:
-        if not unit.used("fit"):
-            where = "" if unit.name is None else f" of unit '{unit.name}'"
-            raise InputError(f"a fit needs at least one trace{where} with use = 'fit'; mark one")

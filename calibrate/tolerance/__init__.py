@@ -1,3 +1,1 @@
 """The command `tolerance`: a Monte Carlo study."""
-
-from .command import run as run

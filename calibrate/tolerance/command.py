@@ -7,8 +7,9 @@ import numpy as np
 from vgtjax import SimulationError
 from vgtjax.population import Evaluator, Results, make_sample
 
-from ..output.files import read_json, write_json, write_text
-from ..population import ChunkStore, Plan, agree, carry_out, leads, prepare_population, together
+from ..output.files import REPORT, SUMMARY, read_json, write_json, write_text
+from ..population import ChunkStore, Plan, carry_out, prepare_population
+from ..processes import agree, leads, together
 from .report import render
 from .samples import CURVES, write_samples
 from .summary import check_limits, summarise
@@ -17,19 +18,18 @@ from .summary import check_limits, summarise
 def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathlib.Path) -> None:
     """Writes `summary.json`, `samples.npz` and `report.html`; goes on where an earlier run was interrupted.
 
-    **Raises:** `InputError` before anything is written; `SimulationError` when every sample failed, after everything
-    else is written.
+    **Raises:** `SimulationError` when every sample failed, after everything else is written.
     """
     plan = together(lambda: _plan(study, parameters))
 
     def write(store: ChunkStore, known: Results, seconds: float) -> None:
         summary = summarise(plan, store, known, seconds)
         write_samples(out / "samples.npz", plan, store)
-        write_json(out / "summary.json", summary)
-        write_text(out / "report.html", render(plan.job, store, known, summary))
+        write_json(out / SUMMARY, summary)
+        write_text(out / REPORT, render(plan.job, store, known, summary))
 
     carry_out(plan, out, "tolerance", lambda: known_actuators(plan), write)
-    if agree(leads() and read_json(out / "summary.json")["failed"]["count"] == plan.sample.rows):
+    if agree(leads() and read_json(out / SUMMARY)["failed"]["count"] == plan.sample.rows):
         raise SimulationError("every sample's simulation failed; narrow the tolerances, or check the nominal values")
 
 

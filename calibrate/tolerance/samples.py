@@ -1,12 +1,14 @@
 """The file that holds the samples of a tolerance study."""
 
-import os
+import contextlib
+import itertools
 import pathlib
 import zipfile
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
+from ..output.files import replacing
 from ..population import ChunkStore, Plan, scaled
 
 CURVES = 4096
@@ -21,46 +23,34 @@ def write_samples(path: pathlib.Path, plan: Plan, store: ChunkStore) -> None:
     """
     numbers, population = store.numbers, plan.job.population
     spans = [store.span(number) for number in range(store.count)]
-    with ArrayFile(path) as file:
-        file.add("quantities", np.array(population.factors.entries))
-        file.add("quantity_units", np.array(population.factors.units(population.model)))
-        values = (population.values(plan.sample.points(*span)) for span in spans)
-        file.add_parts("values", (store.rows, population.dimensions), np.dtype(float), values)
-        file.add("output_names", np.array([output.name for output in numbers]))
-        file.add("output_units", np.array([scaled(output).unit for output in numbers]))
+    with _array_file(path) as add:
+        add("quantities", [np.array(population.factors.entries)])
+        add("quantity_units", [np.array(population.factors.units(population.model))])
+        add("values", (population.values(plan.sample.points(*span)) for span in spans), store.rows)
+        add("output_names", [np.array([output.name for output in numbers])])
+        add("output_units", [np.array([scaled(output).unit for output in numbers])])
         scale = np.array([scaled(output).factor for output in numbers])
-        rows = (store.matrix(numbers, *span) * scale for span in spans)
-        file.add_parts("outputs", (store.rows, len(numbers)), np.dtype(float), rows)
-        file.add("failed", np.array(list(store.failed()), int))
+        add("outputs", (store.matrix(numbers, *span) * scale for span in spans), store.rows)
+        add("failed", [np.array(list(store.failed()), int)])
         for output in store.outputs:
             if output.axis:
-                file.add(f"axis_{output.name}", np.array(output.axis) * scaled(output).axis_factor)
-                file.add(output.name, store[output.name] * scaled(output).factor)
+                add(f"axis_{output.name}", [np.array(output.axis) * scaled(output).axis_factor])
+                add(output.name, [store[output.name] * scaled(output).factor])
 
 
-class ArrayFile:
-    """A `.npz` file that is written array by array and part by part, whole or not at all."""
+@contextlib.contextmanager
+def _array_file(path: pathlib.Path) -> Iterator[Callable[..., None]]:
+    """A `.npz` file that is written array by array, each in parts along its first axis, whole or not at all."""
+    with replacing(path) as new, zipfile.ZipFile(new, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
 
-    def __init__(self, path: pathlib.Path):
-        self._path, self._temporary = path, path.with_name(f".{path.name}.new")
+        def add(name: str, parts: Iterable[np.ndarray], rows: int | None = None) -> None:
+            rest = iter(parts)
+            first = next(rest)
+            shape = (len(first) if rows is None else rows, *first.shape[1:])
+            header = {"descr": np.lib.format.dtype_to_descr(first.dtype), "fortran_order": False, "shape": shape}
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as file:
+                np.lib.format.write_array_header_1_0(file, header)
+                for part in itertools.chain([first], rest):
+                    file.write(np.ascontiguousarray(part).tobytes())
 
-    def __enter__(self) -> "ArrayFile":
-        self._zip = zipfile.ZipFile(self._temporary, "w", zipfile.ZIP_DEFLATED, compresslevel=1)
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, *rest: object) -> None:
-        self._zip.close()
-        if kind is None:
-            os.replace(self._temporary, self._path)
-
-    def add(self, name: str, array: np.ndarray) -> None:
-        """Writes an array at once."""
-        self.add_parts(name, array.shape, array.dtype, [array])
-
-    def add_parts(self, name: str, shape: tuple[int, ...], dtype: np.dtype, parts: Iterable[np.ndarray]) -> None:
-        """Writes an array from parts along its first axis."""
-        header = {"descr": np.lib.format.dtype_to_descr(np.dtype(dtype)), "fortran_order": False, "shape": shape}
-        with self._zip.open(f"{name}.npy", "w", force_zip64=True) as file:
-            np.lib.format.write_array_header_1_0(file, header)
-            for part in parts:
-                file.write(np.ascontiguousarray(part, dtype).tobytes())
+        yield add

@@ -1,4 +1,4 @@
-"""`summary.json` of a tolerance study: quantiles, yield, envelopes, failures, and the measured units beside them."""
+"""`summary.json` of a tolerance study: quantiles, yield, envelopes, failures, and the units with traces beside them."""
 
 import math
 from collections.abc import Sequence
@@ -11,7 +11,8 @@ from vgtjax.experiments import MeasuredLoops, Output, label
 from vgtjax.parameters import unknown_name
 from vgtjax.population import Results, describe
 
-from ..population import ChunkStore, Plan, describe_failed, describe_quantities, finite, scaled
+from ..output.files import finite
+from ..population import ChunkStore, Plan, describe_failed, describe_quantities, scaled
 from ..study.tables import Limit
 
 QUANTILES = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
@@ -20,10 +21,7 @@ CONFIDENCE = 0.95
 
 
 def check_limits(outputs: Sequence[Output], limits: dict[str, Limit]) -> None:
-    """Whether limits are on numbers that the experiments give.
-
-    **Raises:** `InputError` for the first that is not, with the nearest name.
-    """
+    """Refuses limits on what the experiments don't give as a number."""
     known = [output.name for output in outputs if not output.axis]
     for name in limits:
         if name not in known:
@@ -58,8 +56,7 @@ def summarise(plan: Plan, store: ChunkStore, known: Results, seconds: float) -> 
         "sampler": table.sampler,
         "seed": table.seed,
         "precision": table.precision,
-        "wall_seconds": round(seconds, 3),
-        "study_sha256": job.fingerprint,
+        **job.account(seconds),
     }
 
 
@@ -87,7 +84,7 @@ def _envelope(output: Output, curves: np.ndarray) -> dict[str, Any]:
         "axis": (np.array(output.axis) * shown.axis_factor).tolist(),
         "axis_unit": shown.axis_unit,
         "quantiles": {
-            f"{share:g}": [finite(value) for value in values]
+            f"{share:g}": finite(values)
             for share, values in zip(ENVELOPE, envelope(curves * shown.factor), strict=True)
         },
     }
@@ -115,7 +112,7 @@ def _share(meets: np.ndarray) -> dict[str, float] | None:
 
 
 def _unit(loops: MeasuredLoops) -> dict[str, Any]:
-    """A measured unit: widths in mbar by turbine pressure in mbar, and all else that was read, in mbar."""
+    """A unit with traces: widths in mbar by turbine pressure in mbar, and all else that was read, in mbar."""
     readings = {name: np.asarray(value) / 100 for name, value in loops.readings.items()}
     return {
         "hysteresis_mbar": {label(at).removesuffix("mbar"): width / 100 for at, width in loops.hysteresis.items()},

@@ -1,3 +1,1 @@
 """The command `tune`: gains of a controller, tuned through the gradient of its closed loops."""
-
-from .command import run as run

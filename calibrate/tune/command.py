@@ -10,17 +10,16 @@ from vgtjax.tuning import Tuner, TuningProgress, conditions
 from ..output.console import console
 from ..output.files import REPORT, SUMMARY, read_json, write_json, write_text
 from ..resumable import ProgressFile, run_once
-from .gains_file import gain_rows, gains_json
 from .job import TuneJob, prepare_tuning
-from .outcome import compare, summarise
+from .outcome import compare, gain_entries, gains_json, summarise
 from .report import render
 
 
 def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathlib.Path) -> None:
     """Writes `gains.json`, `summary.json` and `report.html`; goes on where an earlier run was interrupted.
 
-    **Raises:** `InputError` before anything is written; `SimulationError` when the start's closed loops fail, and,
-    after everything is written, when tuning did not converge or tuned gains fail in a true closed loop.
+    **Raises:** `SimulationError` when the start's closed loops fail, and, after everything is written, when tuning did
+    not converge or tuned gains fail in a true closed loop.
     """
     job = prepare_tuning(study, parameters)
     run_once(out, "tune", job.fingerprint, lambda: _compute(job, out))
@@ -35,12 +34,12 @@ def _compute(job: TuneJob, out: pathlib.Path) -> None:
     with console.status("simulating all closed loops"):
         outcome = compare(job, progress, seconds)
     tuned = job.true.controller_at(outcome.coordinates)
-    rows = gain_rows(job, outcome.coordinates)
+    entries = gain_entries(job, outcome.coordinates)
     summary = summarise(job, outcome, {name: float(value) for name, value in conditions(tuned).items()})
-    write_json(out / "gains.json", gains_json(job, rows))
+    write_json(out / "gains.json", gains_json(job, entries))
     write_json(out / SUMMARY, summary)
     with console.status("writing the report"):
-        write_text(out / REPORT, render(job, outcome, rows, summary))
+        write_text(out / REPORT, render(job, outcome, entries, summary))
     ProgressFile.remove_from(out)
 
 

@@ -1,20 +1,12 @@
 """Controllers by the names that a study gives them."""
 
-from vgtjax.control import (
-    PI,
-    PID,
-    AbstractController,
-    AdaptiveBackstepping,
-    Backstepping,
-    FrictionCompensation,
-    Knocker,
-)
+from vgtjax import control
 
-DESIGNS: dict[str, type[AbstractController]] = {
-    "pi": PI,
-    "pid": PID,
-    "pi-knocker": Knocker,
-    "friction-compensation": FrictionCompensation,
-    "backstepping": Backstepping,
-    "adaptive-backstepping": AdaptiveBackstepping,
+DESIGNS: dict[str, type[control.AbstractController]] = {
+    "pi": control.PI,
+    "pid": control.PID,
+    "pi-knocker": control.Knocker,
+    "friction-compensation": control.FrictionCompensation,
+    "backstepping": control.Backstepping,
+    "adaptive-backstepping": control.AdaptiveBackstepping,
 }

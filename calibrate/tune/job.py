@@ -3,7 +3,6 @@
 import dataclasses
 import hashlib
 import itertools
-import math
 import pathlib
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -13,7 +12,7 @@ import numpy as np
 
 import vgtjax
 from vgtjax import InputError
-from vgtjax.control import AbstractController, Sensors
+from vgtjax.control import AbstractController, AbstractSignal, Sensors
 from vgtjax.parameters import Bounds, check_bounds
 from vgtjax.parts import feels_gas
 from vgtjax.population import SobolSample
@@ -21,12 +20,12 @@ from vgtjax.tuning import MEMORIES, Cases, Objective, Problem, cross_cases, plan
 
 from ..population import Actuators, read_actuators
 from ..study.control import ControlTable
-from ..study.job import StudyJob
 from ..study.models import start_values
 from ..study.places import OF_A_CONTROLLER, stated
 from ..study.read import expand_traces, fingerprint, load_study
-from ..study.references import AbstractReference, TraceReference, build_references
+from ..study.references import TraceReference, build_references
 from ..study.tables import Study
+from ..study.units import StudyJob
 from .designs import DESIGNS
 
 EXAMPLE = pathlib.Path(__file__).parents[1] / "example" / "control" / "study.toml"
@@ -49,10 +48,7 @@ class TuneJob(StudyJob):
 
 
 def prepare_tuning(path: pathlib.Path | None, parameters: pathlib.Path | None) -> TuneJob:
-    """Reads and checks a study of a controller.
-
-    **Raises:** `InputError` for the first thing that is wrong.
-    """
+    """Reads and checks a study of a controller."""
     path = EXAMPLE if path is None else path
     study = load_study(path)
     if study.model != "full":
@@ -63,10 +59,12 @@ def prepare_tuning(path: pathlib.Path | None, parameters: pathlib.Path | None) -
     with stated(OF_A_CONTROLLER):
         controller, bounds = _controller(table, nominal)
     tuned_on, tried_on, notes = choose_plants(study, actuators)
-    cases = _cases(table, tuned_on, table.reference, folder, table.seed)
+    cases = _cases(table, tuned_on, build_references(table.reference, folder), table.turbine_pressure, table.seed)
     with stated(OF_A_CONTROLLER):
         smooth = _plan(table, soften(controller), soften_cases(cases), bounds)
-    unseen = _unseen_cases(table, tried_on, folder)
+    references = build_references(table.unseen.reference, folder)
+    pressures = table.unseen.turbine_pressure or _between(table.turbine_pressure)
+    unseen = _cases(table, tried_on, references, pressures, table.seed + 1)
     if max(table.turbine_pressure) > 0 and not feels_gas(nominal):
         notes += ("turbine pressure acts on nothing, as the study's vane_force is 'none'",)
     return TuneJob(
@@ -125,46 +123,26 @@ def choose_plants(
 def _cases(
     table: ControlTable,
     plants: Mapping[str, vgtjax.AbstractModel],
-    references: Sequence[AbstractReference],
-    folder: pathlib.Path,
+    references: Mapping[str, AbstractSignal],
+    pressures: Sequence[float],
     seed: int,
-    pressures: list[float] | None = None,
 ) -> Cases:
-    return cross_cases(
-        plants,
-        build_references(references, folder),
-        table.turbine_pressure if pressures is None else pressures,
-        duration=table.duration,
-        period=table.period,
-        sensors=Sensors.bench() if table.sensors == "bench" else Sensors.ideal(),
-        seed=seed,
-    )
+    sensors = Sensors.bench() if table.sensors == "bench" else Sensors.ideal()
+    timing = {"duration": table.duration, "period": table.period}
+    return cross_cases(plants, references, pressures, sensors=sensors, seed=seed, **timing)
 
 
-def _unseen_cases(table: ControlTable, plants: Mapping[str, vgtjax.AbstractModel], folder: pathlib.Path) -> Cases:
-    unseen = table.unseen
-    pressures = unseen.turbine_pressure
-    if pressures is None:
-        seen = sorted(set(table.turbine_pressure))
-        # Between those that were seen, and the highest of them.
-        pressures = [*(0.5 * (low + high) for low, high in itertools.pairwise(seen)), seen[-1]]
-    return _cases(table, plants, unseen.reference, folder, table.seed + 1, pressures)
+def _between(pressures: Sequence[float]) -> list[float]:
+    """Pressures between those, and the highest of them."""
+    rising = sorted(set(pressures))
+    return [*(0.5 * (low + high) for low, high in itertools.pairwise(rising)), rising[-1]]
 
 
 def _plan(table: ControlTable, controller: AbstractController, cases: Cases, bounds: Bounds) -> Problem:
-    cost = table.cost
-    objective = Objective(
-        tracking=cost.tracking,
-        effort=math.inf if cost.effort is None else cost.effort,
-        chatter=math.inf if cost.chatter is None else cost.chatter,
-        largest_error=math.inf if cost.largest_error is None else cost.largest_error,
-        worst=cost.worst,
-        settled=table.settled,
-    )
     return plan_tuning(
         controller,
         cases,
-        objective,
+        Objective(**dict(table.cost), settled=table.settled),
         free=table.free,
         fixed=table.fixed,
         bounds=bounds,

@@ -4,11 +4,13 @@ import dataclasses
 import math
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 
-from vgtjax.tuning import TERMS, CaseCosts, Problem, TuningProgress
+from vgtjax.tuning import TERMS, CaseCosts, Problem, TuningProgress, gain_names
 
-from ..population import finite
+from ..output.files import finite
+from ..study.parameter_file import Entry, Estimate, tabulate, to_json
 from .job import TuneJob
 
 
@@ -62,38 +64,24 @@ def compare(job: TuneJob, progress: TuningProgress, seconds: float) -> Outcome:
 
 def summarise(job: TuneJob, outcome: Outcome, conditions: dict[str, float]) -> dict[str, Any]:
     """The content of `summary.json`; SI units."""
-    progress = outcome.progress
-    failed = [str(outcome.true.problem.cases.labels[i]) for i in np.flatnonzero(outcome.true.tuned.failed)]
+    progress, true = outcome.progress, outcome.true
+    comparisons = {"tuned_on_smoothed": outcome.smooth, "tuned_on": true, "unseen": outcome.unseen}
+    gap = true.costs[1] / outcome.smooth.costs[1] - 1 if math.isfinite(true.costs[1]) else math.inf
     return {
         "converged": progress.converged,
         "verdict": progress.verdict,
         "iterations": progress.iteration,
         "failed_steps": progress.failed,
-        "wall_seconds": round(outcome.seconds, 3),
         "design": job.study.control.design,
-        "cost": {name: _ends(comparison) for name, comparison in _comparisons(outcome).items()},
-        "gap": finite(_gap(outcome)),
+        "cost": {n: finite(dict(zip(("start", "tuned"), each.costs, strict=True))) for n, each in comparisons.items()},
+        "gap": finite(gap),  # by what part the true closed loops cost more than the smoothed ones, with tuned gains
         "history": list(progress.history),
         "conditions": conditions,
-        "cases": {name: _rows(comparison) for name, comparison in _comparisons(outcome).items()},
-        "failed": failed,
+        "cases": {name: _rows(comparison) for name, comparison in comparisons.items()},
+        "failed": [str(true.problem.cases.labels[i]) for i in np.flatnonzero(true.tuned.failed)],
         "notes": list(job.notes),
-        "study_sha256": job.fingerprint,
+        **job.account(outcome.seconds),
     }
-
-
-def _comparisons(outcome: Outcome) -> dict[str, Comparison]:
-    return {"tuned_on_smoothed": outcome.smooth, "tuned_on": outcome.true, "unseen": outcome.unseen}
-
-
-def _gap(outcome: Outcome) -> float:
-    """By what part the true closed loops cost more than the smoothed ones, with tuned gains."""
-    smooth, true = outcome.smooth.costs[1], outcome.true.costs[1]
-    return true / smooth - 1 if math.isfinite(true) else math.inf
-
-
-def _ends(comparison: Comparison) -> dict[str, float | None]:
-    return dict(zip(("start", "tuned"), map(finite, comparison.costs), strict=True))
 
 
 def _rows(comparison: Comparison) -> list[dict[str, Any]]:
@@ -102,15 +90,31 @@ def _rows(comparison: Comparison) -> list[dict[str, Any]]:
             "plant": label.plant,
             "reference": label.reference,
             "turbine_pressure": label.turbine_pressure,
-            **{
-                name: {
-                    "cost": finite(costs.costs[i]),
-                    "terms": dict(zip(TERMS, map(finite, costs.terms[i]), strict=True)),
-                    "rms": finite(costs.rms[i]),
-                    "peak": finite(costs.peak[i]),
-                }
-                for name, costs in (("start", comparison.start), ("tuned", comparison.tuned))
-            },
+            "start": _numbers(comparison.start, i),
+            "tuned": _numbers(comparison.tuned, i),
         }
         for i, label in enumerate(comparison.problem.cases.labels)
     ]
+
+
+def _numbers(costs: CaseCosts, i: int) -> dict[str, Any]:
+    terms = dict(zip(TERMS, costs.terms[i], strict=True))
+    return finite({"cost": costs.costs[i], "terms": terms, "rms": costs.rms[i], "peak": costs.peak[i]})
+
+
+def gain_entries(job: TuneJob, coordinates: np.ndarray) -> list[Entry]:
+    """Every gain of the design, free and fixed, beside its start; one that moves no error is not identifiable."""
+    start, tuned = job.true.controller, job.true.controller_at(coordinates)
+    at_bound = job.true.transform.at_bound(jnp.asarray(coordinates)).tolist()
+    # A short memory: derivatives of a longer one may overflow.
+    bends = job.smooth.linearise(coordinates, min(job.smooth.memories)).curvatures.sum(0)
+    felt = (np.diag(bends) > 0).tolist()
+    found = zip(job.true.selection.entries, at_bound, felt, strict=True)
+    return tabulate(
+        start, tuned, {name: Estimate(math.nan, *flags) for name, *flags in found}, job.bounds, gain_names(start)
+    )
+
+
+def gains_json(job: TuneJob, entries: list[Entry]) -> dict[str, Any]:
+    """The content of `gains.json`; a gain that was chosen has no standard error."""
+    return {"design": job.study.control.design, **to_json(job.study, entries)}

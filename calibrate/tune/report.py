@@ -3,36 +3,37 @@
 from typing import Any
 
 import numpy as np
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
 
 import vgtjax
+from vgtjax.control import ClosedLoop
 from vgtjax.tuning import Problem, wanted_widths
 
-from ..output.page import figure_html, render_page
-from ..study.parameter_file import Row
-from . import figures
+from ..output.figures import convergence_figure, curve, points, styled
+from ..output.page import render_page
+from ..study.parameter_file import Entry
 from .job import TuneJob
 from .outcome import Comparison, Outcome
 
+REFERENCE, START, TUNED = "#475569", "#9aa5b1", "#c2410c"
 
-def render(job: TuneJob, outcome: Outcome, rows: list[Row], summary: dict[str, Any]) -> str:
+
+def render(job: TuneJob, outcome: Outcome, entries: list[Entry], summary: dict[str, Any]) -> str:
     """The report as HTML."""
     return render_page(
         "tune.html.jinja",
         **job.heading(),
         summary=summary,
-        rows=rows,
-        convergence=figure_html(figures.convergence(outcome.progress)),
+        entries=entries,
+        convergence=convergence_figure(outcome.progress.history, "cost of the smoothed loops"),
         smoothed=_smoothed(job),
         groups=[
-            ("Closed loops that gains were tuned on", _table(outcome.true), _spread(outcome.true)),
-            ("Closed loops that tuning has not seen", _table(outcome.unseen), _spread(outcome.unseen)),
+            ("Closed loops that gains were tuned on", _table(outcome.true), _spread_figure(outcome.true)),
+            ("Closed loops that gains were not tuned on", _table(outcome.unseen), _spread_figure(outcome.unseen)),
         ],
         runs=_runs(outcome),
     )
-
-
-def _spread(comparison: Comparison) -> str:
-    return figure_html(figures.spread(comparison))
 
 
 def _smoothed(job: TuneJob) -> list[tuple[str, float, float]]:
@@ -78,14 +79,44 @@ def _table(comparison: Comparison) -> list[dict[str, Any]]:
     return table
 
 
-def _runs(outcome: Outcome) -> list[dict[str, str]]:
-    """The worst closed loop of every reference, seen and unseen."""
+def _runs(outcome: Outcome) -> list[tuple[str, go.Figure]]:
+    """The worst closed loop of every reference, tuned on and not."""
     sections = []
-    for comparison in (outcome.true, outcome.unseen):
+    for comparison, remark in ((outcome.true, ""), (outcome.unseen, " (not tuned on)")):
         worst = comparison.worst()
         before = comparison.problem.simulate(comparison.problem.start, worst)
         after = comparison.problem.simulate(outcome.coordinates, worst)
         for place, index in enumerate(worst):
-            title = f"{comparison.problem.cases.labels[index]}{' (unseen)' if comparison is outcome.unseen else ''}"
-            sections.append({"title": title, "figure": figure_html(figures.run_figure(before, after, place))})
+            title = f"{comparison.problem.cases.labels[index]}{remark}"
+            sections.append((title, _run_figure(before, after, place)))
     return sections
+
+
+def _spread_figure(comparison: Comparison) -> go.Figure:
+    """RMS error of every closed loop before and after, sorted by what it is after."""
+    labels = [str(label) for label in comparison.problem.cases.labels]
+    order = np.argsort(np.nan_to_num(comparison.tuned.rms, nan=np.inf))
+    places, hovertext = np.arange(len(order)), [labels[i] for i in order]
+    figure = go.Figure()
+    for name, costs, color in (("start", comparison.start, START), ("tuned", comparison.tuned, TUNED)):
+        for kind, values, symbol in (("RMS", costs.rms, "circle"), ("peak", costs.peak, "triangle-up-open")):
+            error, label = 1e6 * values[order], f"{kind}, {name}"
+            figure.add_trace(points(places, error, label, color, 6, symbol=symbol, hovertext=hovertext))
+    figure.update_yaxes(type="log")
+    return styled(figure, 380, "closed loop, sorted by its tuned RMS error", "error, um", hovermode="closest")
+
+
+def _run_figure(before: ClosedLoop, after: ClosedLoop, index: int) -> go.Figure:
+    """One closed loop with the start's gains and with the tuned ones: position, error, duty."""
+    figure = make_subplots(rows=3, cols=1, shared_xaxes=True, vertical_spacing=0.04, row_heights=[2, 1.4, 1.4])
+    time = np.asarray(after.time[index])
+    reference = np.asarray(after.reference.position[index])
+    figure.add_trace(curve(time, reference * 1e3, "reference", REFERENCE, dash="dash"), row=1, col=1)
+    for name, run, color in (("start", before, START), ("tuned", after, TUNED)):
+        rows = (run.position[index] * 1e3, run.error[index] * 1e6, run.duty[index])
+        for row, values in enumerate(rows, 1):
+            figure.add_trace(curve(time, values, name, color, showlegend=row == 1), row=row, col=1)
+    for row, title in enumerate(("position, mm", "error, um", "duty, %"), 1):
+        figure.update_yaxes(title_text=title, row=row, col=1)
+    figure.update_xaxes(title_text="time, s", row=3, col=1)
+    return styled(figure, 560)

@@ -30,6 +30,7 @@ def fit(folder) -> Callable[..., Outcome]:
 
 FREE = ("converter.magnetic_force[2]", "diaphragm.preload", "diaphragm.stiffness", "friction.viscous_damping")
 SMALL_STUDY = f"""name = "small & quick"
+data = "simulated <here>"
 
 [[trace]]
 file = "step_80.csv"

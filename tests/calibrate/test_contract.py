@@ -7,6 +7,7 @@ import sys
 import tomllib
 
 import pytest
+from study_text import HEAD
 from support import EXAMPLE
 
 import vgtjax
@@ -15,16 +16,7 @@ from calibrate.study.tables import AnyStudy
 from vgtjax.estimation import plan_task
 from vgtjax.parameters import build_transform
 
-PRINTED = """
-name = "unit A, cold bench"
-model = "full"
-[components]
-friction = "lugre"
-vane_force = "none"
-line = "none"
-magnetic_force = "static"
-chamber = "adiabatic"
-[[trace]]
+PRINTED = f"""{HEAD}[[trace]]
 file = "levels_1.csv"
 use = "fit"
 name = "levels_1"
@@ -35,7 +27,7 @@ window = [0.0, 12.0]
 free = ["diaphragm.*", "friction.*"]
 fixed = ["diaphragm.area"]
 [parameters]
-"diaphragm.stiffness" = {value = 11500, lower = 8000, upper = 16000}
+"diaphragm.stiffness" = {{value = 11500, lower = 8000, upper = 16000}}
 """
 
 

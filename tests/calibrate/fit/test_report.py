@@ -3,10 +3,9 @@
 import html.parser
 import importlib.metadata
 import re
-from typing import Any
 
 import pytest
-from commands import read
+from commands import entries_of, read
 
 LOADS = {"src", "href", "data", "poster", "action", "background", "srcset", "xlink:href"}
 """Attributes by which a page loads or leads elsewhere."""
@@ -79,6 +78,7 @@ def test_the_plots_and_their_library_are_inside(page):
 def test_the_study_is_inside_word_by_word(page, fitted):
     assert page.text("pre").startswith(fitted.study.read_text())
     assert page.text("h1") == "small & quick"
+    assert "Data: simulated <here>." in page.text("p").splitlines()
 
 
 @pytest.mark.parametrize("package", ["vgtjax", "jax", "jaxlib", "equinox", "diffrax", "optimistix", "lineax", "numpy"])
@@ -96,19 +96,6 @@ def test_every_parameter_has_its_row(page, fitted):
         size = len(fields["value"]) if isinstance(fields["value"], list) else None
         for entry in [name] if size is None else [f"{name}[{i}]" for i in range(size)]:
             assert entry in shown
-
-
-def entries_of(parameters: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
-    """The fields of `parameters.json` by entry, arrays taken apart."""
-    found = {}
-    for name, fields in parameters.items():
-        if isinstance(fields["value"], list):
-            for index in range(len(fields["value"])):
-                each = {key: field[index] if isinstance(field, list) else field for key, field in fields.items()}
-                found[f"{name}[{index}]"] = each
-        else:
-            found[name] = fields
-    return found
 
 
 def test_the_parameters_shown_are_those_of_the_file(page, fitted):

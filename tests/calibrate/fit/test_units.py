@@ -5,7 +5,7 @@ import json
 import pytest
 from commands import cut_example, read, run_command
 
-import calibrate.fit
+import calibrate.fit.command
 
 STUDY = """
 [[trace]]

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import vgtjax
-from calibrate.fit.report import trace_section
 from calibrate.output.figures import autocorrelation_figure, loop_figure, trace_figure
+from calibrate.output.sections import trace_section
 from vgtjax.estimation import Comparison, TraceResult
 
 ATMOSPHERE = 101013.0

@@ -4,7 +4,7 @@ import pytest
 from commands import assert_refused, run_command
 from support import EXAMPLE
 
-from calibrate.population import join
+from calibrate.processes import join
 from vgtjax import InputError
 
 BAD = [
@@ -32,23 +32,26 @@ BAD = [
     (
         "spread twice",
         '[population.parameters]\n"diaphragm.mass" = {relative = 0.1, deviation = 2}',
-        "the spread of 'diaphragm.mass' must be either relative or a deviation, but it is both; drop one",
+        "the spread of 'diaphragm.mass' must be either relative or a deviation, but it is both; drop one "
+        "(see [population.parameters] in the study)",
     ),
     (
         "ends",
         '[population.parameters]\n"diaphragm.mass" = {distribution = "uniform", lower = 2, upper = 1}',
-        "the ends of 'diaphragm.mass' must rise and not lie below 0, but they are 2 and 1; correct them or the spread",
+        "the ends of 'diaphragm.mass' must rise and not lie below 0, but they are 2 and 1; correct them or the spread "
+        "(see [population.parameters] in the study)",
     ),
     (
         "outside",
         '[population.parameters]\n"diaphragm.mass" = {distribution = "uniform", relative = 1.5}',
         "the ends of 'diaphragm.mass' must rise and not lie below 0, but they are -0.315 and 1.575; correct them "
-        "or the spread",
+        "or the spread (see [population.parameters] in the study)",
     ),
     (
         "zero",
         '[population.parameters]\n"diaphragm.damping" = {relative = 0.1}',
-        "'diaphragm.damping' is 0, so its spread can't be a part of it; state its deviation",
+        "'diaphragm.damping' is 0, so its spread can't be a part of it; state its deviation "
+        "(see [population.parameters] in the study)",
     ),
     (
         "table",
@@ -73,7 +76,8 @@ BAD = [
     (
         "not varied",
         '[[population.correlation]]\nparameters = ["diaphragm.mass", "air.pressure"]\nvalue = 0.3',
-        "'air.pressure' has a correlation but does not vary; vary it too, or did you mean 'diaphragm.preload'?",
+        "'air.pressure' has a correlation but does not vary; vary it too, or did you mean 'diaphragm.preload'? "
+        "(see [[population.correlation]] in the study)",
     ),
     (
         "contradiction",
@@ -84,7 +88,8 @@ BAD = [
     (
         "nothing",
         '[population]\nvary = ["diaphragm.damping"]',
-        "a population needs a quantity that varies, but vary and fixed leave none; vary one",
+        "a population needs a quantity that varies, but vary and fixed leave none; vary one "
+        "(see [population] in the study)",
     ),
     (
         "limit without end",
@@ -96,7 +101,7 @@ BAD = [
         "nominal outside",
         '[population.parameters]\n"diaphragm.stiffness" = {lower = 20000}',
         "the nominal 'diaphragm.stiffness' must lie between the ends of its distribution, but 12000 is outside 20000 "
-        "to inf; correct them, or the value",
+        "to inf; correct them, or the value (see [population.parameters] in the study)",
     ),
     (
         "fixed and spread",
@@ -109,7 +114,8 @@ BAD = [
             f'[[population.correlation]]\nparameters = ["diaphragm.mass", "chamber.volume"]\nvalue = {value}\n'
             for value in (0.9, -0.9)
         ),
-        "the correlation of 'chamber.volume' and 'diaphragm.mass' is stated twice, and differently; drop one",
+        "the correlation of 'chamber.volume' and 'diaphragm.mass' is stated twice, and differently; drop one "
+        "(see [[population.correlation]] in the study)",
     ),
     (
         "units and spread",

@@ -7,22 +7,13 @@ import pathlib
 import numpy as np
 import pytest
 from bad_traces import text
+from study_text import HEAD
 
 import vgtjax
-from calibrate.study.read import EXAMPLE
+from calibrate.study.read import EXAMPLE, load_study
 from calibrate.study.units import prepare
 
-WHOLE = """
-name = "unit A, cold bench"
-model = "full"
-
-[components]
-friction = "lugre"
-vane_force = "none"
-line = "none"
-magnetic_force = "static"
-chamber = "adiabatic"
-
+WHOLE = f"""{HEAD}
 [[trace]]
 file = "bench.csv"
 use = "fit"
@@ -34,16 +25,16 @@ window = [0.002, 0.008]
 [[trace]]
 file = "unit_b_*.csv"
 use = "validate"
-unit = "{stem:6}"
+unit = "{{stem:6}}"
 
 [fit]
 free = ["diaphragm.*", "friction.*"]
 fixed = ["diaphragm.area"]
 
 [parameters]
-"diaphragm.stiffness" = {value = 11500, lower = 8000, upper = 16000}
-"converter.atmosphere_orifice" = {value = [1e-8, 1e-4, 0.3], lower = [0, 0, 0], upper = [inf, 1, 1]}
-"converter.magnetic_force[3]" = {value = -4e-5, upper = 0}
+"diaphragm.stiffness" = {{value = 11500, lower = 8000, upper = 16000}}
+"converter.atmosphere_orifice" = {{value = [1e-8, 1e-4, 0.3], lower = [0, 0, 0], upper = [inf, 1, 1]}}
+"converter.magnetic_force[3]" = {{value = -4e-5, upper = 0}}
 """
 
 
@@ -177,3 +168,8 @@ def test_the_example_that_ships_is_a_good_study():
     (unit,) = job.units
     assert {use for use, _ in unit.traces} == {"fit", "validate"}
     assert all(trace.notes == () for _, trace in unit.traces)
+
+
+@pytest.mark.parametrize("path", sorted(EXAMPLE.parent.rglob("study.toml")), ids=lambda path: path.parent.name)
+def test_examples_say_that_their_data_are_simulated(path):
+    assert "simulated" in load_study(path).data

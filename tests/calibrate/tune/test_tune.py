@@ -144,7 +144,7 @@ def test_a_report_carries_everything(done):
     text = (done / "report.html").read_text(encoding="utf-8")
     for part in (
         "proportional_gain",
-        "Closed loops that tuning has not seen",
+        "Closed loops that gains were not tuned on",
         "Smoothed and true closed loops",
         "slower",
     ):

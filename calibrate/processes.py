@@ -9,16 +9,13 @@ from jax.experimental import multihost_utils
 
 from vgtjax import InputError
 
-from ..output.console import console
+from .output.console import console
 
 T = TypeVar("T")
 
 
 def join(coordinator: str | None, count: int | None, index: int | None) -> None:
-    """Joins the other processes, before JAX computes anything; does nothing where no coordinator is named.
-
-    **Raises:** `InputError` when only some of the three are given, or they contradict each other.
-    """
+    """Joins the other processes, before JAX computes anything; does nothing where no coordinator is named."""
     given = (coordinator, count, index)
     if all(option is None for option in given):
         return
@@ -46,12 +43,14 @@ def together(prepare: Callable[[], T]) -> T:
 
     **Raises:** `InputError` of this process, or one that says that another has refused.
     """
-    trouble, found = None, None
     try:
-        found = prepare()
+        found, trouble = prepare(), None
     except InputError as error:
-        trouble = error
-    if np.any(everyones(trouble is not None)):
+        found, trouble = None, error
+    refused = trouble is not None
+    if jax.process_count() > 1:
+        refused = bool(np.any(multihost_utils.process_allgather(np.asarray(refused))))
+    if refused:
         raise trouble or InputError("another process refused its input; its message says why, and this one stops too")
     return cast(T, found)
 
@@ -66,13 +65,6 @@ def agree(value: Any) -> np.ndarray:
     if jax.process_count() == 1:
         return np.asarray(value)
     return np.asarray(multihost_utils.broadcast_one_to_all(np.asarray(value)))
-
-
-def everyones(value: Any) -> np.ndarray:
-    """The values of all processes, along a new first axis."""
-    if jax.process_count() == 1:
-        return np.asarray(value)[None]
-    return np.asarray(multihost_utils.process_allgather(np.asarray(value)))
 
 
 def meet() -> None:
