@@ -79,8 +79,4 @@ class Knocker(AbstractController):
         moved = command - previous
         push = self.amplitude * moved / (jnp.abs(moved) + self.sign_width)
         pulse = jnp.where(elapsed < self.width - 0.5 * period, push, 0.0)
-        return (
-            KnockerState(memory, elapsed + period, latest, previous),
-            command + pulse,
-            {**log, "pulse": pulse},
-        )
+        return KnockerState(memory, elapsed + period, latest, previous), command + pulse, {**log, "pulse": pulse}

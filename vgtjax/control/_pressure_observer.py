@@ -59,13 +59,7 @@ class PressureObserver(AbstractDesign):
     friction_rate: Scalar = parameter(5.0, symbol="a", unit="1/s", source="5.12, value assumed", assumed=True)
     pressure_rate: Scalar = parameter(50.0, symbol="b", unit="1/s", source="5.12, value assumed", assumed=True)
     injection_rate: Scalar = parameter(
-        1400.0,
-        symbol="alpha_2",
-        unit="1/s",
-        source="5.12, value assumed",
-        assumed=True,
-        positive=False,
-        lower=0.0,
+        1400.0, symbol="alpha_2", unit="1/s", source="5.12, value assumed", assumed=True, positive=False, lower=0.0
     )
     switching_gain: Scalar = parameter(
         0.0, symbol="K_2", unit="m/s2", source="5.12, value assumed", assumed=True, positive=False, lower=0.0

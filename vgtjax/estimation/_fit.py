@@ -175,9 +175,7 @@ class LevenbergMarquardt:
         residuals, columns = self.linearisation()
         return estimate_uncertainty(residuals, columns, self.problem.count).gain
 
-    def linearisation(
-        self,
-    ) -> tuple[Float[np.ndarray, " residuals"], Float[np.ndarray, "residuals parameters"]]:
+    def linearisation(self) -> tuple[Float[np.ndarray, " residuals"], Float[np.ndarray, "residuals parameters"]]:
         """Residuals in units of the noise, and their Jacobian, at the accepted coordinates."""
         info = self._state.f_info
         scale = np.sqrt(self.problem.count)

@@ -143,8 +143,7 @@ def _push_lanes(
 
         def push(function):
             return jax.vmap(
-                lambda dtheta, dstate: jax.jvp(function, (theta, state), (dtheta, dstate)),
-                out_axes=(None, 0),
+                lambda dtheta, dstate: jax.jvp(function, (theta, state), (dtheta, dstate)), out_axes=(None, 0)
             )(theta_tangents, tangents)
 
         _, observed = push(observe)

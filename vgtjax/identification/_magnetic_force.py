@@ -76,11 +76,7 @@ def _solve(model: Actuator, points: list[Equilibrium], records: list[ChamberReco
     """The richest form that the equilibria carry over the whole range of duties."""
     known = _model_quartic(model)
     full = float(np.sum(known * 100.0 ** np.arange(5)))
-    bases = {
-        "quartic": np.eye(5),
-        "scale and bend": np.stack([known, np.eye(5)[2]], axis=1),
-        "scale": known[:, None],
-    }
+    bases = {"quartic": np.eye(5), "scale and bend": np.stack([known, np.eye(5)[2]], axis=1), "scale": known[:, None]}
     grid = np.linspace(0, 100, 101)[:, None] ** np.arange(5)
     for form, basis in bases.items():
         solution = _regress(model, points, records, form, basis)

@@ -107,12 +107,7 @@ def as_float_array(value: Any) -> Array:
 
 
 def parameter(
-    default: float | tuple[float, ...],
-    *,
-    symbol: str,
-    unit: str | tuple[str, ...],
-    source: str,
-    **row: Any,
+    default: float | tuple[float, ...], *, symbol: str, unit: str | tuple[str, ...], source: str, **row: Any
 ) -> Any:
     """Declares a physical parameter as a field of an equinox module.
 

@@ -60,12 +60,7 @@ class Transform(eqx.Module):
         return (coordinates <= self.lower) | (coordinates >= self.upper)
 
 
-def build_transform(
-    table: dict[str, Parameter],
-    entries: Sequence[str],
-    start: Vector,
-    bounds: Bounds,
-) -> Transform:
+def build_transform(table: dict[str, Parameter], entries: Sequence[str], start: Vector, bounds: Bounds) -> Transform:
     """The transform of the given entries: the table's domain and the user's bounds.
 
     **Raises:** `InputError` when a start value is outside its domain or its bounds.

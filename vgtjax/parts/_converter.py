@@ -144,13 +144,7 @@ class Converter(Part):
         return jnp.where(position < 0, to_reservoir, to_atmosphere)
 
     def flow(
-        self,
-        air: Air,
-        position: Values,
-        ambient: Values,
-        reservoir: Values,
-        pressure: Values,
-        temperature: Values,
+        self, air: Air, position: Values, ambient: Values, reservoir: Values, pressure: Values, temperature: Values
     ) -> Flow:
         """Flow into a volume at `pressure` (Pa absolute) and `temperature` (K) behind the converter.
 

@@ -23,11 +23,7 @@ def _along(values: Sequence[Values], ramps: Sequence[Values]) -> Values:
 
 
 def bilinear(
-    rows: Knots,
-    columns: Knots,
-    values: Float[Array | np.ndarray, "rows columns"],
-    row: Values,
-    column: Values,
+    rows: Knots, columns: Knots, values: Float[Array | np.ndarray, "rows columns"], row: Values, column: Values
 ) -> Values:
     """Value of a table at `(row, column)`, linear between its increasing knots and held beyond them.
 

@@ -8,17 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
 from .._types import StateLeaf, Values
-from ..parts import (
-    AbstractChamber,
-    AbstractLine,
-    AdiabaticChamber,
-    Air,
-    Converter,
-    ConverterState,
-    Flow,
-    Gas,
-    NoLine,
-)
+from ..parts import AbstractChamber, AbstractLine, AdiabaticChamber, Air, Converter, ConverterState, Flow, Gas, NoLine
 from ..traces import Drive
 from ._base import AbstractModel
 

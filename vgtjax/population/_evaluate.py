@@ -113,11 +113,7 @@ def _evaluate(
 
 @eqx.filter_jit
 def _slopes(
-    model: AbstractModel,
-    factors: Factors,
-    prepared: tuple[_Prepared, ...],
-    values: Array,
-    directions: Array,
+    model: AbstractModel, factors: Factors, prepared: tuple[_Prepared, ...], values: Array, directions: Array
 ) -> Float[Array, "lanes columns"]:
     def slope(row: Array, direction: Array) -> Array:
         found, along = jax.jvp(lambda row: _run(factors.unpack(model, row), prepared)[0], (row,), (direction,))

@@ -88,9 +88,7 @@ def analyse(
 
     def build(points: np.ndarray, columns: Columns) -> Statistics:
         return _radial_statistics(
-            (u_a[points], u_b[points]),
-            grouped_x[points],
-            grouped_y[np.ix_(points, np.arange(design.members), columns)],
+            (u_a[points], u_b[points]), grouped_x[points], grouped_y[np.ix_(points, np.arange(design.members), columns)]
         )
 
     complete = np.isfinite(grouped_y).all(axis=1)

@@ -61,9 +61,7 @@ def regress(
     return Regression(coefficients, r2, 1 - unexplained)
 
 
-def _independent_directions(
-    x: Float[np.ndarray, "points members inputs"],
-) -> Float[np.ndarray, "inputs directions"]:
+def _independent_directions(x: Float[np.ndarray, "points members inputs"]) -> Float[np.ndarray, "inputs directions"]:
     """Combinations of the inputs that are uncorrelated and of variance one over the whole sample.
 
     Decided once, for all replicates; in these directions each of them has a matrix close to the identity.

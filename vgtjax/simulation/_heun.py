@@ -44,14 +44,7 @@ class StabilisedHeun(diffrax.AbstractSolver):
         return terms.vf(t0, y0, args)
 
     def step(
-        self,
-        terms: diffrax.AbstractTerm,
-        t0: Any,
-        t1: Any,
-        y0: State,
-        args: Any,
-        solver_state: None,
-        made_jump: Any,
+        self, terms: diffrax.AbstractTerm, t0: Any, t1: Any, y0: State, args: Any, solver_state: None, made_jump: Any
     ) -> tuple[State, State, dict[str, State], None, Any]:
         """One step from `t0` to `t1`, with the difference to Euler's step as error estimate."""
         h = terms.contr(t0, t1)

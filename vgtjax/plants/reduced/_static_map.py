@@ -9,14 +9,7 @@ from jaxtyping import Array
 
 from ..._types import Values
 from ...parameters import nested
-from ...parts import (
-    AbstractFlowMap,
-    AbstractFriction,
-    AbstractVaneForce,
-    Air,
-    Diaphragm,
-    IsothermalChamber,
-)
+from ...parts import AbstractFlowMap, AbstractFriction, AbstractVaneForce, Air, Diaphragm, IsothermalChamber
 from ...traces import Drive
 from .._actuator import Actuator
 from .._air_path import AbstractAirPath, ambient_pressure
