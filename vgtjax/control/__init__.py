@@ -23,7 +23,6 @@ from ._differentiator import (
     FilteredDifference as FilteredDifference,
     LevantDifferentiator as LevantDifferentiator,
 )
-from ._fading import fade as fade
 from ._friction_compensation import FrictionCompensation as FrictionCompensation
 from ._friction_observer import (
     DualFrictionObserver as DualFrictionObserver,
@@ -32,7 +31,7 @@ from ._friction_observer import (
     slide as slide,
 )
 from ._knocker import Knocker as Knocker
-from ._loop import ClosedLoop as ClosedLoop, close_loop as close_loop
+from ._loop import ClosedLoop as ClosedLoop, close_loop as close_loop, fade as fade
 from ._pid import PI as PI, PID as PID
 from ._pressure_observer import ObservedState as ObservedState, PressureObserver as PressureObserver
 from ._reference import (

@@ -47,13 +47,11 @@ class Backstepping(AbstractController):
     **Raises:** `InputError` for a gain that is not positive.
     """
 
-    position_gain: Scalar = parameter(45.0, symbol="lambda", unit="1/s", source="5.22, value assumed", assumed=True)
-    velocity_gain: Scalar = parameter(1200.0, symbol="K_d", unit="1/s", source="5.34, value assumed", assumed=True)
-    pressure_gain: Scalar = parameter(400.0, symbol="K_U", unit="1/s", source="5.34, value assumed", assumed=True)
-    pressure_weight: Scalar = parameter(
-        2.5e-7, symbol="w", unit="m2/(s2 Pa2)", source="5.36, value assumed", assumed=True
-    )
-    reversal_width: Scalar = parameter(3e-3, symbol="v_w", unit="m/s", source="assumed", assumed=True, held=True)
+    position_gain: Scalar = parameter(45.0, symbol="lambda", unit="1/s", source="5.22, value assumed")
+    velocity_gain: Scalar = parameter(1200.0, symbol="K_d", unit="1/s", source="5.34, value assumed")
+    pressure_gain: Scalar = parameter(400.0, symbol="K_U", unit="1/s", source="5.34, value assumed")
+    pressure_weight: Scalar = parameter(2.5e-7, symbol="w", unit="m2/(s2 Pa2)", source="5.36, value assumed")
+    reversal_width: Scalar = parameter(3e-3, symbol="v_w", unit="m/s", source="assumed", held=True)
     observer: PressureObserver = eqx.field(default_factory=PressureObserver)
     differentiator: AbstractDifferentiator = eqx.field(default_factory=_differentiator)
 

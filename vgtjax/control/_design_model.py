@@ -60,7 +60,7 @@ class DesignModel(Part):
     air: Air = eqx.field(default_factory=Air)
     load: Scalar = parameter(1.0, symbol="theta", unit="1", source="5.7")
     exponent: Scalar = parameter(1.0, symbol="n", unit="1", source="5.4", held=True)
-    stop_margin: Scalar = parameter(2e-5, symbol="x_s", unit="m", source="assumed", assumed=True, held=True)
+    stop_margin: Scalar = parameter(2e-5, symbol="x_s", unit="m", source="assumed", held=True)
 
     @classmethod
     def for_plant(

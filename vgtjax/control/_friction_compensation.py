@@ -41,9 +41,9 @@ class FrictionCompensation(AbstractController):
     **Raises:** `InputError` where the transfer function [5.9] is not strictly positive real.
     """
 
-    proportional_gain: Scalar = parameter(12000.0, symbol="k_p", unit="N/m", source="5.8, value assumed", assumed=True)
-    derivative_gain: Scalar = parameter(200.0, symbol="k_d", unit="N s/m", source="5.8, value assumed", assumed=True)
-    observer_gain: Scalar = parameter(10.0, symbol="k", unit="1/s", source="5.6, value assumed", assumed=True)
+    proportional_gain: Scalar = parameter(12000.0, symbol="k_p", unit="N/m", source="5.8, value assumed")
+    derivative_gain: Scalar = parameter(200.0, symbol="k_d", unit="N s/m", source="5.8, value assumed")
+    observer_gain: Scalar = parameter(10.0, symbol="k", unit="1/s", source="5.6, value assumed")
     load: Scalar = parameter(1.0, symbol="theta", unit="1", source="5.7", held=True)
     converter: Converter = eqx.field(default_factory=Converter)
     diaphragm: Diaphragm = eqx.field(default_factory=Diaphragm)

@@ -56,17 +56,11 @@ class PressureObserver(AbstractDesign):
     """
 
     model: DesignModel = eqx.field(default_factory=DesignModel)
-    friction_rate: Scalar = parameter(5.0, symbol="a", unit="1/s", source="5.12, value assumed", assumed=True)
-    pressure_rate: Scalar = parameter(50.0, symbol="b", unit="1/s", source="5.12, value assumed", assumed=True)
-    injection_rate: Scalar = parameter(
-        1400.0, symbol="alpha_2", unit="1/s", source="5.12, value assumed", assumed=True, positive=False, lower=0.0
-    )
-    switching_gain: Scalar = parameter(
-        0.0, symbol="K_2", unit="m/s2", source="5.12, value assumed", assumed=True, positive=False, lower=0.0
-    )
-    largest_velocity: Scalar = parameter(
-        0.1, symbol="v_max", unit="m/s", source="5.21, value assumed", assumed=True, held=True
-    )
+    friction_rate: Scalar = parameter(5.0, symbol="a", unit="1/s", source="5.12, value assumed")
+    pressure_rate: Scalar = parameter(50.0, symbol="b", unit="1/s", source="5.12, value assumed")
+    injection_rate: Scalar = parameter(1400.0, symbol="alpha_2", unit="1/s", source="5.12, value assumed", lower=0.0)
+    switching_gain: Scalar = parameter(0.0, symbol="K_2", unit="m/s2", source="5.12, value assumed", lower=0.0)
+    largest_velocity: Scalar = parameter(0.1, symbol="v_max", unit="m/s", source="5.21, value assumed", held=True)
     """Of the rod, up to which the conditions are checked; nothing else uses it."""
 
     @classmethod

@@ -12,8 +12,7 @@ from ._converter import (
 )
 from ._diaphragm import Body as Body, Diaphragm as Diaphragm
 from ._gas_effect import feels_gas as feels_gas
-from ._gas_table import AbstractGasTables as AbstractGasTables
-from ._tables import bilinear as bilinear
+from ._gas_table import AbstractGasTables as AbstractGasTables, bilinear as bilinear
 from ._vanes import Crank as Crank, Vanes as Vanes
 from .chamber import (
     AbstractChamber as AbstractChamber,

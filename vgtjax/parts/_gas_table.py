@@ -13,7 +13,6 @@ from jaxtyping import Array, Float
 
 from .._errors import InputError, is_traced
 from .._types import Knots, Values
-from ._tables import bilinear
 from ._vanes import Crank, Vanes
 
 Table = Float[Array, " knots"]
@@ -91,3 +90,29 @@ def _check_increasing(name: str, knots: Float[np.ndarray, " knots"], unit: str) 
             "them and remove repeated ones",
             "values",
         )
+
+
+def _ramps(knots: Knots, at: Values) -> list[Values]:
+    """How far `at` has crossed each interval of increasing `knots`, from 0 to 1."""
+    count = knots.shape[0]
+    return [jnp.clip((at - knots[k]) / (knots[k + 1] - knots[k]), 0.0, 1.0) for k in range(count - 1)]
+
+
+def _along(values: Sequence[Values], ramps: Sequence[Values]) -> Values:
+    total = values[0]
+    for low, high, ramp in zip(values[:-1], values[1:], ramps, strict=True):
+        total = total + (high - low) * ramp
+    return total
+
+
+def bilinear(
+    rows: Knots, columns: Knots, values: Float[Array | np.ndarray, "rows columns"], row: Values, column: Values
+) -> Values:
+    """Value of a table at `(row, column)`, linear between its increasing knots and held beyond them.
+
+    Continuous, with kinks at the knots.
+    """
+    # A sum over intervals instead of a look-up: tables are small, and a gather inside a march is slow.
+    over_columns = _ramps(columns, column)
+    by_row = [_along([values[i, j] for j in range(values.shape[1])], over_columns) for i in range(values.shape[0])]
+    return _along(by_row, _ramps(rows, row))

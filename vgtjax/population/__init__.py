@@ -21,11 +21,13 @@ from ._results import (
     column_names as column_names,
     describe as describe,
 )
-from ._sample import MOST_ROWS as MOST_ROWS, Sample as Sample, check_size as check_size
 from ._sampling import (
+    MOST_ROWS as MOST_ROWS,
     SAMPLERS as SAMPLERS,
     LatinHypercubeSample as LatinHypercubeSample,
+    Sample as Sample,
     SobolSample as SobolSample,
+    check_size as check_size,
     make_sample as make_sample,
     sobol_points as sobol_points,
 )

@@ -26,12 +26,11 @@ where `C` and `S` are power series in `u`: cosines below zero, and no special ca
 import math
 
 import equinox as eqx
-import jax.core
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from .._errors import InputError
+from .._errors import InputError, is_traced
 from .._types import Scalar, Values
 from ..parts import Diaphragm, LuGre
 
@@ -108,7 +107,7 @@ def _series(d: Array, u: Array) -> tuple[Array, Array]:
 
 
 def _check(name: str, value: Array, lowest: str) -> None:
-    if isinstance(value, jax.core.Tracer):
+    if is_traced(value):
         return
     # NumPy, or a constant inside of jit would be traced.
     least = float(np.min(np.asarray(value)))

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Int
 
-from .._errors import InputError
+from .._errors import InputError, require_positive
 from ..plants import AbstractModel, State
 from ..traces import Drive, Trace
 from ._heun import StabilisedHeun
@@ -104,8 +104,7 @@ class FixedStep(AbstractStepping):
     solver: diffrax.AbstractSolver | None = None
 
     def __check_init__(self) -> None:
-        if not 0 < self.max_step < math.inf:
-            raise InputError(f"max_step must be a positive number of seconds, but it is {self.max_step}; use e.g. 5e-4")
+        require_positive("max_step", self.max_step, "number of seconds", "use e.g. 5e-4")
 
     def plan(self, model: AbstractModel, trace: Trace) -> FixedMarch:
         """Steps such that the longest interval of the trace is cut finely enough."""

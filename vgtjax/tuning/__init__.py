@@ -1,8 +1,7 @@
 """Gains tuned through the gradient of the closed loop, over references, turbine pressures and plants."""
 
-from ._admissible import conditions as conditions
+from ._admissible import conditions as conditions, gain_names as gain_names
 from ._cases import Case as Case, Cases as Cases, cross_cases as cross_cases
-from ._gains import gain_names as gain_names
 from ._objective import TERMS as TERMS, Objective as Objective
 from ._problem import (
     MEMORIES as MEMORIES,

@@ -54,7 +54,7 @@ class LiftTable(AbstractLiftMap):
         return jnp.vectorize(self._look_up)(position, gauged)
 
     def _look_up(self, position: Values, pressure: Values) -> Values:
-        # Gathered, unlike `tables.bilinear`, whose sum over intervals compiles for ten seconds at this size and runs a
+        # Gathered, unlike `bilinear`, whose sum over intervals compiles for ten seconds at this size and runs a
         # batch sixteen times slower.
         row, down = _place(self.position, position)
         column, across = _place(self.pressure, pressure)

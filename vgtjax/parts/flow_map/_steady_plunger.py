@@ -6,7 +6,7 @@ from jaxtyping import Array, Bool, Float
 
 from ..._types import Values
 from ...parameters import parameter
-from ._base import FULL_DUTY, AbstractFlowMap, duty_by_bisection
+from ._base import FULL_DUTY, AbstractFlowMap, duty_by_bisection, equilibrium_pressure
 from ._lift_table import LiftTable
 from ._roots import polynomial
 
@@ -20,14 +20,7 @@ class SteadyPlungerFlow(AbstractFlowMap):
     depend on duty.
     """
 
-    equilibrium: Float[Array, " 5"] = parameter(
-        (101843.62559540888, -12.98938307030129, -22.38163558106169, 0.20506743185078907, -5.242754662840745e-4),
-        symbol="p_eq",
-        unit=tuple(f"Pa/%^{k}" for k in range(5)),
-        source="2.8, B.1",
-        positive=False,
-        held=True,
-    )
+    equilibrium: Float[Array, " 5"] = equilibrium_pressure()
     compliance: Float[Array, " 2"] = parameter(
         (8.7125e-8, 3.9602272727e-8), symbol="c", unit="m/Pa", source="2.7, B.1", held=True
     )

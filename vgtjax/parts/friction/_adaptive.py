@@ -40,22 +40,14 @@ class AdaptiveLuGre(AbstractLuGre, AbstractGasTables):
     viscous_damping: Scalar = parameter(206.0, symbol="sigma_2", unit="N s/m", source="B.2")
     stribeck_velocity: Scalar = parameter(1e-3, symbol="v_s", unit="m/s", source="B.2")
     load: Table = parameter(
-        (0.0,) * (len(PRESSURES) * len(ANGLES)),
-        symbol="F_load",
-        unit="N",
-        source="3.20",
-        positive=False,
-        lower=0.0,
-        assumed=True,
+        (0.0,) * (len(PRESSURES) * len(ANGLES)), symbol="F_load", unit="N", source="3.20", lower=0.0, assumed=True
     )
     """Sliding force in N that exhaust gas adds; a row of angles for every pressure, one row after the other."""
     turbine_pressure: Float[Array, " pressures"] = parameter(
         PRESSURES, symbol="p_trb", unit="Pa gauge", source="3.4.2", held=True
     )
     """Knots, increasing, above zero."""
-    crank_angle: Float[Array, " angles"] = parameter(
-        ANGLES, symbol="C_r", unit="deg", source="assumed", held=True, assumed=True
-    )
+    crank_angle: Float[Array, " angles"] = parameter(ANGLES, symbol="C_r", unit="deg", source="assumed", held=True)
     """Knots, increasing."""
     crank: Crank = eqx.field(default_factory=Crank)
     stribeck_exponent: int = eqx.field(static=True, default=1)

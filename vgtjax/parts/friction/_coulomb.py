@@ -1,19 +1,17 @@
 """Coulomb friction that sticks without a jump and without creep [2.35]."""
 
-import math
-
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array
 
-from ..._errors import InputError
+from ..._errors import require_positive
 from ..._types import Scalar, Values
 from ...parameters import parameter
+from .._stateless import Stateless
 from ._base import AbstractFriction, Contact
 from ._bristles import SMALLEST_FORCE
 
 
-class Coulomb(AbstractFriction):
+class Coulomb(Stateless, AbstractFriction):
     """`F_f = F_c sign(v) + sigma_2 v`; at rest the force that holds the rod, up to `F_c` [2.35].
 
     A jump at `v = 0` would make every derivative wrong, and a steep slope through zero lets a loaded rod creep. Instead
@@ -33,13 +31,7 @@ class Coulomb(AbstractFriction):
     """Time constant in s with which a rod comes to rest; see above how to tighten it."""
 
     def __check_init__(self) -> None:
-        check_width("stick_time", self.stick_time, "s", 1e-3)
-
-    def initial_state(self) -> None:
-        """Nothing to remember."""
-
-    def relaxation(self, contact: Contact, state: None) -> None:
-        """No state, no rate."""
+        require_positive("stick_time", self.stick_time, "number of s", "use e.g. 0.001")
 
     def damping(self, contact: Contact) -> Values:
         """`m / stick_time` at velocities at which a rod may stick, `sigma_2` from twice those on."""
@@ -55,13 +47,6 @@ class Coulomb(AbstractFriction):
 
     def passivity_margin(self) -> None:
         """It can't give out energy."""
-
-    def signals(self, state: None) -> dict[str, Array]:
-        """Nothing to show."""
-        return {}
-
-    def typical_state(self) -> None:
-        """No state, no size."""
 
 
 def sticking_damping(limit: Values, viscous: Values, stick_time: float, contact: Contact) -> Values:
@@ -82,12 +67,3 @@ def sticking_force(
     # The viscous part is taken out before clipping and comes back after it: stuck, the two cancel exactly.
     holding = applied_force - slowing + contact.mass * contact.velocity / stick_time
     return jnp.clip(holding, -limit, limit) + slowing
-
-
-def check_width(name: str, value: float, unit: str, example: float) -> None:
-    """Whether a smoothing width is a positive number.
-
-    **Raises:** `InputError` otherwise.
-    """
-    if not 0 < value < math.inf:
-        raise InputError(f"{name} must be a positive number of {unit}, but it is {value}; use e.g. {example:g}")

@@ -1,12 +1,10 @@
 """Dahl friction [3.2-3.5] (Dahl, 1968)."""
 
-import math
-
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..._errors import InputError
+from ..._errors import require_positive
 from ..._types import Scalar, Values
 from ...parameters import parameter
 from ._base import AbstractFriction, Contact
@@ -30,11 +28,8 @@ class Dahl(AbstractFriction):
     other value than 1, which costs no power this way."""
 
     def __check_init__(self) -> None:
-        if not 0 < self.shape_exponent < math.inf:
-            raise InputError(
-                f"shape_exponent must be a positive number, but it is {self.shape_exponent}; use 1 unless a measured "
-                "loop has another shape"
-            )
+        remedy = "use 1 unless a measured loop has another shape"
+        require_positive("shape_exponent", self.shape_exponent, "number", remedy)
 
     def initial_state(self) -> Bristle:
         """A relaxed bristle."""

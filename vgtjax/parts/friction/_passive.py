@@ -17,11 +17,11 @@ class PassiveLuGre(AbstractLuGre):  # type: ignore[misc]  # mypy takes abstract 
     """
 
     coulomb_force: Scalar = parameter(2.8, symbol="F_c", unit="N", source="B.2")
-    stribeck_drop: Scalar = parameter(0.4, symbol="F_s-F_c", unit="N", source="B.2", positive=False, lower=0.0)
+    stribeck_drop: Scalar = parameter(0.4, symbol="F_s-F_c", unit="N", source="B.2", lower=0.0)
     bristle_stiffness: Scalar = parameter(43135.0, symbol="sigma_0", unit="N/m", source="B.2")
     bristle_damping: Scalar = parameter(429.77, symbol="sigma_1", unit="N s/m", source="B.2")
     excess_damping: Scalar = parameter(
-        206.0 - 429.77 * 0.4 / 2.8, symbol="sigma_2-b", unit="N s/m", source="B.2", positive=False, lower=0.0
+        206.0 - 429.77 * 0.4 / 2.8, symbol="sigma_2-b", unit="N s/m", source="B.2", lower=0.0
     )
     """Viscous damping above the bound of passivity."""
     stribeck_velocity: Scalar = parameter(1e-3, symbol="v_s", unit="m/s", source="B.2")

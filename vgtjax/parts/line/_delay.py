@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ..._errors import InputError
+from ..._errors import InputError, require_positive
 from ..._types import Scalar, Values
 from ...parameters import parameter
 from .._air import Air
@@ -42,9 +42,9 @@ class DelayLine(AbstractLine):
     its derivative.
     """
 
-    length: Scalar = parameter(0.5, symbol="L", unit="m", source="assumed", positive=False, lower=0.0, assumed=True)
-    bore: Scalar = parameter(4e-3, symbol="D", unit="m", source="assumed", assumed=True)
-    viscosity: Scalar = parameter(1.81e-5, symbol="mu", unit="Pa s", source="assumed", held=True, assumed=True)
+    length: Scalar = parameter(0.5, symbol="L", unit="m", source="assumed", lower=0.0)
+    bore: Scalar = parameter(4e-3, symbol="D", unit="m", source="assumed")
+    viscosity: Scalar = parameter(1.81e-5, symbol="mu", unit="Pa s", source="assumed", held=True)
     cells: int = eqx.field(static=True, default=3)
     """Lags, 2 to 5; a numerical setting."""
     shortest_lag: float = eqx.field(static=True, default=1 / 3e3)
@@ -53,10 +53,7 @@ class DelayLine(AbstractLine):
     def __check_init__(self) -> None:
         if not 2 <= self.cells <= 5:
             raise InputError(f"a delay line has 2 to 5 cells, but {self.cells} are asked for; choose e.g. 3")
-        if not 0 < self.shortest_lag < math.inf:
-            raise InputError(
-                f"shortest_lag must be a positive number of seconds, but it is {self.shortest_lag}; use e.g. 3e-4"
-            )
+        require_positive("shortest_lag", self.shortest_lag, "number of seconds", "use e.g. 3e-4")
 
     def initial_state(self, air: Air, gas: Gas) -> Lags:
         """Nothing flows."""

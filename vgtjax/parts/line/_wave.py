@@ -1,7 +1,6 @@
 """A line as the wave equation with loss, in space cells [2.16-2.20]."""
 
 import itertools
-import math
 from collections.abc import Callable
 
 import equinox as eqx
@@ -9,7 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..._errors import InputError
+from ..._errors import InputError, require_positive
 from ..._types import Scalar, StateLeaf, Values
 from ...parameters import parameter
 from .._air import Air
@@ -48,9 +47,9 @@ class WaveLine(AbstractLine):
     line.
     """
 
-    length: Scalar = parameter(0.5, symbol="L", unit="m", source="assumed", positive=False, lower=0.0, assumed=True)
-    bore: Scalar = parameter(4e-3, symbol="D", unit="m", source="assumed", assumed=True)
-    viscosity: Scalar = parameter(1.81e-5, symbol="mu", unit="Pa s", source="assumed", held=True, assumed=True)
+    length: Scalar = parameter(0.5, symbol="L", unit="m", source="assumed", lower=0.0)
+    bore: Scalar = parameter(4e-3, symbol="D", unit="m", source="assumed")
+    viscosity: Scalar = parameter(1.81e-5, symbol="mu", unit="Pa s", source="assumed", held=True)
     cells: int = eqx.field(static=True, default=2)
     """Space cells, 2 or more; a numerical setting. The error falls with their square, the step with their number."""
     shortest: float = eqx.field(static=True, default=0.4)
@@ -59,8 +58,7 @@ class WaveLine(AbstractLine):
     def __check_init__(self) -> None:
         if self.cells < 2:
             raise InputError(f"a wave line needs 2 cells or more, but {self.cells} are asked for; choose e.g. 2")
-        if not 0 < self.shortest < math.inf:
-            raise InputError(f"shortest must be a positive number of metres, but it is {self.shortest}; use e.g. 0.4")
+        require_positive("shortest", self.shortest, "number of metres", "use e.g. 0.4")
 
     def initial_state(self, air: Air, gas: Gas) -> WaveState:
         """The chamber's pressure all along, nothing flows."""

@@ -38,15 +38,13 @@ class Coil(AbstractMagneticForce):
     1390 N/m at 2.5 mm below zero. It costs speed, since `L / R = 2 F x / (R i^2)`: 51 ms at 12 V and 11 ohm.
     """
 
-    turns: Scalar = parameter(7500.0, symbol="N", unit="1", source="assumed", held=True, assumed=True)
-    core_area: Scalar = parameter(2e-4, symbol="A", unit="m2", source="assumed", held=True, assumed=True)
-    core_length: Scalar = parameter(0.05, symbol="x_0", unit="m", source="assumed", held=True, assumed=True)
-    relative_permeability: Scalar = parameter(
-        1000.0, symbol="mu_r", unit="1", source="assumed", held=True, assumed=True
-    )
-    gap: Scalar = parameter(0.025, symbol="x_t", unit="m", source="assumed", held=True, assumed=True)
-    resistance: Scalar = parameter(11.0, symbol="R_i", unit="ohm", source="assumed", held=True, assumed=True)
-    supply_voltage: Scalar = parameter(12.0, symbol="U_s", unit="V", source="assumed", held=True, assumed=True)
+    turns: Scalar = parameter(7500.0, symbol="N", unit="1", source="assumed", held=True)
+    core_area: Scalar = parameter(2e-4, symbol="A", unit="m2", source="assumed", held=True)
+    core_length: Scalar = parameter(0.05, symbol="x_0", unit="m", source="assumed", held=True)
+    relative_permeability: Scalar = parameter(1000.0, symbol="mu_r", unit="1", source="assumed", held=True)
+    gap: Scalar = parameter(0.025, symbol="x_t", unit="m", source="assumed", held=True)
+    resistance: Scalar = parameter(11.0, symbol="R_i", unit="ohm", source="assumed", held=True)
+    supply_voltage: Scalar = parameter(12.0, symbol="U_s", unit="V", source="assumed", held=True)
     duty_map: Float[Array, " 3"] = parameter(
         (1.7552, -0.88707, 0.10348),
         symbol="c",

@@ -45,11 +45,9 @@ class HysteresisMap(AbstractVaneForce, AbstractGasTables):
         PRESSURES, symbol="p_trb", unit="Pa gauge", source="3.4.2", held=True
     )
     """Knots, increasing, above zero."""
-    crank_angle: Float[Array, " angles"] = parameter(
-        ANGLES, symbol="C_r", unit="deg", source="assumed", held=True, assumed=True
-    )
+    crank_angle: Float[Array, " angles"] = parameter(ANGLES, symbol="C_r", unit="deg", source="assumed", held=True)
     """Knots, increasing."""
-    reversal_distance: Scalar = parameter(65e-6, symbol="x_rev", unit="m", source="assumed", assumed=True)
+    reversal_distance: Scalar = parameter(65e-6, symbol="x_rev", unit="m", source="assumed")
     crank: Crank = eqx.field(default_factory=Crank)
 
     @property

@@ -2,8 +2,10 @@
 
 import dataclasses
 from collections.abc import Callable
+from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -14,6 +16,8 @@ from ...parts import (
     FULL_DUTY,
     AbstractFlowMap,
     AbstractLiftMap,
+    Air,
+    Converter,
     LiftTable,
     PolynomialFlow,
     PrintedFlow,
@@ -22,7 +26,6 @@ from ...parts import (
 from ...traces import ASSUMED_RESERVOIR
 from .._actuator import Actuator
 from .._base import AbstractModel
-from ._knots import lift_knots, pressure_knots
 from ._polynomial_fit import fit_polynomial_flow
 
 Grid = Float[np.ndarray, "..."]
@@ -33,6 +36,10 @@ PRESSURES = 101
 """Pressures of the grid."""
 NEAR = 2e4
 """Pa from equilibrium at which a sample counts half in the polynomial's fit. Of 4 to 50 kPa it gives the best steps."""
+OPENING = 8
+"""Knots of a table over the parabola of the atmosphere's orifice [B.3], in squared distances."""
+CURVED = 5
+"""Knots from the choked flow to equal pressures, in squared distances towards the latter, where the root is steep."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -247,3 +254,34 @@ FLOW_MAPS: dict[str, Callable[[_Samples], AbstractFlowMap | AbstractLiftMap]] = 
     "lift-table": _table,
 }
 """How each kind of map is made."""
+
+
+def printed_flow_map(kind: str) -> Any:
+    """That of the printed actuator, which a reduced model has by default."""
+    with jax.ensure_compile_time_eval():  # also where a model is made under jit
+        return fit_flow_map(Actuator(), kind).flow_map
+
+
+# A table of flow has knots at every kink of the flow, and denser ones where it bends.
+
+
+def lift_knots(converter: Converter, lowest: float, highest: float) -> Float[np.ndarray, " positions"]:
+    """Plunger positions in m between two ends: saturation, closed, the opened leak, and the parabola."""
+    saturated = -float(converter.reservoir_orifice_saturation)
+    leak = converter.opening_width
+    above = max(highest, 2 * leak)
+    rise = leak + (above - leak) * (np.arange(1, OPENING + 1) / OPENING) ** 2
+    below = [min(lowest, 1.001 * saturated), saturated]
+    return np.unique(np.concatenate([below, [0.0, leak], rise]))
+
+
+def pressure_knots(air: Air, reservoir: float) -> Float[np.ndarray, " pressures"]:
+    """Pressures in Pa from half the reservoir's to a twentieth above the atmosphere's.
+
+    Below the reservoir's and above the atmosphere's, flow goes the other way.
+    """
+    ambient, critical = float(air.pressure), float(air.critical_ratio())
+    towards = np.linspace(0.0, 1.0, CURVED + 1) ** 2
+    evacuated = reservoir + (reservoir / critical - reservoir) * towards
+    vented = ambient - ambient * (1 - critical) * towards
+    return np.unique(np.concatenate([[0.5 * reservoir], evacuated, vented, [1.05 * ambient]]))

@@ -1,10 +1,10 @@
 """The reduced model with six states: flow as a map of plunger position and pressure [5.2]."""
 
+import functools
 import math
 from typing import Any
 
 import equinox as eqx
-import jax
 from jaxtyping import Array
 
 from ..._types import StateLeaf, Values
@@ -20,18 +20,12 @@ from ...parts import (
     IsothermalChamber,
 )
 from ...traces import Drive
-from .._actuator import Actuator
 from .._air_path import AbstractAirPath, ambient_pressure, reservoir_pressure
 from .._base import assemble
 from .._plant import AbstractPlant
 from .._rod import Rod
-from ._fitting import fit_flow_map
+from ._fitting import printed_flow_map
 from ._gas import flow_signals, pressure_rate
-
-
-def _printed_actuators() -> Any:
-    with jax.ensure_compile_time_eval():  # also where a model is made under jit
-        return fit_flow_map(Actuator(), "lift-table").flow_map
 
 
 class LiftMapState(eqx.Module):
@@ -48,7 +42,7 @@ class LiftMapPath(AbstractAirPath):
     force count: the map takes the place of both orifices, whose parameters then do nothing.
     """
 
-    flow_map: AbstractLiftMap = eqx.field(default_factory=_printed_actuators)
+    flow_map: AbstractLiftMap = eqx.field(default_factory=functools.partial(printed_flow_map, "lift-table"))
     converter: Converter = eqx.field(default_factory=Converter)
     chamber: IsothermalChamber = eqx.field(default_factory=IsothermalChamber)
 

@@ -1,28 +1,22 @@
 """The model for control with four states: flow as a map of duty and pressure [5.4]."""
 
+import functools
 import math
 from typing import Any
 
 import equinox as eqx
-import jax
 from jaxtyping import Array
 
 from ..._types import Values
 from ...parameters import nested
 from ...parts import AbstractFlowMap, AbstractFriction, AbstractVaneForce, Air, Diaphragm, IsothermalChamber
 from ...traces import Drive
-from .._actuator import Actuator
 from .._air_path import AbstractAirPath, ambient_pressure
 from .._base import assemble
 from .._plant import AbstractPlant
 from .._rod import Rod
-from ._fitting import fit_flow_map
+from ._fitting import printed_flow_map
 from ._gas import flow_signals, pressure_rate
-
-
-def _printed_actuators() -> Any:
-    with jax.ensure_compile_time_eval():  # also where a model is made under jit
-        return fit_flow_map(Actuator()).flow_map
 
 
 class FlowMapPath(AbstractAirPath):
@@ -31,7 +25,7 @@ class FlowMapPath(AbstractAirPath):
     Its state is the chamber pressure. The reservoir's pressure is that of the map, whatever a trace says.
     """
 
-    flow_map: AbstractFlowMap = eqx.field(default_factory=_printed_actuators)
+    flow_map: AbstractFlowMap = eqx.field(default_factory=functools.partial(printed_flow_map, "steady-plunger"))
     chamber: IsothermalChamber = eqx.field(default_factory=IsothermalChamber)
 
     def working_pressure(self, air: Air, drive: Drive) -> Values:
