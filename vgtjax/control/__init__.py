@@ -1,6 +1,10 @@
 """Control of the position [chapter 5]: references, sensors, controllers, and the closed loop."""
 
-from ._adaptive_backstepping import AdaptiveBackstepping as AdaptiveBackstepping, AdaptiveEstimate as AdaptiveEstimate
+from ._adaptive_backstepping import (
+    AdaptiveBackstepping as AdaptiveBackstepping,
+    AdaptiveEstimate as AdaptiveEstimate,
+    Moment as Moment,
+)
 from ._backstepping import Backstepping as Backstepping
 from ._balance import ConstantDuty as ConstantDuty, StaticBalance as StaticBalance, holding_duty as holding_duty
 from ._base import (

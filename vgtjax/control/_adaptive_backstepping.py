@@ -46,6 +46,14 @@ class Errors(eqx.Module):
     """`q` in m/s."""
 
 
+class Moment(eqx.Module):
+    """What one sample is about: the rod's motion, the chamber pressure in Pa absolute, and where the rod should be."""
+
+    motion: Motion
+    pressure: Scalar
+    reference: Reference
+
+
 class AdaptiveState(eqx.Module):
     """What has been learned, and what the differentiator remembers."""
 
@@ -135,11 +143,11 @@ class AdaptiveBackstepping(AbstractController):
         memory, velocity = self.differentiator.update(
             state.differentiator, measurement.position, period, reference.acceleration
         )
-        motion, pressure = Motion(measurement.position, velocity, measurement.ambient), measurement.pressure
-        now = state.estimate
-        errors = self.errors(motion, pressure, reference, now)
-        onward = self._learn(now, motion, pressure, reference, errors, period)
-        duty = self._duty(motion, pressure, reference, now, errors, _per_second(now, onward, period))
+        motion = Motion(measurement.position, velocity, measurement.ambient)
+        at, now = Moment(motion, measurement.pressure, reference), state.estimate
+        errors = self.errors(at, now)
+        onward = self._learn(now, at, errors, period)
+        duty = self._duty(at, now, errors, _per_second(now, onward, period))
         shares = now.friction.coefficients / nominal_coefficients(self.model)
         log = {
             "velocity": velocity,
@@ -158,11 +166,12 @@ class AdaptiveBackstepping(AbstractController):
         lead = (k1 + k2) * (motion.velocity - reference.velocity) + (k1 * k2 + self.position_weight) * position_error
         return free + lead - reference.acceleration
 
-    def errors(self, motion: Motion, pressure: Scalar, reference: Reference, estimate: AdaptiveEstimate) -> Errors:
-        """The three errors [5.49-5.58], `d theta1 / d x2` [5.62] and `q`; the measured pressure in Pa absolute."""
+    def errors(self, at: Moment, estimate: AdaptiveEstimate) -> Errors:
+        """The three errors [5.49-5.58], `d theta1 / d x2` [5.62] and `q`."""
+        motion, reference = at.motion, at.reference
         position = motion.position - reference.position
         velocity = self._velocity_error(motion, reference)
-        pressure_error = pressure - self.wanted_acceleration(motion, reference, estimate) / self._a1
+        pressure_error = at.pressure - self.wanted_acceleration(motion, reference, estimate) / self._a1
         sensitivity = self._sensitivity(motion, estimate)
         drive = velocity - self.pressure_weight * pressure_error * sensitivity / self._a1
         return Errors(position, velocity, pressure_error, sensitivity, drive)
@@ -173,33 +182,17 @@ class AdaptiveBackstepping(AbstractController):
         load = -self.model.diaphragm.mass * self.load_gain * errors.drive
         return AdaptiveEstimate(friction, load, self.drift_gain * errors.pressure)
 
-    def pressure_rate(
-        self,
-        motion: Motion,
-        pressure: Scalar,
-        reference: Reference,
-        estimate: AdaptiveEstimate,
-        errors: Errors,
-        rates: AdaptiveEstimate,
-    ) -> Scalar:
+    def pressure_rate(self, at: Moment, estimate: AdaptiveEstimate, errors: Errors, rates: AdaptiveEstimate) -> Scalar:
         """`p'_des` in Pa/s [5.63 corrected]; `rates` are those of the estimate."""
-        a_h = self.model.stopped(motion.position, self._acceleration(motion, estimate, pressure))
-        follow = self.wanted_rate(motion, reference, estimate, rates) + errors.sensitivity * a_h
+        a_h = self.model.stopped(at.motion.position, self._acceleration(at.motion, estimate, at.pressure))
+        follow = self.wanted_rate(at.motion, at.reference, estimate, rates) + errors.sensitivity * a_h
         coupling = self.pressure_coupling * self._a1 / self.pressure_weight * errors.velocity
         return -self.pressure_gain * errors.pressure + coupling - estimate.drift + follow / self._a1
 
-    def flow(
-        self,
-        motion: Motion,
-        pressure: Scalar,
-        reference: Reference,
-        estimate: AdaptiveEstimate,
-        errors: Errors,
-        rates: AdaptiveEstimate,
-    ) -> Scalar:
+    def flow(self, at: Moment, estimate: AdaptiveEstimate, errors: Errors, rates: AdaptiveEstimate) -> Scalar:
         """Mass flow in kg/s into the chamber that gives `p'_des`."""
-        rate = self.pressure_rate(motion, pressure, reference, estimate, errors, rates)
-        return self.model.flow_for(rate, motion.position, motion.velocity, pressure)
+        rate = self.pressure_rate(at, estimate, errors, rates)
+        return self.model.flow_for(rate, at.motion.position, at.motion.velocity, at.pressure)
 
     def wanted_rate(
         self, motion: Motion, reference: Reference, estimate: AdaptiveEstimate, rates: AdaptiveEstimate
@@ -247,35 +240,20 @@ class AdaptiveBackstepping(AbstractController):
         friction = self._friction(estimate, motion.velocity)
         return self.model.acceleration(motion.position, motion.velocity, friction, pressure, motion.ambient)
 
-    def _duty(
-        self,
-        motion: Motion,
-        pressure: Scalar,
-        reference: Reference,
-        estimate: AdaptiveEstimate,
-        errors: Errors,
-        rates: AdaptiveEstimate,
-    ) -> Scalar:
-        flow = self.flow(motion, pressure, reference, estimate, errors, rates)
-        return self.model.flow_map.duty_for(flow, pressure, motion.ambient)
+    def _duty(self, at: Moment, estimate: AdaptiveEstimate, errors: Errors, rates: AdaptiveEstimate) -> Scalar:
+        flow = self.flow(at, estimate, errors, rates)
+        return self.model.flow_map.duty_for(flow, at.pressure, at.motion.ambient)
 
-    def _learn(
-        self,
-        now: AdaptiveEstimate,
-        motion: Motion,
-        pressure: Scalar,
-        reference: Reference,
-        errors: Errors,
-        period: float,
-    ) -> AdaptiveEstimate:
+    def _learn(self, now: AdaptiveEstimate, at: Moment, errors: Errors, period: float) -> AdaptiveEstimate:
         """One sample later. Where the duty would saturate without learning, load and drift decay: merely held,
         they may keep the duty at its end for ever."""
         # A drive lowers the load: what would push the rod into a stop is not learned there, what pulls it off is.
-        errors = dataclasses.replace(errors, drive=-self.model.stopped(motion.position, -errors.drive))
-        learned = self._step(now, errors, motion.velocity, period)
+        velocity = at.motion.velocity
+        errors = dataclasses.replace(errors, drive=-self.model.stopped(at.motion.position, -errors.drive))
+        learned = self._step(now, errors, velocity, period)
         nothing = jnp.zeros_like(errors.drive)
-        idle = self._step(now, dataclasses.replace(errors, drive=nothing, pressure=nothing), motion.velocity, period)
-        duty = self._duty(motion, pressure, reference, now, errors, _per_second(now, idle, period))
+        idle = self._step(now, dataclasses.replace(errors, drive=nothing, pressure=nothing), velocity, period)
+        duty = self._duty(at, now, errors, _per_second(now, idle, period))
         kept = 1 / (1 + period / self.forgetting_time)
         decayed = AdaptiveEstimate(idle.friction, kept * idle.load, kept * idle.drift)
         free = jnp.clip(jnp.minimum(duty, FULL_DUTY - duty) / NEARLY_SATURATED, 0.0, 1.0)

@@ -16,7 +16,7 @@ FULL_DUTY = 100.0
 
 
 def equilibrium_pressure() -> Any:
-    """Declares `p_eq(u)`, at which the plunger closes, as a quartic; the default is printed, at a reservoir of 20 kPa."""
+    """Declares `p_eq(u)`, at which the plunger closes, as a quartic; the default is for a reservoir of 20 kPa."""
     return parameter(
         (101843.62559540888, -12.98938307030129, -22.38163558106169, 0.20506743185078907, -5.242754662840745e-4),
         symbol="p_eq",
