@@ -64,21 +64,10 @@ class AdaptiveState(eqx.Module):
 class AdaptiveBackstepping(AbstractController):
     """Three steps of backstepping from position over velocity to pressure, while friction is learned [5.46-5.71].
 
-    Position and pressure are measured, velocity comes from a differentiator. With the errors
-
-        e1 = x - x_ref;   e2 = v + k1 e1 - x_ref';   e3 = p - theta1 / a1,   a1 = A_d / m
-
-    and the estimate `F/m = bh0 zh0 + bh1 v - bh2 h zh1` of a [`DualFrictionObserver`][], the pressure that is asked for
-    and the rate of pressure that leads there are
-
-        theta1 = a(p = 0, F) - dh/m + (k1 + k2)(v - x_ref') + (k1 k2 + w1) e1 - x_ref'';   k2 = kappa + b_d/m + bh1
-        p'_des = -k3 e3 + c (a1/w3) e2 - rh + (theta2 + (d theta1/dv) a_h) / a1
-        q = e2 - w3 (d theta1/dv) e3 / a1;      dh' = -m gamma_d q;   rh' = gamma_r e3
-
-    `a(p, F)` is the acceleration of the design model, `a_h` that with the measured pressure and `dh`, and `theta2` all
-    of `theta1'` that does not come through `v`; the flow map's inverse gives the duty. `q` drives all that is learned:
-    friction, a constant force `dh` and a constant error of the flow map `rh`. The manual's page on control has the
-    proof, where the print differs, and how the gains were chosen.
+    Position and pressure are measured, velocity comes from a differentiator. With the errors `e1 = x - x_ref`, `e2 = v
+    + k1 e1 - x_ref'`, `e3 = p - theta1 / a1`, `a1 = A_d / m`, one signal `q` drives all that is learned: friction, by a
+    [`DualFrictionObserver`][], a constant force `dh` and a constant error of the flow map `rh`. The manual's page on
+    control has the law, the proof, where the print differs, and how the gains were chosen.
 
     **Raises:** `InputError` for gains for which `V'` may be positive.
     """

@@ -35,14 +35,9 @@ class BacksteppingState(eqx.Module):
 class Backstepping(AbstractController):
     """Backstepping on the [`DesignModel`][], with a [`PressureObserver`][]; only the position is measured [5.22-5.35].
 
-    With `s1 = e1' + lambda e1`, `e1 = x - x_ref`, `sh2 = ph - p*` and hats for what is observed, the wanted pressure
-    `p*` makes `s1' = -K_d s1`, and the flow that is asked for makes the observed pressure follow it:
-
-        A_d p* = p_atm A_d - F_0 - k_sm x - B v - theta S zh - F_v - m x_ref'' + lambda m (v - x_ref') + m K_d s1
-        m_dot = V/(n R T) (-K_U sh2 + A_d/(m w) s1 + p*') - A_d v ph/(R T)
-
-    The duty is that at which the flow map gives `m_dot` at `ph`. The observer starts at the pressure of the atmosphere
-    with relaxed bristles. The manual's page on control has the derivation, the proof, and how gains were chosen.
+    With `s1 = e1' + lambda e1` and `e1 = x - x_ref`, the wanted pressure `p*` makes `s1' = -K_d s1`, and the flow that
+    is asked for makes the observed pressure follow it. The manual's page on control has the derivation, the proof, and
+    how gains were chosen.
 
     **Raises:** `InputError` for a gain that is not positive.
     """

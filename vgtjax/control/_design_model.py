@@ -34,22 +34,11 @@ class DesignState(eqx.Module):
 
 
 class DesignModel(Part):
-    """What a backstepping controller believes of the plant [5.4].
+    """What a backstepping controller believes of the plant [5.4]; the manual's page on control has its equations.
 
-    With `V = V_0 - A_d x`, `alpha = 1/g` (which the print never defines), `S(v) = sigma_0 (1 - sigma_1 alpha |v|)` and
-    `B = b_d + theta (sigma_1 + sigma_2)`:
-
-        x' = v;   m v' = (p_atm - p) A_d - F_0 - k_sm x - B v - theta S(v) z - F_v;   z' = v - sigma_0 alpha |v| z
-        p' = n (R T f(u, p) + A_d v p) / V
-
-    with `n = 1` in [5.4], air that keeps its temperature; in air that exchanges no heat `n` is the ratio of its heat
-    capacities, as long as its temperature is near the atmosphere's.
-
-    `F_v` is the force of the exhaust gas on the vanes as far as it is known, over position, turbine pressure and the
-    state of `vane_force`; it is added, where `load` multiplies the friction of the rod as in [5.7]. Its rate takes the
-    turbine pressure for constant.
-
-    It has no end stops: within `stop_margin` of one, `off_stops` says how much of the force balance still holds.
+    `load` multiplies the friction of the rod as in [5.7], `exponent` is the polytropic one of the gas, 1 in [5.4]. The
+    force `F_v` of the exhaust gas on the vanes is added as far as it is known. It has no end stops: within
+    `stop_margin` of one, `off_stops` says how much of the force balance still holds.
     """
 
     flow_map: AbstractFlowMap = eqx.field(default_factory=PolynomialFlow)

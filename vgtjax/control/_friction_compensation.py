@@ -32,11 +32,8 @@ class ObserverState(eqx.Module):
 class FrictionCompensation(AbstractController):
     """A PD on the position error, with the model's spring, inertia, vanes and observed friction added [5.6-5.8].
 
-        z' = v - sigma_0 |v| z / g(v) - k e;   F = theta (sigma_0 z + sigma_1 z' + sigma_2 v)
-        (p_atm - p) A_d = F_0 + F + F_v - k_p e - k_d e' + m x_ref'' + b_d x_ref' + k_sm x_ref
-
-    with `e` position minus reference; the duty is the one that holds the chamber pressure `p`. `F_v` is the force on
-    the vanes as far as it is known. The manual's page on control has the derivation and where the print differs.
+    The duty is the one that holds the chamber pressure of that force. The manual's page on control has the law, its
+    derivation and where the print differs.
 
     **Raises:** `InputError` where the transfer function [5.9] is not strictly positive real.
     """

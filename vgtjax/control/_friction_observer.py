@@ -23,19 +23,12 @@ class FrictionEstimate(eqx.Module):
 
 
 class DualFrictionObserver(AbstractDesign):
-    """Friction over mass as `bh0 zh0 + bh1 v - bh2 h zh1`, with all of it estimated but `sigma_0` and `g`.
+    """Friction over mass as `bh0 zh0 + bh1 v - bh2 h zh1`, `h = |v| / g(v)`, with all of it estimated but `sigma_0` and
+    `g`.
 
-    With `h = |v| alpha(v)` (`alpha = 1/g`), LuGre friction over mass is `beta0 z + beta1 v - beta2 h z`,
-
-        beta0 = theta sigma_0 / m;   beta1 = theta (sigma_1 + sigma_2) / m;   beta2 = theta sigma_0 sigma_1 / m
-
-    Each of the two products that hold the unknown `z` has a bristle of its own:
-
-        zh0' = v - sigma_0 h zh0 - iota_0 q        bh0' = -gamma_0 q zh0
-        zh1' = v - sigma_0 h zh1 + iota_1 q h      bh1' = -gamma_1 q v       bh2' = +gamma_2 q h zh1
-
-    `q` in m/s is the one signal that drives everything, `gamma_i = Gamma beta_i^2`. A `bh_i` is held between `least`
-    and `largest` times `beta_i`. The manual's page on control says why, and for which plants.
+    Each of the two products that hold the unknown deflection has a bristle of its own; `q` in m/s is the one signal
+    that drives everything, with gains `gamma_i = Gamma beta_i^2`. A `bh_i` is held between `least` and `largest` times
+    `beta_i`. The manual's page on control has the equations, and says why, and for which plants.
 
     **Raises:** `InputError` for a gain that is negative, or a start that is not between `least` and `largest`, which
     must be positive.

@@ -62,9 +62,7 @@ REMEDIES = {
 def mechanical_fit(model: AbstractModel, traces: Sequence[Trace]) -> Identified:
     """All parameters of diaphragm and friction from the response of `x_d` to the measured drive [2.34, 3.6].
 
-    What follows the single tests: nonlinear least squares of the simulated position, from their values. A measured
-    pressure is freed of noise and of its sensor's offset before; standard errors contain what is left of both.
-    Parameters that the traces do not determine keep the model's value, and `limitations` names them.
+    What follows the single tests: nonlinear least squares of the simulated position, from their values.
 
     **Arguments:** `model`: with start values; `traces`: with `x_d` in m, and `p_act` in Pa or `f_drive` in N.
 

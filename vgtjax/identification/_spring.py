@@ -24,12 +24,6 @@ from ._sliding import Sliding, at_closed_stop, fit_sliding
 def identify_spring(model: AbstractModel, traces: Sequence[Trace]) -> Identified:
     """Preload, stiffness and travel of the diaphragm from slow motion and from the closed stop [2.36].
 
-    Where the rod slides, `(p_atm - p_act) A_d = F_0 + k_sm x_d + friction` [2.36]. Friction takes the sign of the
-    velocity and drops out between both directions; its viscous part and inertia, small in slow motion, are further
-    unknowns. The sensors' offsets are those of the rest at zero duty; without a rest only the stiffness is determined.
-    Samples near the stops are left out. Those at the closed one determine the travel: there, the rod sits deeper than
-    `travel` by the excess of the force over the stop's stiffness, and at rest beyond zero in the same way.
-
     **Arguments:** `model`: its stop stiffness and friction are start values; `traces`: with `x_d` in m, and `p_act` in
     Pa or `f_drive` in N.
 

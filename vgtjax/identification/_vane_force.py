@@ -46,14 +46,8 @@ class SlowSamples:
     "are the reference.",
 )
 def identify_vane_map(model: Model, traces: Sequence[Trace]) -> Identified:
-    """Both tables of [`HysteresisMap`][] from slow loops [3.16], one of them without exhaust gas.
-
-    At the same position and direction, the drive `(p_atm - p_act) A_d` differs between a loop with exhaust gas and one
-    without by the force of the gas: `F_aero = [p_act(0) - p_act(X)] A_d` (erratum 14). All samples are solved at once:
-    a cold force for each direction, and both tables, linear between the crank angles of the map. Where traces have a
-    force sensor (`f_vane`), the tables come from it directly, and no cold loop is needed.
-
-    The knots in turbine pressure are those of the model where the traces visit just them, or else the traces' own.
+    """Both tables of [`HysteresisMap`][] from slow loops [3.16, erratum 14], one of them without exhaust gas, or from a
+    force sensor.
 
     **Arguments:** `model`: with the spring and the diaphragm's area; `traces`: with `x_d` in m, `p_act` in Pa or
     `f_vane` in N, and `p_trb` in Pa gauge where there is exhaust gas.

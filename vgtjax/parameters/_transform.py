@@ -1,9 +1,4 @@
-"""The map between physical parameters and the coordinates that an optimiser moves, and the box that holds them.
-
-Positive parameters move by their logarithm, the rest by their start value as scale, so that a step of one in any
-coordinate is a large but sane change of that parameter. Bounds are ends of the coordinates, reached exactly; a
-transform that only tends to its bound (a logistic) would keep a fit creeping towards it forever.
-"""
+"""The map between physical parameters and the coordinates that an optimiser moves, and the box that holds them."""
 
 from collections.abc import Sequence
 

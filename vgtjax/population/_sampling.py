@@ -56,11 +56,7 @@ def check_size(what: str, value: int, most: int) -> None:
 
 
 def sobol_points(dimensions: int, seed: int, begin: int, end: int) -> Float[np.ndarray, "points dimensions"]:
-    """Points `begin` to `end` of a scrambled Sobol' sequence (Joe and Kuo, 2008), centred in their cells.
-
-    The sequence lives on a grid of `2^-30` that includes 0; half a cell is added, so that coordinates lie between
-    `2^-31` and `1 - 2^-31`, which is 6.2 standard deviations of a normal distribution on either side.
-    """
+    """Points `begin` to `end` of a scrambled Sobol' sequence (Joe and Kuo, 2008), centred in their cells."""
     engine = qmc.Sobol(dimensions, scramble=True, bits=BITS, rng=np.random.default_rng(seed))
     parts = []
     if begin == 0 and end > 0:
@@ -100,8 +96,7 @@ class SobolSample(Sample):
 class LatinHypercubeSample(Sample):
     """A latin hypercube: each of the `size` equal strata of every coordinate holds one point (McKay et al., 1979).
 
-    Which stratum is a keyed permutation of the row, where within it a hash of the row, so that no table of the whole
-    is ever made. Coordinates are at least `2^-21 / size` away from 0 and 1.
+    Coordinates are at least `2^-21 / size` away from 0 and 1.
 
     **Raises:** `InputError` for more than `2^30` points.
     """

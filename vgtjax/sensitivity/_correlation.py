@@ -30,9 +30,5 @@ def squared_correlation(
     y: Float[np.ndarray, "points *members outputs"],
     weights: Weights | None = None,
 ) -> Float[np.ndarray, "*replicates outputs inputs"]:
-    """The index of (4.1), between 0 and 1, which the thesis calls SRC; arguments as those of [`correlations`][].
-
-    For independent inputs it is the squared standardised regression coefficient, and no more than the first-order
-    index. The values printed in table 4.2 don't follow from the columns printed there.
-    """
+    """The index of (4.1), between 0 and 1, which the thesis calls SRC; arguments as those of [`correlations`][]."""
     return correlations(x, y, weights) ** 2

@@ -8,12 +8,8 @@ FLOOR = {"x_d": 1e-7, "p_act": 1.0, "f_vane": 1e-4}
 
 
 def noise_level(samples: Float[np.ndarray, " time"], channel: str) -> float:
-    """Standard deviation of the white noise on a slowly moving signal, in its unit.
-
-    Robust scale of third differences: a signal that is quadratic over four samples drops out, the median ignores
-    the rest, and white noise of deviation `s` leaves third differences of deviation `sqrt(20) s`. Never less than
-    the quantisation of the record, `step / sqrt(12)`, or `FLOOR`.
-    """
+    """Standard deviation of the white noise on a slowly moving signal, in its unit: the robust scale of third
+    differences, no less than the quantisation of the record, `step / sqrt(12)`, or `FLOOR`."""
     if len(samples) < 8:
         return FLOOR[channel]
     scale = np.median(np.abs(np.diff(samples, n=3))) / 0.6744897501960817  # of a standard normal

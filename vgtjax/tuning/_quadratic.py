@@ -26,11 +26,7 @@ class QuadraticModel:
 
     def propose(self, problem: Problem, radius: float) -> Float[np.ndarray, " gains"]:
         """The coordinates that it likes best within a distance of `radius`, the bounds and the conditions of the
-        design, by SciPy's SLSQP.
-
-        The distance is that of the coordinates as they are, not scaled by the curvature: a gain that matters little
-        stays where it is rather than drift to where it matters.
-        """
+        design, by SciPy's SLSQP."""
         here, transform = self.here, problem.transform
         bounds = np.stack([np.maximum(transform.lower - here, -radius), np.minimum(transform.upper - here, radius)], 1)
         ball = {"type": "ineq", "fun": lambda move: radius**2 - move @ move, "jac": lambda move: -2 * move}
@@ -62,12 +58,7 @@ class QuadraticModel:
 
 
 def model_at(problem: Problem, coordinates: Float[np.ndarray, " gains"], at: Linearisation) -> QuadraticModel:
-    """The model that Gauss and Newton's method makes of every closed loop's residuals (convex composite).
-
-    With `J = A(l_1, l_2, ...)` and `A` convex and rising, `H = sum dA/dl_i H_i + L^T A'' L` is never negative, where
-    `H_i` is twice the Gram matrix of the residuals' derivatives, at most [`STEEPEST`][] in its steepest direction, and
-    `L` holds the slopes of `l_i`.
-    """
+    """The model that Gauss and Newton's method makes of every closed loop's residuals (convex composite)."""
     weights, bends = problem.objective.derivatives(at.cases.costs)
     highest, tiny = np.linalg.eigvalsh(at.curvatures)[:, -1], np.finfo(float).tiny
     believed = np.minimum(1.0, STEEPEST * at.cases.costs / np.maximum(highest, tiny))

@@ -21,12 +21,7 @@ APART = 0.1
 
 
 def shaking(problem: Problem, at: Linearisation) -> Float[np.ndarray, " cases"]:
-    """Highest standard error of each loop's slopes in parts of its cost, infinite where they are not finite.
-
-    A slope is twice the sum of residuals times their derivatives. Where the derivatives are those of chaos, they have
-    nothing to do with the residuals, and a sum of `N` independent products has the variance `2 l H / N`, `H` from the
-    curvature that Gauss and Newton's method would use.
-    """
+    """Highest standard error of each loop's slopes in parts of its cost, infinite where they are not finite."""
     independent = (problem.cases.duration - problem.objective.settled) / APART
     steepest = np.max(np.einsum("cii->ci", at.curvatures), axis=1)
     with np.errstate(all="ignore"):

@@ -70,24 +70,13 @@ class _Found:
 
 
 class Tuner:
-    """Tuning under way, one step at a time.
+    """Tuning under way, one step at a time; the manual's page on control says what a step does.
 
-    A step minimises the quadratic model of `J` that Gauss and Newton's method makes of every closed loop's residuals,
-    within a radius, the bounds and the conditions of the design. These cost nothing to evaluate, so each step solves
-    them as they are: no gain outside them is ever simulated. Several radii are simulated side by side, and the lowest
-    cost is taken, even if it is a little higher than before; a trial at which a closed loop fails never is. What counts
-    in the end is the best of all.
-
-    Each closed loop has derivatives of its own memory, the longest of the problem's with which they do not shake: all
-    of them where the loop is calm, and a short one where it hunts. They begin in the middle. Where steps gain nothing
-    more, tuning is restarted from the best so far, with short memories if they were long, and else with long ones; it
-    ends where that gains nothing either.
+    `cases` are the costs at the best coordinates.
 
     **Arguments:** `start`: the last progress of an interrupted run; by default the gains that the controller has.
 
     **Raises:** `SimulationError` when a closed loop fails with the start's gains.
-
-    `cases` are the costs at the best coordinates.
     """
 
     def __init__(self, problem: Problem, start: TuningProgress | None = None):

@@ -53,11 +53,8 @@ class AbstractFlowMap(Part):
 
     @abc.abstractmethod
     def __call__(self, duty: Values, pressure: Values, ambient: Values | None = None) -> Values:
-        """Flow in kg/s. A duty beyond 0 to 100 % counts as the nearest one in it.
-
-        Outside the valid pressures it goes on along its tangent: held, an error of the map at the end of the range
-        would move the pressure for ever.
-        """
+        """Flow in kg/s, along its tangent outside the valid pressures. A duty beyond 0 to 100 % counts as the nearest
+        one in it."""
 
     @abc.abstractmethod
     def valid(self, duty: Values, pressure: Values, ambient: Values | None = None) -> Bool[Array, "..."]:

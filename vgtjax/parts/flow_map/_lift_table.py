@@ -11,11 +11,9 @@ from ._base import AbstractLiftMap
 
 
 class LiftTable(AbstractLiftMap):
-    """Table over plunger position and chamber pressure, linear between its knots and held beyond them.
+    """Table over plunger position and chamber pressure, linear between its knots and held beyond them [5.1].
 
-    The thesis fits a polynomial in both [5.1] and prints no coefficients. A polynomial has no kink where the plunger
-    closes, and lets air flow there; a table read from the full model at its kinks keeps zero where nothing flows. The
-    default is a table without any flow: [`fit_flow_map`][] makes one.
+    The default is a table without any flow: [`fit_flow_map`][] makes one.
     """
 
     position: Float[Array, " positions"] = parameter(

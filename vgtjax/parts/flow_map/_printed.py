@@ -16,10 +16,8 @@ MBAR = 100.0
 class PrintedFlow(AbstractFlowMap):
     """`f = phi(dp) + psi(dp) u` [B.4] with `dp = p - p_eq(u)` in mbar and `u` as a fraction from 0 to 1 (erratum 25).
 
-    As printed: nothing flows near -16 mbar instead of zero, and `psi` vanishes at 10.5, 179 and 599 mbar, so that the
-    control law (5.63), which divides by it, has poles there; [`duty_for`][] inverts the map instead. `p_eq(u)`, which
-    is not printed, is where the plunger of the full model closes, a quartic [2.8, B.1]; the defaults are its printed
-    values at 20 kPa of reservoir pressure.
+    As printed, with its faults, of which the manual's page on physics tells. The default `p_eq(u)` [2.8, B.1] is that
+    at 20 kPa of reservoir pressure.
     """
 
     phi: Float[Array, " 6"] = parameter(

@@ -12,12 +12,10 @@ from ._roots import polynomial
 
 
 class SteadyPlungerFlow(AbstractFlowMap):
-    """The table of flow over plunger position, with the plunger where duty and pressure balance it.
+    """The table of flow over plunger position, with the plunger where duty and pressure balance it [5.3].
 
     `x_p = c (p_eq(u) - p)` with one compliance for each direction, since the return spring acts on one side only
-    (erratum 6). So the duty acts through the pressure difference `p - p_eq(u)` alone, as in [5.3], but the rest of the
-    flow law is the pressure's, not the duty's as in B.4. Where the orifice to the reservoir is saturated, flow does not
-    depend on duty.
+    (erratum 6). Where the orifice to the reservoir is saturated, flow does not depend on duty.
     """
 
     equilibrium: Float[Array, " 5"] = equilibrium_pressure()

@@ -20,15 +20,11 @@ ANGLES = (4.0, 12.0, 20.0, 28.0, 36.0)
 
 
 class AdaptiveLuGre(AbstractLuGre, AbstractGasTables):
-    """`F_f = theta F_LuGre` with `theta = 1 + load(p_trb, C_r) / F_c` [3.18-3.20].
+    """`F_f = theta F_LuGre` with `theta = 1 + load(p_trb, C_r) / F_c` [3.18-3.20, erratum 14].
 
-    (3.19) and (3.20) print `theta = 1 + F_aero / F_f`, which is singular wherever friction passes through zero, and has
-    nothing left of friction in the product. What the loops of section 3.4.2 show is a contact that is pressed harder,
-    so the load is referred to the sliding force instead: it is what exhaust gas adds to Coulomb friction, and every
-    other part of LuGre grows in proportion. The sign is that of the bristles; it is not applied again (erratum 14).
-
-    `load` is linear between knots, held beyond them, zero at zero gauge pressure and linear from there to the first
-    knot. While it does not change, friction is passive where that of [`LuGre`][] is.
+    `load` is what exhaust gas adds to Coulomb friction: linear between knots, held beyond them, zero at zero gauge
+    pressure and linear from there to the first knot. While it does not change, friction is passive where that of
+    [`LuGre`][] is.
     """
 
     feels_gas: ClassVar[bool] = True

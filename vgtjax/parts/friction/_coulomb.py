@@ -14,15 +14,9 @@ from ._bristles import SMALLEST_FORCE
 class Coulomb(Stateless, AbstractFriction):
     """`F_f = F_c sign(v) + sigma_2 v`; at rest the force that holds the rod, up to `F_c` [2.35].
 
-    A jump at `v = 0` would make every derivative wrong, and a steep slope through zero lets a loaded rod creep. Instead
-    the dry part opposes the velocity that the rod would have one `stick_time` later without it,
-    `clip(F_a - sigma_2 v + m v / stick_time, -F_c, F_c)` with the applied force `F_a`: continuous, with kinks.
-    A rod that sticks feels the net force `-m v / stick_time`, whatever the load below `F_c`: its velocity decays to
-    zero and it stays. A rod that slides feels exactly `F_c sign(v) + sigma_2 v`.
-
-    What is approximated: coming to rest takes a few `stick_time`, and dry friction changes sign up to that much before
-    the velocity does. To tighten, lower `stick_time`, and `max_step` to half of it: the error falls with its square. A
-    longer step stays stable and then decides how long coming to rest takes.
+    The dry part opposes the velocity that the rod would have one `stick_time` later without it, `clip(F_a - sigma_2 v +
+    m v / stick_time, -F_c, F_c)` with the applied force `F_a`: continuous, without creep. The manual's page on physics
+    says what that approximates, and how to tighten it.
     """
 
     coulomb_force: Scalar = parameter(2.8, symbol="F_c", unit="N", source="B.2")

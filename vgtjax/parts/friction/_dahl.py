@@ -15,9 +15,7 @@ class Dahl(AbstractFriction):
     """`z' = v (1 - sigma z sign(v) / F_c)^alpha`, `F_f = sigma z + sigma_2 v` [3.2-3.5].
 
     LuGre without stiction and bristle damping; its loops depend on the path, not on speed. With the usual `alpha = 1`
-    it is `z' = v - sigma |v| z / F_c` [3.5], without a power. The thesis has no viscous part here, [2.35] has.
-
-    Nothing damps its bristles: steps must stay below `2 sqrt(m / sigma)`, 8 ms as printed, 0.5 ms at 1e7 N/m.
+    it is `z' = v - sigma |v| z / F_c` [3.5], without a power. Steps must stay below `2 sqrt(m / sigma)`.
     """
 
     coulomb_force: Scalar = parameter(2.8, symbol="F_c", unit="N", source="3.3.2.2")

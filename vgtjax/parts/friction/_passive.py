@@ -11,9 +11,8 @@ from ._bristles import AbstractLuGre, least_damping
 class PassiveLuGre(AbstractLuGre):  # type: ignore[misc]  # mypy takes abstract variables for fields
     """[`LuGre`][] with `F_s = F_c + drop` and `sigma_2 = sigma_1 drop / F_c + excess` [3.6-3.7].
 
-    For fits: passivity is a condition on three parameters of LuGre together, here it is two bounds at zero. `drop` and
-    `excess` are not positive by logarithm, as both bounds mean something and a fit must be able to reach them: no
-    stiction at all, and friction that is just passive. The defaults are the printed parameters.
+    For fits: passivity is a condition on three parameters of LuGre together, here it is two bounds at zero, which a fit
+    can reach. The defaults are the printed parameters.
     """
 
     coulomb_force: Scalar = parameter(2.8, symbol="F_c", unit="N", source="B.2")

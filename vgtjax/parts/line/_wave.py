@@ -31,20 +31,9 @@ class WaveState(eqx.Module):
 class WaveLine(AbstractLine):
     """`p' = -(c^2 / A) dm/dx`, `m' = -A dp/dx - (R_t / rho) m` [2.17, 2.18], which together are [2.20].
 
-    Finite volumes of second order: linear in every cell, and at the face between two stands what the two sound waves
-    bring there (Godunov's flux). At the chamber the pressure is given, at the converter the flow. What flows in and
-    does not flow out is pressure times `A dx / c^2`, so mass is conserved to rounding; steady flow is the same all
-    along, and friction costs it pressure.
-
-    The speed of sound is that of ambient air; the density `p / (R T)` that friction needs has the cell's pressure and,
-    as in [2.25], the chamber's temperature. What arrives has ambient temperature, what leaves has the chamber's.
-
-    **What is approximated.** On duty steps 2 cells of half a metre leave 0.3 % of what the line does to the pressure
-    (2.8 of 1130 Pa RMS, and no more of the position than the default step), 4 cells 0.04 %; 4 cells of constant values
-    left 5 %. A line below `shortest` would need shorter steps the shorter it is. Instead it is a share of one of that
-    length: the whole flow enters that line, and of what it stores and of the pressure that it takes the share counts.
-    Volume, inertia and friction are the short line's, only its own tone is too low; without length this is exactly no
-    line.
+    Finite volumes of second order that conserve mass; the manual's page on physics says how well they do, and why a
+    line below `shortest` is a share of one of that length. The speed of sound is that of ambient air. What arrives has
+    ambient temperature, what leaves has the chamber's.
     """
 
     length: Scalar = parameter(0.5, symbol="L", unit="m", source="assumed", lower=0.0)
@@ -65,12 +54,8 @@ class WaveLine(AbstractLine):
         return WaveState((gas.pressure,) * self.cells, (jnp.zeros_like(gas.pressure),) * self.cells)
 
     def port(self, air: Air, state: WaveState, gas: Gas, flow: Callable[[Gas], Flow]) -> tuple[Gas, Flow]:
-        """The pressure at the converter's end, and the flow that enters.
-
-        The wave that arrives there fixes `p - (c / A) m`, the converter's characteristic the rest. It is steep where
-        pressures are nearly equal and the valve is wide open: more entering flow must raise the pressure at once, or
-        the first cell chatters. One step of Newton's method from the cell's own values does that.
-        """
+        """The pressure at the converter's end, and the flow that enters: one step of Newton's method from the cell's
+        own values, as more entering flow must raise the pressure at once."""
         pressure, reference = _edges(state.pressures)[0][0], _edges(state.flows)[0][0]
         impedance = self._share() * self._impedance(air)
 
@@ -157,10 +142,7 @@ class WaveLine(AbstractLine):
 
 
 def _edges(means: tuple[Values, ...]) -> tuple[list[Values], list[Values]]:
-    """Values at the left and the right edge of every cell: linear, with the slope of the neighbours.
-
-    Not limited: what moves the plunger is smooth, and a limiter's switching would be in every derivative.
-    """
+    """Values at the left and the right edge of every cell: linear, with the slope of the neighbours, not limited."""
     steps = [right - left for left, right in itertools.pairwise(means)]
     inner = [0.25 * (before + after) for before, after in itertools.pairwise(steps)]
     halves = [0.5 * steps[0], *inner, 0.5 * steps[-1]]

@@ -190,11 +190,7 @@ def judge(
 
 
 def _polynomial(samples: _Samples) -> PolynomialFlow:
-    """[5.10], for which samples count the less the farther they are from equilibrium.
-
-    Counted alike, the great flow of a wide open atmosphere, which is over at once, puts the equilibrium wrong by 200
-    mbar.
-    """
+    """[5.10], for which samples count the less the farther they are from equilibrium."""
     weight = 1 / (1 + (_lack(samples) / NEAR) ** 2)
     return fit_polynomial_flow(
         samples.duty.ravel(),
