@@ -13,7 +13,6 @@ from ._base import (
     Reference as Reference,
     saturate as saturate,
 )
-from ._cost import chatter as chatter, effort as effort, tracking_peak as tracking_peak, tracking_rms as tracking_rms
 from ._design import (
     AbstractDesign as AbstractDesign,
     Condition as Condition,
@@ -21,7 +20,7 @@ from ._design import (
     designs_in as designs_in,
     positive as positive,
 )
-from ._design_model import DesignModel as DesignModel, DesignState as DesignState
+from ._design_model import DesignModel as DesignModel, DesignState as DesignState, Motion as Motion
 from ._differentiator import (
     AbstractDifferentiator as AbstractDifferentiator,
     FilteredDifference as FilteredDifference,
@@ -35,7 +34,15 @@ from ._friction_observer import (
     slide as slide,
 )
 from ._knocker import Knocker as Knocker
-from ._loop import ClosedLoop as ClosedLoop, close_loop as close_loop, fade as fade
+from ._loop import (
+    ClosedLoop as ClosedLoop,
+    chatter as chatter,
+    close_loop as close_loop,
+    effort as effort,
+    fade as fade,
+    tracking_peak as tracking_peak,
+    tracking_rms as tracking_rms,
+)
 from ._pid import PI as PI, PID as PID
 from ._pressure_observer import ObservedState as ObservedState, PressureObserver as PressureObserver
 from ._reference import (
@@ -54,4 +61,3 @@ from ._reference import (
 )
 from ._scenario import Scenario as Scenario, at_rest as at_rest, balanced_at as balanced_at
 from ._sensors import Sensor as Sensor, Sensors as Sensors, quantise as quantise
-from ._vane_load import Motion as Motion

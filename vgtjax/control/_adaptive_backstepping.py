@@ -12,10 +12,9 @@ from ..parameters import parameter
 from ..plants import Actuator
 from ._base import FULL_DUTY, AbstractController, Log, Measurement, Memory, Reference
 from ._design import Condition, positive
-from ._design_model import DesignModel, lighter
+from ._design_model import DesignModel, Motion, lighter
 from ._differentiator import AbstractDifferentiator, LevantDifferentiator
 from ._friction_observer import DualFrictionObserver, FrictionEstimate, nominal_coefficients, regressors, slide_slope
-from ._vane_load import Motion
 
 NEARLY_SATURATED = 0.5
 """Percent of duty from either end within which learning fades, so that nothing jumps."""

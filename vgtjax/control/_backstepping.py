@@ -11,10 +11,9 @@ from ..parameters import parameter
 from ..plants import Actuator
 from ._base import FULL_DUTY, AbstractController, Log, Measurement, Memory, Reference, saturate
 from ._design import Condition, positive
-from ._design_model import DesignModel, lighter
+from ._design_model import DesignModel, Motion, lighter
 from ._differentiator import AbstractDifferentiator, LevantDifferentiator
 from ._pressure_observer import ObservedState, PressureObserver
-from ._vane_load import Motion
 
 NEAR_LIMIT = 5.0
 """%; the duty's distance from a limit within which the rod counts as following the reference the less."""

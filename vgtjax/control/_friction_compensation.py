@@ -13,9 +13,8 @@ from ..plants import Actuator
 from ._balance import holding_duty
 from ._base import AbstractController, Log, Measurement, Memory, Reference
 from ._design import Condition
-from ._design_model import lugre_of
+from ._design_model import Motion, lugre_of, vane_load, vane_state_after
 from ._differentiator import AbstractDifferentiator, LevantDifferentiator
-from ._vane_load import Motion, vane_load, vane_state_after
 
 ABOVE_BOUND = 1.5
 """Least derivative gain of a design for a plant, in parts of the bound of [5.9]."""

@@ -14,8 +14,7 @@ from ..parts import AbstractFlowMap
 from ..plants import Actuator
 from ._base import FULL_DUTY
 from ._design import AbstractDesign, Condition, positive
-from ._design_model import DesignModel
-from ._vane_load import Motion
+from ._design_model import DesignModel, Motion
 
 DUTIES = 21
 """Duties at which the slope of a flow map is looked at; it is smooth in between."""

@@ -67,10 +67,5 @@ def friction_over_position(found: Bristles) -> Curve:
     """Friction without its viscous part over position, measured and by the law."""
     chosen = thinned(len(found.law))
     position = 1e3 * found.position[chosen]
-    return Curve(
-        "position, mm",
-        "friction, N",
-        (position, found.measured[chosen]),
-        (position, found.law[chosen]),
-        "friction over position",
-    )
+    points, line = (position, found.measured[chosen]), (position, found.law[chosen])
+    return Curve("position, mm", "friction, N", points, line, "friction over position")

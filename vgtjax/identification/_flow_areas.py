@@ -316,10 +316,6 @@ def _figure(model: Actuator, samples: _Samples) -> Curve:
     lift, area = (np.asarray(signal)[: samples.count][chosen] for signal in (samples.lift, samples.area))
     grid = np.linspace(min(np.min(lift), 0.0), max(np.max(lift), 0.0), 400)
     law = np.asarray(jax.vmap(model.converter.orifice_area)(grid))
-    return Curve(
-        "plunger position / mm",
-        "effective area / mm2",
-        (lift * 1e3, np.abs(area) * 1e6),
-        (grid * 1e3, law * 1e6),
-        "Effective flow area [2.33]: reservoir below zero, atmosphere above",
-    )
+    points, line = (lift * 1e3, np.abs(area) * 1e6), (grid * 1e3, law * 1e6)
+    title = "Effective flow area [2.33]: reservoir below zero, atmosphere above"
+    return Curve("plunger position / mm", "effective area / mm2", points, line, title)

@@ -83,15 +83,8 @@ def _figures(response: ResponseFit, motions: Sequence[MotionRecord], bristles: B
         chosen = thinned(len(sliding.force))
         speed = np.linspace(np.min(sliding.velocity), np.max(sliding.velocity), 401)
         law = np.sign(speed) * np.asarray(fitted.stribeck(speed)) + float(fitted.viscous_damping) * speed
-        figures.append(
-            Curve(
-                "velocity, mm/s",
-                "friction, N",
-                (1e3 * sliding.velocity[chosen], sliding.friction()[chosen]),
-                (1e3 * speed, law),
-                "friction over velocity",
-            )
-        )
+        points, line = (1e3 * sliding.velocity[chosen], sliding.friction()[chosen]), (1e3 * speed, law)
+        figures.append(Curve("velocity, mm/s", "friction, N", points, line, "friction over velocity"))
     if bristles is not None:
         figures.append(friction_over_position(bristles))
     return tuple(figures)

@@ -116,18 +116,10 @@ class ResponseFit:
         curves = []
         for result in self.calibration.traces:
             chosen = thinned(len(result.trace.time))
-            time, measured = result.trace.time[chosen], np.asarray(result.trace.x_d)[chosen]
-            simulated = result.simulated["x_d"][chosen] + result.offset["x_d"]
-            curves.append(
-                Curve(
-                    "time, s",
-                    "position, mm",
-                    (time, 1e3 * measured),
-                    (time, 1e3 * simulated),
-                    "measured and simulated position",
-                    result.trace.name,
-                )
-            )
+            time, title = result.trace.time[chosen], "measured and simulated position"
+            measured = (time, 1e3 * np.asarray(result.trace.x_d)[chosen])
+            simulated = (time, 1e3 * (result.simulated["x_d"][chosen] + result.offset["x_d"]))
+            curves.append(Curve("time, s", "position, mm", measured, simulated, title, result.trace.name))
         return tuple(curves)
 
 

@@ -194,12 +194,6 @@ def _unknown_offsets(model: Actuator, traces: Sequence[Trace]) -> tuple[str, ...
 def _figure(trace: Trace, simulated: Float[np.ndarray, " time"], offset: float) -> Curve:
     assert trace.p_act is not None
     chosen = thinned(len(trace.time))
-    time, measured = trace.time[chosen], (trace.p_act - offset)[chosen]
-    return Curve(
-        "time / s",
-        "chamber pressure / mbar absolute",
-        (time, measured / 100),
-        (time, simulated[chosen] / 100),
-        "Chamber pressure with the measured position as input",
-        trace.name,
-    )
+    time, title = trace.time[chosen], "Chamber pressure with the measured position as input"
+    points, line = (time, (trace.p_act - offset)[chosen] / 100), (time, simulated[chosen] / 100)
+    return Curve("time / s", "chamber pressure / mbar absolute", points, line, title, trace.name)

@@ -45,7 +45,7 @@ def identify_spring(model: AbstractModel, traces: Sequence[Trace]) -> Identified
         values=values,
         std_errors=errors,
         limitations=tuple(limitations),
-        figures=_figures(found),
+        figures=(_figure(found),),
         samples=len(found.force),
     )
 
@@ -125,17 +125,10 @@ def _travel(half: MechanicalActuator, motions: Sequence[MotionRecord], found: Sl
     return float(solution.values[0]), float(np.hypot(solution.std_errors[0], 0.5 * friction * compliance))
 
 
-def _figures(found: Sliding) -> tuple[Curve, ...]:
+def _figure(found: Sliding) -> Curve:
     """Drive without viscous force and inertia over position, with the spring between the two branches."""
     chosen = thinned(len(found.force))
     dry = found.force - found.value("viscous") * found.velocity - found.value("mass") * found.acceleration
     ends = np.array([np.min(found.position), np.max(found.position)])
-    return (
-        Curve(
-            "position, mm",
-            "drive, N",
-            (1e3 * found.position[chosen], dry[chosen]),
-            (1e3 * ends, found.value("preload") + found.value("stiffness") * ends),
-            "spring and preload",
-        ),
-    )
+    line = (1e3 * ends, found.value("preload") + found.value("stiffness") * ends)
+    return Curve("position, mm", "drive, N", (1e3 * found.position[chosen], dry[chosen]), line, "spring and preload")

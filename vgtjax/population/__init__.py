@@ -1,9 +1,8 @@
 """Populations of actuators: who varies how, samples of them, and experiments on many at once."""
 
-from ._evaluate import LANES as LANES, Evaluator as Evaluator
+from ._evaluate import LANES as LANES, Evaluator as Evaluator, run as run
 from ._factors import Factors as Factors, choose_factors as choose_factors
 from ._fitted import fitted_levels as fitted_levels, fitted_population as fitted_population
-from ._monte_carlo import run as run
 from ._population import (
     Margin as Margin,
     Population as Population,

@@ -69,31 +69,34 @@ def sobol_points(dimensions: int, seed: int, begin: int, end: int) -> Float[np.n
 
 
 @dataclasses.dataclass(frozen=True)
-class SobolSample(Sample):
-    """The first `size` points of a scrambled Sobol' sequence; powers of two fill space best.
-
-    **Raises:** `InputError` for more than 21201 dimensions or `2^30` points.
-    """
-
+class _SizedSample(Sample):
     dimensions: int
     size: int
     seed: int
-
-    def __post_init__(self) -> None:
-        check_size("the number of dimensions of Sobol' points", self.dimensions, qmc.Sobol.MAXDIM)
-        check_size("the size of a sample", self.size, MOST_ROWS)
 
     @property
     def rows(self) -> int:
         """Number of points."""
         return self.size
 
+
+@dataclasses.dataclass(frozen=True)
+class SobolSample(_SizedSample):
+    """The first `size` points of a scrambled Sobol' sequence; powers of two fill space best.
+
+    **Raises:** `InputError` for more than 21201 dimensions or `2^30` points.
+    """
+
+    def __post_init__(self) -> None:
+        check_size("the number of dimensions of Sobol' points", self.dimensions, qmc.Sobol.MAXDIM)
+        check_size("the size of a sample", self.size, MOST_ROWS)
+
     def _draw(self, begin: int, end: int) -> Float[np.ndarray, "points dimensions"]:
         return sobol_points(self.dimensions, self.seed, begin, end)
 
 
 @dataclasses.dataclass(frozen=True)
-class LatinHypercubeSample(Sample):
+class LatinHypercubeSample(_SizedSample):
     """A latin hypercube: each of the `size` equal strata of every coordinate holds one point (McKay et al., 1979).
 
     Coordinates are at least `2^-21 / size` away from 0 and 1.
@@ -101,18 +104,9 @@ class LatinHypercubeSample(Sample):
     **Raises:** `InputError` for more than `2^30` points.
     """
 
-    dimensions: int
-    size: int
-    seed: int
-
     def __post_init__(self) -> None:
         check_size("the number of dimensions of a latin hypercube", self.dimensions, MOST_ROWS)
         check_size("the size of a sample", self.size, MOST_ROWS)
-
-    @property
-    def rows(self) -> int:
-        """Number of points."""
-        return self.size
 
     def _draw(self, begin: int, end: int) -> Float[np.ndarray, "points dimensions"]:
         index = np.arange(begin, end, dtype=np.uint64)

@@ -142,7 +142,10 @@ def scan_in_blocks(
         case diffrax.RecursiveCheckpointAdjoint(checkpoints=checkpoints):
             carry, found = eqxi.scan(block, carry, blocks, kind="checkpointed", checkpoints=checkpoints)
         case _:
-            raise _unsuitable(adjoint)
+            raise InputError(
+                "adjoint must be ForwardMode, DirectAdjoint or RecursiveCheckpointAdjoint of diffrax with fixed steps, "
+                f"but it is {type(adjoint).__name__}; use one of these"
+            )
     return carry, jax.tree.map(lambda leaf: leaf.reshape(-1, *leaf.shape[2:])[:count], found)
 
 
@@ -151,13 +154,6 @@ BLOCK = 20
 a 10 s trace of two signals takes two thirds of the time; with native loops it makes no difference."""
 UNROLL = 2
 """Steps compiled side by side in a march: the usual two of a millisecond. Saves another tenth with plain settings."""
-
-
-def _unsuitable(adjoint: diffrax.AbstractAdjoint) -> InputError:
-    return InputError(
-        f"adjoint must be ForwardMode, DirectAdjoint or RecursiveCheckpointAdjoint of diffrax with fixed steps, "
-        f"but it is {type(adjoint).__name__}; use one of these"
-    )
 
 
 class AdaptiveMarch(AbstractMarch):

@@ -22,7 +22,7 @@ class Coulomb(Stateless, AbstractFriction):
     coulomb_force: Scalar = parameter(2.8, symbol="F_c", unit="N", source="B.2")
     viscous_damping: Scalar = parameter(206.0, symbol="sigma_2", unit="N s/m", source="B.2")
     stick_time: float = eqx.field(static=True, default=1e-3)
-    """Time constant in s with which a rod comes to rest; see above how to tighten it."""
+    """Time constant in s with which a rod comes to rest; the manual says how to tighten it."""
 
     def __check_init__(self) -> None:
         require_positive("stick_time", self.stick_time, "number of s", "use e.g. 0.001")

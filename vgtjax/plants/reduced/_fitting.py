@@ -29,6 +29,7 @@ from .._base import AbstractModel
 from ._polynomial_fit import fit_polynomial_flow
 
 Grid = Float[np.ndarray, "..."]
+FlowMap = AbstractFlowMap | AbstractLiftMap
 
 DUTIES = 101
 """Duties of the grid, a percent apart."""
@@ -51,7 +52,7 @@ class FlowMapFit:
     `pressure_range` in Pa absolute, `reservoir` in Pa absolute.
     """
 
-    flow_map: AbstractFlowMap | AbstractLiftMap
+    flow_map: FlowMap
     r_squared: float
     rmse: float
     peak: float
@@ -103,7 +104,7 @@ def _flow_at(model: Actuator, lift: Array, pressure: Array, reservoir: Array) ->
 
 
 @eqx.filter_jit
-def _evaluate(flow_map: AbstractFlowMap | AbstractLiftMap, at: Array, pressure: Array) -> Array:
+def _evaluate(flow_map: FlowMap, at: Array, pressure: Array) -> Array:
     return flow_map(at, pressure)
 
 
@@ -160,14 +161,14 @@ def _pressures(model: Actuator, reservoir: float, wanted: tuple[float, float] | 
     return low, high
 
 
-def _judge(flow_map: AbstractFlowMap | AbstractLiftMap, samples: _Samples) -> FlowMapFit:
+def _judge(flow_map: FlowMap, samples: _Samples) -> FlowMapFit:
     at = samples.position if isinstance(flow_map, AbstractLiftMap) else samples.duty
     return judge(samples.model, flow_map, at, samples.pressure, samples.flow, (0.0, FULL_DUTY), samples.reservoir)
 
 
 def judge(
     model: Actuator,
-    flow_map: AbstractFlowMap | AbstractLiftMap,
+    flow_map: FlowMap,
     at: Float[np.ndarray, "..."],
     pressure: Float[np.ndarray, "..."],
     flow: Float[np.ndarray, "..."],
@@ -243,7 +244,7 @@ def _steady_plunger(samples: _Samples) -> SteadyPlungerFlow:
     )
 
 
-FLOW_MAPS: dict[str, Callable[[_Samples], AbstractFlowMap | AbstractLiftMap]] = {
+FLOW_MAPS: dict[str, Callable[[_Samples], FlowMap]] = {
     "steady-plunger": _steady_plunger,
     "polynomial": _polynomial,
     "printed": _printed,

@@ -7,6 +7,7 @@ from typing import Any
 import equinox as eqx
 from jaxtyping import Array
 
+from ..._errors import InputError
 from ..._types import StateLeaf, Values
 from ...parameters import nested
 from ...parts import (
@@ -20,12 +21,13 @@ from ...parts import (
     IsothermalChamber,
 )
 from ...traces import Drive
+from .._actuator import Actuator
 from .._air_path import AbstractAirPath, ambient_pressure, reservoir_pressure
 from .._base import assemble
 from .._plant import AbstractPlant
 from .._rod import Rod
-from ._fitting import printed_flow_map
-from ._gas import flow_signals, pressure_rate
+from ._fitting import FlowMap, fit_flow_map, printed_flow_map
+from ._gas import common_parts, flow_signals, pressure_rate
 
 
 class LiftMapState(eqx.Module):
@@ -137,3 +139,19 @@ class PlungerMapActuator(AbstractPlant):
     def converter(self) -> Converter:
         """The air path's."""
         return self.air_path.converter
+
+
+def reduce_to_plunger_map(model: Actuator, flow_map: FlowMap | None = None) -> PlungerMapActuator:
+    """The model with six states [5.2] of a full actuator.
+
+    **Arguments:** `flow_map`: over plunger position and pressure, by default fitted to `model`.
+
+    **Raises:** `InputError` for a map over duty.
+    """
+    found = fit_flow_map(model, "lift-table").flow_map if flow_map is None else flow_map
+    if not isinstance(found, AbstractLiftMap):
+        raise InputError(
+            f"the model with six states needs a map over plunger position, but this is a {type(found).__name__}; "
+            "fit one of kind 'lift-table'"
+        )
+    return PlungerMapActuator(flow_map=found, converter=model.converter, **common_parts(model))

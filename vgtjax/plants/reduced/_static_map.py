@@ -7,16 +7,18 @@ from typing import Any
 import equinox as eqx
 from jaxtyping import Array
 
+from ..._errors import InputError
 from ..._types import Values
 from ...parameters import nested
 from ...parts import AbstractFlowMap, AbstractFriction, AbstractVaneForce, Air, Diaphragm, IsothermalChamber
 from ...traces import Drive
+from .._actuator import Actuator
 from .._air_path import AbstractAirPath, ambient_pressure
 from .._base import assemble
 from .._plant import AbstractPlant
 from .._rod import Rod
-from ._fitting import printed_flow_map
-from ._gas import flow_signals, pressure_rate
+from ._fitting import FlowMap, fit_flow_map, printed_flow_map
+from ._gas import common_parts, flow_signals, pressure_rate
 
 
 class FlowMapPath(AbstractAirPath):
@@ -103,3 +105,19 @@ class StaticMapActuator(AbstractPlant):
     def flow_map(self) -> AbstractFlowMap:
         """The air path's."""
         return self.air_path.flow_map
+
+
+def reduce_to_static_map(model: Actuator, flow_map: FlowMap | None = None) -> StaticMapActuator:
+    """The model with four states [5.4] of a full actuator.
+
+    **Arguments:** `flow_map`: over duty and pressure, by default the steady plunger's, fitted to `model`.
+
+    **Raises:** `InputError` for a map over plunger position.
+    """
+    found = fit_flow_map(model).flow_map if flow_map is None else flow_map
+    if not isinstance(found, AbstractFlowMap):
+        raise InputError(
+            f"the model with four states needs a map over duty, but this is a {type(found).__name__}; fit one of kind "
+            "'steady-plunger' or 'polynomial'"
+        )
+    return StaticMapActuator(flow_map=found, **common_parts(model))
