@@ -19,8 +19,8 @@ class Filtered:
     """Every term of the equation of motion through the same kernel, arrays of shape `(time,)`.
 
     `force` in N, `position` in m, `velocity` in m/s, `acceleration` in m/s2; `direction` is the smoothed sign of
-    motion, 0 where it is not certain. `valid` is false near both ends. `velocity_noise` in m/s and `acceleration_noise`
-    in m/s2 are standard deviations.
+    motion, 0 where it is not certain. `valid` is false near both ends. `acceleration_noise` in m/s2
+    is a standard deviation.
     """
 
     motion: MotionRecord
@@ -31,7 +31,6 @@ class Filtered:
     acceleration: Samples
     direction: Samples
     valid: Bool[np.ndarray, " time"]
-    velocity_noise: float
     acceleration_noise: float
 
 
@@ -52,7 +51,6 @@ def filter_motion(motion: MotionRecord, seconds: float) -> Filtered:
         _convolve(motion.position, curve),
         moving,
         valid,
-        noise,
         motion.noise * float(np.linalg.norm(curve)),
     )
 

@@ -158,7 +158,7 @@ class Tuner:
         now = self.progress
         if now.restarts and self._gained(since) < STALLED:
             return self._end(f"restarted, tuning lowers the cost by less than {STALLED:.0%}")
-        short = _short(self.problem)
+        short = max(len(self.problem.memories) - 2, 0)  # but one: one notch is left to those that shake
         memory = 0 if np.mean(now.memories) > short / 2 else short
         self._change(
             here=now.coordinates,
@@ -175,8 +175,3 @@ class Tuner:
 
     def _change(self, **changes: Any) -> None:
         self.progress = dataclasses.replace(self.progress, **changes)
-
-
-def _short(problem: Problem) -> int:
-    """Place of the last memory but one: one notch is left to those that shake."""
-    return max(len(problem.memories) - 2, 0)

@@ -23,7 +23,7 @@ class Direction(eqx.Module):
 
 
 class HysteresisMap(AbstractVaneForce, AbstractGasTables):
-    """Two tables over turbine pressure and crank angle, one for closing vanes and one for opening ones [3.16, erratum
+    """Two tables over turbine pressure and crank angle, for closing vanes and for opening ones [3.16, 3.17, erratum
     14].
 
     The tables hold the whole force with its sign, positive against closing. A state follows the direction, `s' = (v -

@@ -26,8 +26,7 @@ def _unit(angle: int, ratio: int) -> str:
 
 
 class ForcePolynomial(AbstractVaneForce):
-    """Polynomial in crank angle (deg) and pressure ratio across the turbine, `1 + p_trb / p_atm`, without a state
-    [3.15].
+    """Polynomial in crank angle (deg) and pressure ratio across the turbine, `1 + p_trb / p_atm`; no state [3.15].
 
     Angle and ratio are held at the ends of `angle_range` and `ratio_range`, beyond which it makes no sense (erratum
     13).

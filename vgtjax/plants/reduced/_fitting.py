@@ -137,7 +137,9 @@ def fit_flow_map(
     low, high = _pressures(model, reservoir, pressure_range)
     duty, pressure = np.meshgrid(np.linspace(0.0, FULL_DUTY, DUTIES), np.linspace(low, high, PRESSURES), indexing="ij")
     samples = _sample(model, duty, pressure, reservoir)
-    return _judge(FLOW_MAPS[kind](samples), samples)
+    flow_map = FLOW_MAPS[kind](samples)
+    at = samples.position if isinstance(flow_map, AbstractLiftMap) else duty
+    return judge(model, flow_map, at, pressure, samples.flow, (0.0, FULL_DUTY), reservoir)
 
 
 def _pressures(model: Actuator, reservoir: float, wanted: tuple[float, float] | None) -> tuple[float, float]:
@@ -159,11 +161,6 @@ def _pressures(model: Actuator, reservoir: float, wanted: tuple[float, float] | 
             f"{ambient:.0f} Pa, but it is ({low:g}, {high:g}); give Pa absolute"
         )
     return low, high
-
-
-def _judge(flow_map: FlowMap, samples: _Samples) -> FlowMapFit:
-    at = samples.position if isinstance(flow_map, AbstractLiftMap) else samples.duty
-    return judge(samples.model, flow_map, at, samples.pressure, samples.flow, (0.0, FULL_DUTY), samples.reservoir)
 
 
 def judge(

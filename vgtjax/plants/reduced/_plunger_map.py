@@ -23,7 +23,7 @@ from ...parts import (
 from ...traces import Drive
 from .._actuator import Actuator
 from .._air_path import AbstractAirPath, ambient_pressure, reservoir_pressure
-from .._base import assemble
+from .._base import Inner, assemble
 from .._plant import AbstractPlant
 from .._rod import Rod
 from ._fitting import FlowMap, fit_flow_map, printed_flow_map
@@ -130,15 +130,8 @@ class PlungerMapActuator(AbstractPlant):
         self.rod = assemble(rod or Rod(), diaphragm=diaphragm, friction=friction, vane_force=vane_force)
         self.air = air or Air()
 
-    @property
-    def flow_map(self) -> AbstractLiftMap:
-        """The air path's."""
-        return self.air_path.flow_map
-
-    @property
-    def converter(self) -> Converter:
-        """The air path's."""
-        return self.air_path.converter
+    flow_map = Inner[AbstractLiftMap]("air_path")
+    converter = Inner[Converter]("air_path")
 
 
 def reduce_to_plunger_map(model: Actuator, flow_map: FlowMap | None = None) -> PlungerMapActuator:

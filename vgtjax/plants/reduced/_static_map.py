@@ -14,7 +14,7 @@ from ...parts import AbstractFlowMap, AbstractFriction, AbstractVaneForce, Air, 
 from ...traces import Drive
 from .._actuator import Actuator
 from .._air_path import AbstractAirPath, ambient_pressure
-from .._base import assemble
+from .._base import Inner, assemble
 from .._plant import AbstractPlant
 from .._rod import Rod
 from ._fitting import FlowMap, fit_flow_map, printed_flow_map
@@ -101,10 +101,7 @@ class StaticMapActuator(AbstractPlant):
         self.rod = assemble(rod or Rod(), diaphragm=diaphragm, friction=friction, vane_force=vane_force)
         self.air = air or Air()
 
-    @property
-    def flow_map(self) -> AbstractFlowMap:
-        """The air path's."""
-        return self.air_path.flow_map
+    flow_map = Inner[AbstractFlowMap]("air_path")
 
 
 def reduce_to_static_map(model: Actuator, flow_map: FlowMap | None = None) -> StaticMapActuator:
