@@ -17,7 +17,7 @@ from vgtjax.control import AbstractController, Sensors
 from vgtjax.parameters import Bounds, check_bounds
 from vgtjax.parts import feels_gas
 from vgtjax.population import SobolSample
-from vgtjax.tuning import MEMORIES, Cases, Objective, Problem, cross_cases, plan_tuning, soften, soften_cases
+from vgtjax.tuning import MEMORIES, Cases, Objective, TuningProblem, cross_cases, plan_tuning, soften, soften_cases
 
 from ..population import Actuators, read_actuators
 from ..study.control import ControlTable
@@ -42,9 +42,9 @@ class TuneJob(StudyJob):
     """
 
     bounds: Bounds
-    smooth: Problem
-    true: Problem
-    unseen: Problem
+    smooth: TuningProblem
+    true: TuningProblem
+    unseen: TuningProblem
     notes: tuple[str, ...]
 
 
@@ -151,7 +151,7 @@ def _unseen_cases(table: ControlTable, plants: Mapping[str, vgtjax.AbstractModel
     return _cases(table, plants, unseen.reference, folder, table.seed + 1, pressures)
 
 
-def _plan(table: ControlTable, controller: AbstractController, cases: Cases, bounds: Bounds) -> Problem:
+def _plan(table: ControlTable, controller: AbstractController, cases: Cases, bounds: Bounds) -> TuningProblem:
     cost = table.cost
     objective = Objective(
         tracking=cost.tracking,

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from vgtjax.tuning import TERMS, CaseCosts, Problem, TuningProgress
+from vgtjax.tuning import TERMS, CaseCosts, TuningProblem, TuningProgress
 
 from ..population import finite
 from .job import TuneJob
@@ -16,7 +16,7 @@ from .job import TuneJob
 class Comparison:
     """Closed loops of one problem with the start's gains and with the tuned ones."""
 
-    problem: Problem
+    problem: TuningProblem
     start: CaseCosts
     tuned: CaseCosts
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 import vgtjax
-from vgtjax.tuning import Problem, wanted_widths
+from vgtjax.tuning import TuningProblem, wanted_widths
 
 from ..output.page import figure_html, render_page
 from ..study.parameter_file import Row
@@ -38,7 +38,7 @@ def _spread(comparison: Comparison) -> str:
 def _smoothed(job: TuneJob) -> list[tuple[str, float, float]]:
     """What switches or jumps in controller, plant and sensors: its own width, and that while tuning."""
 
-    def widths(problem: Problem) -> dict[str, float]:
+    def widths(problem: TuningProblem) -> dict[str, float]:
         plants: Any = problem.cases.plants
         sensors = problem.cases.scenarios.sensors
         return {

@@ -9,7 +9,6 @@ from jaxtyping import Bool
 
 from .._errors import SimulationError
 from ..estimation import (
-    Bounds,
     Calibration,
     Calibrator,
     calibrate,
@@ -18,7 +17,7 @@ from ..estimation import (
     plan_task,
     start_calibration,
 )
-from ..parameters import Selection, parameter_table, replace_parameters, select
+from ..parameters import Bounds, Selection, parameter_table, replace_parameters, select
 from ..plants import AbstractModel, MechanicalActuator
 from ..traces import Trace
 from . import _limits as limits

@@ -7,7 +7,7 @@ from ._problem import (
     MEMORIES as MEMORIES,
     CaseCosts as CaseCosts,
     Linearisation as Linearisation,
-    Problem as Problem,
+    TuningProblem as TuningProblem,
     plan_tuning as plan_tuning,
 )
 from ._quadratic import STEEPEST as STEEPEST, QuadraticModel as QuadraticModel, model_at as model_at

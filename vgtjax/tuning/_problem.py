@@ -59,7 +59,7 @@ class Linearisation:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Problem:
+class TuningProblem:
     """A controller whose gains are to be chosen for many closed loops.
 
     `selection` says which gains are free, `transform` how they move. Made by [`plan_tuning`][].
@@ -166,7 +166,7 @@ def plan_tuning(
     bounds: dict[str, tuple[float | None, float | None]] | None = None,
     memories: Sequence[float] = MEMORIES,
     lanes: int = LANES,
-) -> Problem:
+) -> TuningProblem:
     """Which gains move, and how.
 
     **Arguments:**
@@ -187,7 +187,9 @@ def plan_tuning(
         raise InputError("tuning needs at least one free gain, but free and fixed leave none; free one", "free")
     table, start = parameter_table(controller), np.asarray(selection.pack(controller))
     transform = build_transform(table, selection.entries, start, bounds or {})
-    problem = Problem(controller, cases, objective, selection, transform, tuple(sorted(memories, reverse=True)), lanes)
+    problem = TuningProblem(
+        controller, cases, objective, selection, transform, tuple(sorted(memories, reverse=True)), lanes
+    )
     spares = problem.conditions(problem.start)
     for (name, value), left in zip(conditions(controller).items(), spares, strict=True):
         if left < 0:

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from .._errors import SimulationError
-from ._problem import CaseCosts, Problem
+from ._problem import CaseCosts, TuningProblem
 from ._quadratic import QuadraticModel, model_at
 from ._remembered import linearise_remembered
 
@@ -79,7 +79,7 @@ class Tuner:
     **Raises:** `SimulationError` when a closed loop fails with the start's gains.
     """
 
-    def __init__(self, problem: Problem, start: TuningProgress | None = None):
+    def __init__(self, problem: TuningProblem, start: TuningProgress | None = None):
         self.problem = problem
         here, middle = tuple(problem.start.tolist()), len(problem.memories) // 2
         began = TuningProgress(here, here, (middle,) * len(problem.cases))
