@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Float
 
-from ._moments import Weights, reciprocal, weighted_mean, weights_or_equal
+from ._moments import Result, Weights, reciprocal, weighted_mean, weights_or_equal
 
 SHORTEST = 0.01
 """Part of an input's range; a shorter step is left out, because it divides the error of a simulation by next to nothing
@@ -20,9 +20,9 @@ class ElementaryEffects:
     sizes, `sigma` their standard deviation, which curvature and interactions cause.
     """
 
-    mu: Float[np.ndarray, "*replicates outputs inputs"]
-    mu_star: Float[np.ndarray, "*replicates outputs inputs"]
-    sigma: Float[np.ndarray, "*replicates outputs inputs"]
+    mu: Result
+    mu_star: Result
+    sigma: Result
 
 
 def elementary_effects(
