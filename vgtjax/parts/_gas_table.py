@@ -45,8 +45,8 @@ class AbstractGasTables(eqx.Module):
             return
         owner = self.place
         above_zero = np.concatenate([[0.0], self.turbine_pressure])
-        _check_increasing(f"{owner}.turbine_pressure", above_zero, "Pa gauge from above zero")
-        _check_increasing(f"{owner}.crank_angle", np.asarray(self.crank_angle), "deg")
+        require_knots(f"{owner}.turbine_pressure", above_zero, "Pa gauge from above zero")
+        require_knots(f"{owner}.crank_angle", np.asarray(self.crank_angle), "deg")
         pressures, angles = self.turbine_pressure.size, self.crank_angle.size
         for name, table in self.tables.items():
             if table.size != pressures * angles:
@@ -83,7 +83,8 @@ class AbstractGasTables(eqx.Module):
         return dataclasses.replace(self, turbine_pressure=pressure, crank_angle=angle, **tables)
 
 
-def _check_increasing(name: str, knots: Float[np.ndarray, " knots"], unit: str) -> None:
+def require_knots(name: str, knots: Float[np.ndarray, " knots"], unit: str) -> None:
+    """**Raises:** `InputError` for knots of a table that are not two or more and increase."""
     if len(knots) < 2 or not np.all(np.diff(knots) > 0):
         raise InputError(
             f"{name} must be at least two knots that increase, in {unit}, but it is {[float(k) for k in knots]}; sort "

@@ -7,6 +7,7 @@ from jaxtyping import Array, Float, Int
 from ..._errors import InputError, is_traced
 from ..._types import Scalar, Values
 from ...parameters import parameter
+from .._gas_table import require_knots
 from ._base import AbstractLiftMap
 
 
@@ -33,12 +34,8 @@ class LiftTable(AbstractLiftMap):
     def __check_init__(self) -> None:
         if is_traced(self.position, self.pressure, self.flow):
             return
-        for name, knots, unit in (("position", self.position, "m"), ("pressure", self.pressure, "Pa")):
-            if len(knots) < 2 or not np.all(np.diff(knots) > 0):
-                raise InputError(
-                    f"the knots of {name} must be at least two that increase, in {unit}, but they are "
-                    f"{[float(knot) for knot in knots]}; sort them and remove repeated ones"
-                )
+        require_knots("position", np.asarray(self.position), "m")
+        require_knots("pressure", np.asarray(self.pressure), "Pa")
         rows, columns = len(self.position), len(self.pressure)
         if self.flow.size != rows * columns:
             raise InputError(
