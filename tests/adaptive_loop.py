@@ -71,6 +71,10 @@ def motion(plant):
     return Motion(plant.position, plant.velocity, AMBIENT)
 
 
+def moment(plant, time):
+    return control.Moment(motion(plant), plant.pressure, control.reference_at(WAVE, time))
+
+
 def corrected(controller, where, errors, estimate):
     return controller.rates(where, errors, estimate)
 
@@ -88,10 +92,10 @@ def as_printed(controller, where, errors, estimate):
 def loop_rates(controller, loop, time, truth=NOTHING, law=corrected):
     """Closed loop in continuous time. The pressure gets the rate that is asked for: nothing saturates."""
     plant, where = loop.plant, motion(loop.plant)
-    reference = control.reference_at(WAVE, time)
-    errors = controller.errors(where, plant.pressure, reference, loop.estimate)
+    at = moment(plant, time)
+    errors = controller.errors(at, loop.estimate)
     learned = law(controller, where, errors, loop.estimate)
-    flow = controller.flow(where, plant.pressure, reference, loop.estimate, errors, learned)
+    flow = controller.flow(at, loop.estimate, errors, learned)
     # Friction of the plant itself, not of its inverse in the controller.
     body, friction = controller.model.diaphragm, controller.model.friction
     still = jnp.zeros(())
@@ -113,7 +117,7 @@ def start_of(controller, position=0.0052, pressure=62_700.0):
 def lyapunov(controller, loop, time, truth=NOTHING, position_weight=None):
     """`V` of the manual's page on control, with the true bristles and coefficients."""
     model, observer, estimate = controller.model, controller.observer, loop.estimate
-    errors = controller.errors(motion(loop.plant), loop.plant.pressure, control.reference_at(WAVE, time), estimate)
+    errors = controller.errors(moment(loop.plant, time), estimate)
     beta = nominal_coefficients(model)
     weight = controller.position_weight if position_weight is None else position_weight
     value = weight * errors.position**2 + errors.velocity**2 + controller.pressure_weight * errors.pressure**2
@@ -131,7 +135,7 @@ def lyapunov(controller, loop, time, truth=NOTHING, position_weight=None):
 def lyapunov_rate(controller, loop, time, position_weight=None):
     """`V'` as derived."""
     model, estimate = controller.model, loop.estimate
-    errors = controller.errors(motion(loop.plant), loop.plant.pressure, control.reference_at(WAVE, time), estimate)
+    errors = controller.errors(moment(loop.plant, time), estimate)
     weight = controller.position_weight if position_weight is None else position_weight
     off = loop.plant.deflection - estimate.friction.deflections
     h, beta = slide(model, loop.plant.velocity), nominal_coefficients(model)

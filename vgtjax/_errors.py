@@ -4,6 +4,7 @@ from typing import Any
 
 import jax
 import jax.core
+import numpy as np
 
 
 class InputError(ValueError):
@@ -25,3 +26,12 @@ class SimulationError(RuntimeError):
 def is_traced(*trees: Any) -> bool:
     """Whether any leaf is being traced by JAX, so that its value is not there to be checked."""
     return any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(trees))
+
+
+def require_positive(name: str, value: Any, what: str, remedy: str) -> None:
+    """Refuses what is not positive and finite, e.g. a `number of seconds`; says nothing while it is traced.
+
+    **Raises:** `InputError`.
+    """
+    if not is_traced(value) and not np.all((np.asarray(value) > 0) & np.isfinite(value)):
+        raise InputError(f"{name} must be a positive {what}, but it is {value}; {remedy}")

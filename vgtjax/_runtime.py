@@ -18,12 +18,7 @@ def _usable_cores() -> int:
     return os.cpu_count() or 1
 
 
-def configure(
-    *,
-    x64: bool = True,
-    cpu_devices: int | None = None,
-    cache: str | os.PathLike[str] | None = None,
-) -> None:
+def configure(*, x64: bool = True, cpu_devices: int | None = None, cache: str | os.PathLike[str] | None = None) -> None:
     """Sets JAX up for calibration: double precision, native loops, one device a core, a persistent cache.
 
     Call it once, before JAX has computed anything; importing `vgtjax` changes no setting. `XLA_FLAGS` that are set

@@ -16,7 +16,7 @@ from vgtjax.control import AbstractController, AbstractSignal, Sensors
 from vgtjax.parameters import Bounds, check_bounds
 from vgtjax.parts import feels_gas
 from vgtjax.population import SobolSample
-from vgtjax.tuning import MEMORIES, Cases, Objective, Problem, cross_cases, plan_tuning, soften, soften_cases
+from vgtjax.tuning import MEMORIES, Cases, Objective, TuningProblem, cross_cases, plan_tuning, soften, soften_cases
 
 from ..population import Actuators, read_actuators
 from ..study.control import ControlTable
@@ -41,9 +41,9 @@ class TuneJob(StudyJob):
     """
 
     bounds: Bounds
-    smooth: Problem
-    true: Problem
-    unseen: Problem
+    smooth: TuningProblem
+    true: TuningProblem
+    unseen: TuningProblem
     notes: tuple[str, ...]
 
 
@@ -138,7 +138,7 @@ def _between(pressures: Sequence[float]) -> list[float]:
     return [*(0.5 * (low + high) for low, high in itertools.pairwise(rising)), rising[-1]]
 
 
-def _plan(table: ControlTable, controller: AbstractController, cases: Cases, bounds: Bounds) -> Problem:
+def _plan(table: ControlTable, controller: AbstractController, cases: Cases, bounds: Bounds) -> TuningProblem:
     return plan_tuning(
         controller,
         cases,

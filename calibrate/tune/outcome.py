@@ -7,7 +7,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from vgtjax.tuning import TERMS, CaseCosts, Problem, TuningProgress, gain_names
+from vgtjax.tuning import TERMS, CaseCosts, TuningProblem, TuningProgress, gain_names
 
 from ..output.files import finite
 from ..study.parameter_file import Entry, Estimate, tabulate, to_json
@@ -18,7 +18,7 @@ from .job import TuneJob
 class Comparison:
     """Closed loops of one problem with the start's gains and with the tuned ones."""
 
-    problem: Problem
+    problem: TuningProblem
     start: CaseCosts
     tuned: CaseCosts
 

@@ -8,7 +8,7 @@ from plotly.subplots import make_subplots
 
 import vgtjax
 from vgtjax.control import ClosedLoop
-from vgtjax.tuning import Problem, wanted_widths
+from vgtjax.tuning import TuningProblem, wanted_widths
 
 from ..output.figures import convergence_figure, curve, points, styled
 from ..output.page import render_page
@@ -39,7 +39,7 @@ def render(job: TuneJob, outcome: Outcome, entries: list[Entry], summary: dict[s
 def _smoothed(job: TuneJob) -> list[tuple[str, float, float]]:
     """What switches or jumps in controller, plant and sensors: its own width, and that while tuning."""
 
-    def widths(problem: Problem) -> dict[str, float]:
+    def widths(problem: TuningProblem) -> dict[str, float]:
         plants: Any = problem.cases.plants
         sensors = problem.cases.scenarios.sensors
         return {

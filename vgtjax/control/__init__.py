@@ -1,6 +1,10 @@
 """Control of the position [chapter 5]: references, sensors, controllers, and the closed loop."""
 
-from ._adaptive_backstepping import AdaptiveBackstepping as AdaptiveBackstepping, AdaptiveEstimate as AdaptiveEstimate
+from ._adaptive_backstepping import (
+    AdaptiveBackstepping as AdaptiveBackstepping,
+    AdaptiveEstimate as AdaptiveEstimate,
+    Moment as Moment,
+)
 from ._backstepping import Backstepping as Backstepping
 from ._balance import ConstantDuty as ConstantDuty, StaticBalance as StaticBalance, holding_duty as holding_duty
 from ._base import (
@@ -9,7 +13,6 @@ from ._base import (
     Reference as Reference,
     saturate as saturate,
 )
-from ._cost import chatter as chatter, effort as effort, tracking_peak as tracking_peak, tracking_rms as tracking_rms
 from ._design import (
     AbstractDesign as AbstractDesign,
     Condition as Condition,
@@ -17,13 +20,12 @@ from ._design import (
     designs_in as designs_in,
     positive as positive,
 )
-from ._design_model import DesignModel as DesignModel, DesignState as DesignState
+from ._design_model import DesignModel as DesignModel, DesignState as DesignState, Motion as Motion
 from ._differentiator import (
     AbstractDifferentiator as AbstractDifferentiator,
     FilteredDifference as FilteredDifference,
     LevantDifferentiator as LevantDifferentiator,
 )
-from ._fading import fade as fade
 from ._friction_compensation import FrictionCompensation as FrictionCompensation
 from ._friction_observer import (
     DualFrictionObserver as DualFrictionObserver,
@@ -32,7 +34,15 @@ from ._friction_observer import (
     slide as slide,
 )
 from ._knocker import Knocker as Knocker
-from ._loop import ClosedLoop as ClosedLoop, close_loop as close_loop
+from ._loop import (
+    ClosedLoop as ClosedLoop,
+    chatter as chatter,
+    close_loop as close_loop,
+    effort as effort,
+    fade as fade,
+    tracking_peak as tracking_peak,
+    tracking_rms as tracking_rms,
+)
 from ._pid import PI as PI, PID as PID
 from ._pressure_observer import ObservedState as ObservedState, PressureObserver as PressureObserver
 from ._reference import (
@@ -51,4 +61,3 @@ from ._reference import (
 )
 from ._scenario import Scenario as Scenario, at_rest as at_rest, balanced_at as balanced_at
 from ._sensors import Sensor as Sensor, Sensors as Sensors, quantise as quantise
-from ._vane_load import Motion as Motion

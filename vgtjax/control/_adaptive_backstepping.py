@@ -12,10 +12,9 @@ from ..parameters import parameter
 from ..plants import Actuator
 from ._base import FULL_DUTY, AbstractController, Log, Measurement, Memory, Reference
 from ._design import Condition, positive
-from ._design_model import DesignModel, lighter
+from ._design_model import DesignModel, Motion, lighter
 from ._differentiator import AbstractDifferentiator, LevantDifferentiator
 from ._friction_observer import DualFrictionObserver, FrictionEstimate, nominal_coefficients, regressors, slide_slope
-from ._vane_load import Motion
 
 NEARLY_SATURATED = 0.5
 """Percent of duty from either end within which learning fades, so that nothing jumps."""
@@ -46,6 +45,14 @@ class Errors(eqx.Module):
     """`q` in m/s."""
 
 
+class Moment(eqx.Module):
+    """What one sample is about: the rod's motion, the chamber pressure in Pa absolute, and where the rod should be."""
+
+    motion: Motion
+    pressure: Scalar
+    reference: Reference
+
+
 class AdaptiveState(eqx.Module):
     """What has been learned, and what the differentiator remembers."""
 
@@ -56,50 +63,27 @@ class AdaptiveState(eqx.Module):
 class AdaptiveBackstepping(AbstractController):
     """Three steps of backstepping from position over velocity to pressure, while friction is learned [5.46-5.71].
 
-    Position and pressure are measured, velocity comes from a differentiator. With the errors
-
-        e1 = x - x_ref;   e2 = v + k1 e1 - x_ref';   e3 = p - theta1 / a1,   a1 = A_d / m
-
-    and the estimate `F/m = bh0 zh0 + bh1 v - bh2 h zh1` of a [`DualFrictionObserver`][], the pressure that is asked for
-    and the rate of pressure that leads there are
-
-        theta1 = a(p = 0, F) - dh/m + (k1 + k2)(v - x_ref') + (k1 k2 + w1) e1 - x_ref'';   k2 = kappa + b_d/m + bh1
-        p'_des = -k3 e3 + c (a1/w3) e2 - rh + (theta2 + (d theta1/dv) a_h) / a1
-        q = e2 - w3 (d theta1/dv) e3 / a1;      dh' = -m gamma_d q;   rh' = gamma_r e3
-
-    `a(p, F)` is the acceleration of the design model, `a_h` that with the measured pressure and `dh`, and `theta2` all
-    of `theta1'` that does not come through `v`; the flow map's inverse gives the duty. `q` drives all that is learned:
-    friction, a constant force `dh` and a constant error of the flow map `rh`. The manual's page on control has the
-    proof, where the print differs, and how the gains were chosen.
+    Position and pressure are measured, velocity comes from a differentiator. With the errors `e1 = x - x_ref`, `e2 = v
+    + k1 e1 - x_ref'`, `e3 = p - theta1 / a1`, `a1 = A_d / m`, one signal `q` drives all that is learned: friction, by a
+    [`DualFrictionObserver`][], a constant force `dh` and a constant error of the flow map `rh`. The manual's page on
+    control has the law, the proof, where the print differs, and how the gains were chosen.
 
     **Raises:** `InputError` for gains for which `V'` may be positive.
     """
 
-    position_gain: Scalar = parameter(150.0, symbol="k1", unit="1/s", source="5.51, value assumed", assumed=True)
-    velocity_gain: Scalar = parameter(300.0, symbol="kappa", unit="1/s", source="5.55, value assumed", assumed=True)
-    pressure_gain: Scalar = parameter(27.0, symbol="k3", unit="1/s", source="5.63, value assumed", assumed=True)
-    position_weight: Scalar = parameter(
-        64.0, symbol="w1", unit="1/s2", source="5.61, value assumed", assumed=True, positive=False, lower=0.0
-    )
-    pressure_weight: Scalar = parameter(
-        2e-10, symbol="w3", unit="m2/(s2 Pa2)", source="5.65, value assumed", assumed=True
-    )
-    pressure_coupling: Scalar = parameter(
-        1.0, symbol="c", unit="1", source="assumed", assumed=True, positive=False, lower=0.0, held=True
-    )
-    load_gain: Scalar = parameter(
-        1200.0, symbol="gamma_d", unit="1/s2", source="assumed", assumed=True, positive=False, lower=0.0
-    )
-    drift_gain: Scalar = parameter(
-        270.0, symbol="gamma_r", unit="1/s2", source="assumed", assumed=True, positive=False, lower=0.0
-    )
-    largest_load: Scalar = parameter(30.0, symbol="d_max", unit="N", source="assumed", assumed=True, held=True)
-    largest_drift: Scalar = parameter(3e5, symbol="r_max", unit="Pa/s", source="assumed", assumed=True, held=True)
-    forgetting_time: Scalar = parameter(0.1, symbol="T_f", unit="s", source="assumed", assumed=True, held=True)
+    position_gain: Scalar = parameter(150.0, symbol="k1", unit="1/s", source="5.51, value assumed")
+    velocity_gain: Scalar = parameter(300.0, symbol="kappa", unit="1/s", source="5.55, value assumed")
+    pressure_gain: Scalar = parameter(27.0, symbol="k3", unit="1/s", source="5.63, value assumed")
+    position_weight: Scalar = parameter(64.0, symbol="w1", unit="1/s2", source="5.61, value assumed", lower=0.0)
+    pressure_weight: Scalar = parameter(2e-10, symbol="w3", unit="m2/(s2 Pa2)", source="5.65, value assumed")
+    pressure_coupling: Scalar = parameter(1.0, symbol="c", unit="1", source="assumed", lower=0.0, held=True)
+    load_gain: Scalar = parameter(1200.0, symbol="gamma_d", unit="1/s2", source="assumed", lower=0.0)
+    drift_gain: Scalar = parameter(270.0, symbol="gamma_r", unit="1/s2", source="assumed", lower=0.0)
+    largest_load: Scalar = parameter(30.0, symbol="d_max", unit="N", source="assumed", held=True)
+    largest_drift: Scalar = parameter(3e5, symbol="r_max", unit="Pa/s", source="assumed", held=True)
+    forgetting_time: Scalar = parameter(0.1, symbol="T_f", unit="s", source="assumed", held=True)
     # Tuned at a velocity that the noise of the sensors reaches through the differentiator.
-    reversal_width: Scalar = parameter(
-        1e-2, symbol="v_w", unit="m/s", source="assumed", assumed=True, held=True, tuning_width=2e-3
-    )
+    reversal_width: Scalar = parameter(1e-2, symbol="v_w", unit="m/s", source="assumed", held=True, tuning_width=2e-3)
     model: DesignModel = eqx.field(default_factory=DesignModel)
     observer: DualFrictionObserver = eqx.field(default_factory=DualFrictionObserver)
     differentiator: AbstractDifferentiator = eqx.field(default_factory=lambda: LevantDifferentiator(8.0, width=0.022))
@@ -147,11 +131,11 @@ class AdaptiveBackstepping(AbstractController):
         memory, velocity = self.differentiator.update(
             state.differentiator, measurement.position, period, reference.acceleration
         )
-        motion, pressure = Motion(measurement.position, velocity, measurement.ambient), measurement.pressure
-        now = state.estimate
-        errors = self.errors(motion, pressure, reference, now)
-        onward = self._learn(now, motion, pressure, reference, errors, period)
-        duty = self._duty(motion, pressure, reference, now, errors, _per_second(now, onward, period))
+        motion = Motion(measurement.position, velocity, measurement.ambient)
+        at, now = Moment(motion, measurement.pressure, reference), state.estimate
+        errors = self.errors(at, now)
+        onward = self._learn(now, at, errors, period)
+        duty = self._duty(at, now, errors, _per_second(now, onward, period))
         shares = now.friction.coefficients / nominal_coefficients(self.model)
         log = {
             "velocity": velocity,
@@ -170,11 +154,12 @@ class AdaptiveBackstepping(AbstractController):
         lead = (k1 + k2) * (motion.velocity - reference.velocity) + (k1 * k2 + self.position_weight) * position_error
         return free + lead - reference.acceleration
 
-    def errors(self, motion: Motion, pressure: Scalar, reference: Reference, estimate: AdaptiveEstimate) -> Errors:
-        """The three errors [5.49-5.58], `d theta1 / d x2` [5.62] and `q`; the measured pressure in Pa absolute."""
+    def errors(self, at: Moment, estimate: AdaptiveEstimate) -> Errors:
+        """The three errors [5.49-5.58], `d theta1 / d x2` [5.62] and `q`."""
+        motion, reference = at.motion, at.reference
         position = motion.position - reference.position
         velocity = self._velocity_error(motion, reference)
-        pressure_error = pressure - self.wanted_acceleration(motion, reference, estimate) / self._a1
+        pressure_error = at.pressure - self.wanted_acceleration(motion, reference, estimate) / self._a1
         sensitivity = self._sensitivity(motion, estimate)
         drive = velocity - self.pressure_weight * pressure_error * sensitivity / self._a1
         return Errors(position, velocity, pressure_error, sensitivity, drive)
@@ -185,33 +170,17 @@ class AdaptiveBackstepping(AbstractController):
         load = -self.model.diaphragm.mass * self.load_gain * errors.drive
         return AdaptiveEstimate(friction, load, self.drift_gain * errors.pressure)
 
-    def pressure_rate(
-        self,
-        motion: Motion,
-        pressure: Scalar,
-        reference: Reference,
-        estimate: AdaptiveEstimate,
-        errors: Errors,
-        rates: AdaptiveEstimate,
-    ) -> Scalar:
+    def pressure_rate(self, at: Moment, estimate: AdaptiveEstimate, errors: Errors, rates: AdaptiveEstimate) -> Scalar:
         """`p'_des` in Pa/s [5.63 corrected]; `rates` are those of the estimate."""
-        a_h = self.model.stopped(motion.position, self._acceleration(motion, estimate, pressure))
-        follow = self.wanted_rate(motion, reference, estimate, rates) + errors.sensitivity * a_h
+        a_h = self.model.stopped(at.motion.position, self._acceleration(at.motion, estimate, at.pressure))
+        follow = self.wanted_rate(at.motion, at.reference, estimate, rates) + errors.sensitivity * a_h
         coupling = self.pressure_coupling * self._a1 / self.pressure_weight * errors.velocity
         return -self.pressure_gain * errors.pressure + coupling - estimate.drift + follow / self._a1
 
-    def flow(
-        self,
-        motion: Motion,
-        pressure: Scalar,
-        reference: Reference,
-        estimate: AdaptiveEstimate,
-        errors: Errors,
-        rates: AdaptiveEstimate,
-    ) -> Scalar:
+    def flow(self, at: Moment, estimate: AdaptiveEstimate, errors: Errors, rates: AdaptiveEstimate) -> Scalar:
         """Mass flow in kg/s into the chamber that gives `p'_des`."""
-        rate = self.pressure_rate(motion, pressure, reference, estimate, errors, rates)
-        return self.model.flow_for(rate, motion.position, motion.velocity, pressure)
+        rate = self.pressure_rate(at, estimate, errors, rates)
+        return self.model.flow_for(rate, at.motion.position, at.motion.velocity, at.pressure)
 
     def wanted_rate(
         self, motion: Motion, reference: Reference, estimate: AdaptiveEstimate, rates: AdaptiveEstimate
@@ -259,35 +228,20 @@ class AdaptiveBackstepping(AbstractController):
         friction = self._friction(estimate, motion.velocity)
         return self.model.acceleration(motion.position, motion.velocity, friction, pressure, motion.ambient)
 
-    def _duty(
-        self,
-        motion: Motion,
-        pressure: Scalar,
-        reference: Reference,
-        estimate: AdaptiveEstimate,
-        errors: Errors,
-        rates: AdaptiveEstimate,
-    ) -> Scalar:
-        flow = self.flow(motion, pressure, reference, estimate, errors, rates)
-        return self.model.flow_map.duty_for(flow, pressure, motion.ambient)
+    def _duty(self, at: Moment, estimate: AdaptiveEstimate, errors: Errors, rates: AdaptiveEstimate) -> Scalar:
+        flow = self.flow(at, estimate, errors, rates)
+        return self.model.flow_map.duty_for(flow, at.pressure, at.motion.ambient)
 
-    def _learn(
-        self,
-        now: AdaptiveEstimate,
-        motion: Motion,
-        pressure: Scalar,
-        reference: Reference,
-        errors: Errors,
-        period: float,
-    ) -> AdaptiveEstimate:
+    def _learn(self, now: AdaptiveEstimate, at: Moment, errors: Errors, period: float) -> AdaptiveEstimate:
         """One sample later. Where the duty would saturate without learning, load and drift decay: merely held,
         they may keep the duty at its end for ever."""
         # A drive lowers the load: what would push the rod into a stop is not learned there, what pulls it off is.
-        errors = dataclasses.replace(errors, drive=-self.model.stopped(motion.position, -errors.drive))
-        learned = self._step(now, errors, motion.velocity, period)
+        velocity = at.motion.velocity
+        errors = dataclasses.replace(errors, drive=-self.model.stopped(at.motion.position, -errors.drive))
+        learned = self._step(now, errors, velocity, period)
         nothing = jnp.zeros_like(errors.drive)
-        idle = self._step(now, dataclasses.replace(errors, drive=nothing, pressure=nothing), motion.velocity, period)
-        duty = self._duty(motion, pressure, reference, now, errors, _per_second(now, idle, period))
+        idle = self._step(now, dataclasses.replace(errors, drive=nothing, pressure=nothing), velocity, period)
+        duty = self._duty(at, now, errors, _per_second(now, idle, period))
         kept = 1 / (1 + period / self.forgetting_time)
         decayed = AdaptiveEstimate(idle.friction, kept * idle.load, kept * idle.drift)
         free = jnp.clip(jnp.minimum(duty, FULL_DUTY - duty) / NEARLY_SATURATED, 0.0, 1.0)

@@ -11,10 +11,9 @@ from ..parameters import parameter
 from ..plants import Actuator
 from ._base import FULL_DUTY, AbstractController, Log, Measurement, Memory, Reference, saturate
 from ._design import Condition, positive
-from ._design_model import DesignModel, lighter
+from ._design_model import DesignModel, Motion, lighter
 from ._differentiator import AbstractDifferentiator, LevantDifferentiator
 from ._pressure_observer import ObservedState, PressureObserver
-from ._vane_load import Motion
 
 NEAR_LIMIT = 5.0
 """%; the duty's distance from a limit within which the rod counts as following the reference the less."""
@@ -35,25 +34,18 @@ class BacksteppingState(eqx.Module):
 class Backstepping(AbstractController):
     """Backstepping on the [`DesignModel`][], with a [`PressureObserver`][]; only the position is measured [5.22-5.35].
 
-    With `s1 = e1' + lambda e1`, `e1 = x - x_ref`, `sh2 = ph - p*` and hats for what is observed, the wanted pressure
-    `p*` makes `s1' = -K_d s1`, and the flow that is asked for makes the observed pressure follow it:
-
-        A_d p* = p_atm A_d - F_0 - k_sm x - B v - theta S zh - F_v - m x_ref'' + lambda m (v - x_ref') + m K_d s1
-        m_dot = V/(n R T) (-K_U sh2 + A_d/(m w) s1 + p*') - A_d v ph/(R T)
-
-    The duty is that at which the flow map gives `m_dot` at `ph`. The observer starts at the pressure of the atmosphere
-    with relaxed bristles. The manual's page on control has the derivation, the proof, and how gains were chosen.
+    With `s1 = e1' + lambda e1` and `e1 = x - x_ref`, the wanted pressure `p*` makes `s1' = -K_d s1`, and the flow that
+    is asked for makes the observed pressure follow it. The manual's page on control has the derivation, the proof, and
+    how gains were chosen.
 
     **Raises:** `InputError` for a gain that is not positive.
     """
 
-    position_gain: Scalar = parameter(45.0, symbol="lambda", unit="1/s", source="5.22, value assumed", assumed=True)
-    velocity_gain: Scalar = parameter(1200.0, symbol="K_d", unit="1/s", source="5.34, value assumed", assumed=True)
-    pressure_gain: Scalar = parameter(400.0, symbol="K_U", unit="1/s", source="5.34, value assumed", assumed=True)
-    pressure_weight: Scalar = parameter(
-        2.5e-7, symbol="w", unit="m2/(s2 Pa2)", source="5.36, value assumed", assumed=True
-    )
-    reversal_width: Scalar = parameter(3e-3, symbol="v_w", unit="m/s", source="assumed", assumed=True, held=True)
+    position_gain: Scalar = parameter(45.0, symbol="lambda", unit="1/s", source="5.22, value assumed")
+    velocity_gain: Scalar = parameter(1200.0, symbol="K_d", unit="1/s", source="5.34, value assumed")
+    pressure_gain: Scalar = parameter(400.0, symbol="K_U", unit="1/s", source="5.34, value assumed")
+    pressure_weight: Scalar = parameter(2.5e-7, symbol="w", unit="m2/(s2 Pa2)", source="5.36, value assumed")
+    reversal_width: Scalar = parameter(3e-3, symbol="v_w", unit="m/s", source="assumed", held=True)
     observer: PressureObserver = eqx.field(default_factory=PressureObserver)
     differentiator: AbstractDifferentiator = eqx.field(default_factory=_differentiator)
 

@@ -3,6 +3,7 @@
 from typing import Any, cast
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
@@ -18,9 +19,46 @@ from ..parts import (
     LuGre,
     NoVaneForce,
     PolynomialFlow,
+    Vanes,
 )
 from ..plants import Actuator, StaticMapActuator, fit_flow_map
-from ._vane_load import Motion, vane_load, vane_load_rate, vane_state_after
+
+
+class Motion(eqx.Module):
+    """Position in m and velocity in m/s of the rod as they are known, atmosphere in Pa, turbine inlet in Pa gauge."""
+
+    position: Scalar
+    velocity: Scalar
+    ambient: Scalar
+    turbine: Scalar = eqx.field(default_factory=lambda: jnp.zeros(()))
+
+
+def vane_load(law: AbstractVaneForce, body: Diaphragm, motion: Motion, state: Any) -> tuple[Scalar, PyTree[Scalar]]:
+    """Force of the gas on the vanes in N along -x as far as it is known, and rates of what it remembers."""
+    return law(_vanes(body, motion), motion.velocity, state)
+
+
+def vane_load_rate(law: AbstractVaneForce, body: Diaphragm, motion: Motion, state: Any) -> Scalar:
+    """Time derivative of the force in N/s, at a constant turbine pressure and velocity."""
+
+    def force(position: Scalar, state: Any) -> Scalar:
+        return vane_load(law, body, Motion(position, motion.velocity, motion.ambient, motion.turbine), state)[0]
+
+    along = (motion.velocity, vane_load(law, body, motion, state)[1])
+    return jax.jvp(force, (motion.position, state), along)[1]
+
+
+def vane_state_after(
+    law: AbstractVaneForce, body: Diaphragm, motion: Motion, state: Any, period: float
+) -> PyTree[Scalar]:
+    """What the force remembers a period in s later, by one step of implicit Euler."""
+    relaxation = law.relaxation(_vanes(body, motion), motion.velocity, state)
+    rates = vane_load(law, body, motion, state)[1]
+    return jax.tree.map(lambda s, rate, fade: s + period * rate / (1 + period * fade), state, rates, relaxation)
+
+
+def _vanes(body: Diaphragm, motion: Motion) -> Vanes:
+    return Vanes(body.travel - motion.position, motion.turbine)
 
 
 class DesignState(eqx.Module):
@@ -34,22 +72,11 @@ class DesignState(eqx.Module):
 
 
 class DesignModel(Part):
-    """What a backstepping controller believes of the plant [5.4].
+    """What a backstepping controller believes of the plant [5.4]; the manual's page on control has its equations.
 
-    With `V = V_0 - A_d x`, `alpha = 1/g` (which the print never defines), `S(v) = sigma_0 (1 - sigma_1 alpha |v|)` and
-    `B = b_d + theta (sigma_1 + sigma_2)`:
-
-        x' = v;   m v' = (p_atm - p) A_d - F_0 - k_sm x - B v - theta S(v) z - F_v;   z' = v - sigma_0 alpha |v| z
-        p' = n (R T f(u, p) + A_d v p) / V
-
-    with `n = 1` in [5.4], air that keeps its temperature; in air that exchanges no heat `n` is the ratio of its heat
-    capacities, as long as its temperature is near the atmosphere's.
-
-    `F_v` is the force of the exhaust gas on the vanes as far as it is known, over position, turbine pressure and the
-    state of `vane_force`; it is added, where `load` multiplies the friction of the rod as in [5.7]. Its rate takes the
-    turbine pressure for constant.
-
-    It has no end stops: within `stop_margin` of one, `off_stops` says how much of the force balance still holds.
+    `load` multiplies the friction of the rod as in [5.7], `exponent` is the polytropic one of the gas, 1 in [5.4]. The
+    force `F_v` of the exhaust gas on the vanes is added as far as it is known. It has no end stops: within
+    `stop_margin` of one, `off_stops` says how much of the force balance still holds.
     """
 
     flow_map: AbstractFlowMap = eqx.field(default_factory=PolynomialFlow)
@@ -60,7 +87,7 @@ class DesignModel(Part):
     air: Air = eqx.field(default_factory=Air)
     load: Scalar = parameter(1.0, symbol="theta", unit="1", source="5.7")
     exponent: Scalar = parameter(1.0, symbol="n", unit="1", source="5.4", held=True)
-    stop_margin: Scalar = parameter(2e-5, symbol="x_s", unit="m", source="assumed", assumed=True, held=True)
+    stop_margin: Scalar = parameter(2e-5, symbol="x_s", unit="m", source="assumed", held=True)
 
     @classmethod
     def for_plant(

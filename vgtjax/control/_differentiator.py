@@ -42,7 +42,7 @@ class FilteredSlope(eqx.Module):
 class FilteredDifference(AbstractDifferentiator):
     """`s / (filter_time s + 1)` by backward differences."""
 
-    filter_time: Scalar = parameter(5e-3, symbol="T_f", unit="s", source="assumed", assumed=True)
+    filter_time: Scalar = parameter(5e-3, symbol="T_f", unit="s", source="assumed")
 
     def initial_state(self, value: Scalar) -> FilteredSlope:
         """See the base class."""
@@ -70,9 +70,9 @@ class LevantDifferentiator(AbstractDifferentiator):
     filters with `sqrt(1.1 L / width)` in rad/s.
     """
 
-    largest_second_derivative: Scalar = parameter(5.0, symbol="L", unit="m/s2", source="assumed", assumed=True)
+    largest_second_derivative: Scalar = parameter(5.0, symbol="L", unit="m/s2", source="assumed")
     # Tuned above the noise of the sensors, so that its sign is not tossed by it.
-    width: Scalar = parameter(1e-9, symbol="w", unit="m", source="assumed", assumed=True, held=True, tuning_width=3e-5)
+    width: Scalar = parameter(1e-9, symbol="w", unit="m", source="assumed", held=True, tuning_width=3e-5)
 
     def initial_state(self, value: Scalar) -> FilteredSlope:
         """See the base class."""

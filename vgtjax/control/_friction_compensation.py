@@ -13,9 +13,8 @@ from ..plants import Actuator
 from ._balance import holding_duty
 from ._base import AbstractController, Log, Measurement, Memory, Reference
 from ._design import Condition
-from ._design_model import lugre_of
+from ._design_model import Motion, lugre_of, vane_load, vane_state_after
 from ._differentiator import AbstractDifferentiator, LevantDifferentiator
-from ._vane_load import Motion, vane_load, vane_state_after
 
 ABOVE_BOUND = 1.5
 """Least derivative gain of a design for a plant, in parts of the bound of [5.9]."""
@@ -32,18 +31,15 @@ class ObserverState(eqx.Module):
 class FrictionCompensation(AbstractController):
     """A PD on the position error, with the model's spring, inertia, vanes and observed friction added [5.6-5.8].
 
-        z' = v - sigma_0 |v| z / g(v) - k e;   F = theta (sigma_0 z + sigma_1 z' + sigma_2 v)
-        (p_atm - p) A_d = F_0 + F + F_v - k_p e - k_d e' + m x_ref'' + b_d x_ref' + k_sm x_ref
-
-    with `e` position minus reference; the duty is the one that holds the chamber pressure `p`. `F_v` is the force on
-    the vanes as far as it is known. The manual's page on control has the derivation and where the print differs.
+    The duty is the one that holds the chamber pressure of that force. The manual's page on control has the law, its
+    derivation and where the print differs.
 
     **Raises:** `InputError` where the transfer function [5.9] is not strictly positive real.
     """
 
-    proportional_gain: Scalar = parameter(12000.0, symbol="k_p", unit="N/m", source="5.8, value assumed", assumed=True)
-    derivative_gain: Scalar = parameter(200.0, symbol="k_d", unit="N s/m", source="5.8, value assumed", assumed=True)
-    observer_gain: Scalar = parameter(10.0, symbol="k", unit="1/s", source="5.6, value assumed", assumed=True)
+    proportional_gain: Scalar = parameter(12000.0, symbol="k_p", unit="N/m", source="5.8, value assumed")
+    derivative_gain: Scalar = parameter(200.0, symbol="k_d", unit="N s/m", source="5.8, value assumed")
+    observer_gain: Scalar = parameter(10.0, symbol="k", unit="1/s", source="5.6, value assumed")
     load: Scalar = parameter(1.0, symbol="theta", unit="1", source="5.7", held=True)
     converter: Converter = eqx.field(default_factory=Converter)
     diaphragm: Diaphragm = eqx.field(default_factory=Diaphragm)

@@ -23,35 +23,24 @@ class FrictionEstimate(eqx.Module):
 
 
 class DualFrictionObserver(AbstractDesign):
-    """Friction over mass as `bh0 zh0 + bh1 v - bh2 h zh1`, with all of it estimated but `sigma_0` and `g`.
+    """Friction over mass as `bh0 zh0 + bh1 v - bh2 h zh1`, `h = |v| / g(v)`, with all of it estimated but `sigma_0` and
+    `g`.
 
-    With `h = |v| alpha(v)` (`alpha = 1/g`), LuGre friction over mass is `beta0 z + beta1 v - beta2 h z`,
-
-        beta0 = theta sigma_0 / m;   beta1 = theta (sigma_1 + sigma_2) / m;   beta2 = theta sigma_0 sigma_1 / m
-
-    Each of the two products that hold the unknown `z` has a bristle of its own:
-
-        zh0' = v - sigma_0 h zh0 - iota_0 q        bh0' = -gamma_0 q zh0
-        zh1' = v - sigma_0 h zh1 + iota_1 q h      bh1' = -gamma_1 q v       bh2' = +gamma_2 q h zh1
-
-    `q` in m/s is the one signal that drives everything, `gamma_i = Gamma beta_i^2`. A `bh_i` is held between `least`
-    and `largest` times `beta_i`. The manual's page on control says why, and for which plants.
+    Each of the two products that hold the unknown deflection has a bristle of its own; `q` in m/s is the one signal
+    that drives everything, with gains `gamma_i = Gamma beta_i^2`. A `bh_i` is held between `least` and `largest` times
+    `beta_i`. The manual's page on control has the equations, and says why, and for which plants.
 
     **Raises:** `InputError` for a gain that is negative, or a start that is not between `least` and `largest`, which
     must be positive.
     """
 
     injection: Bristles = parameter(
-        (0.01, 0.01), symbol="iota", unit=("1", "N s/m"), source="5.69, value assumed", positive=False, lower=0.0
+        (0.01, 0.01), symbol="iota", unit=("1", "N s/m"), source="5.69, value assumed", lower=0.0
     )
-    adaptation: Scalar = parameter(
-        0.3, symbol="Gamma", unit="s2/m2", source="5.69, value assumed", assumed=True, positive=False, lower=0.0
-    )
-    least: Scalar = parameter(0.04, symbol="beta_lo", unit="1", source="assumed", assumed=True, held=True)
-    largest: Scalar = parameter(1.2, symbol="beta_hi", unit="1", source="assumed", assumed=True, held=True)
-    start: Coefficients = parameter(
-        (1.0, 0.2, 0.2), symbol="bh_0", unit=("1", "1", "1"), source="assumed", assumed=True, held=True
-    )
+    adaptation: Scalar = parameter(0.3, symbol="Gamma", unit="s2/m2", source="5.69, value assumed", lower=0.0)
+    least: Scalar = parameter(0.04, symbol="beta_lo", unit="1", source="assumed", held=True)
+    largest: Scalar = parameter(1.2, symbol="beta_hi", unit="1", source="assumed", held=True)
+    start: Coefficients = parameter((1.0, 0.2, 0.2), symbol="bh_0", unit=("1", "1", "1"), source="assumed", held=True)
     """Of the coefficients that the design model has, as are `least` and `largest`."""
 
     def conditions(self) -> dict[str, Condition]:

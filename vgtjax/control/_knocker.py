@@ -23,14 +23,11 @@ class KnockerState(eqx.Module):
 
 
 class Knocker(AbstractController):
-    """Adds pulses to any controller [5.5, corrected: see below].
+    """Adds pulses to any controller [5.5, corrected; see the manual's page on control].
 
     `u_k = +alpha sign(u(t) - u(t_p))` for `t_p + t_k <= t < t_p + t_k + tau`, else 0; `t_p` is when the pulse before
-    began, so that one begins every `t_k`. The print has the other sign and a pulse that begins at once; its source
-    pushes the way the controller moves. Before the first pulse, the duty counts as zero. Times are rounded
-    to samples, and a cost has no derivative with respect to them. The sign is that of a difference in duty over itself
-    plus `sign_width`, so that it does not jump. The saturation of pulses is not the controller's: its anti-windup does
-    not see them.
+    began, so that one begins every `t_k`. The sign is that of a difference in duty over itself plus `sign_width`, so
+    that it does not jump.
 
     **Raises:** `InputError` for a pulse that does not end before the next one begins.
     """
@@ -40,9 +37,7 @@ class Knocker(AbstractController):
     width: Scalar = parameter(0.02, symbol="tau", unit="s", source="5.3.1", held=True)
     interval: Scalar = parameter(0.04, symbol="t_k", unit="s", source="5.3.1", held=True)
     # Tuned at a tenth of a usual pulse.
-    sign_width: Scalar = parameter(
-        1e-9, symbol="w", unit="%", source="assumed", assumed=True, held=True, tuning_width=0.2
-    )
+    sign_width: Scalar = parameter(1e-9, symbol="w", unit="%", source="assumed", held=True, tuning_width=0.2)
 
     @classmethod
     def for_plant(cls, plant: Actuator, **settings: Any) -> "Knocker":
@@ -79,8 +74,4 @@ class Knocker(AbstractController):
         moved = command - previous
         push = self.amplitude * moved / (jnp.abs(moved) + self.sign_width)
         pulse = jnp.where(elapsed < self.width - 0.5 * period, push, 0.0)
-        return (
-            KnockerState(memory, elapsed + period, latest, previous),
-            command + pulse,
-            {**log, "pulse": pulse},
-        )
+        return KnockerState(memory, elapsed + period, latest, previous), command + pulse, {**log, "pulse": pulse}

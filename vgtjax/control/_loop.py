@@ -7,11 +7,10 @@ from typing import Any
 import diffrax
 import equinox as eqx
 import jax
-import jax.core
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
-from .._errors import InputError
+from .._errors import InputError, is_traced
 from .._types import Scalar
 from ..plants import AbstractModel, State
 from ..simulation import (
@@ -28,7 +27,6 @@ from ..simulation import (
 )
 from ..traces import Drive
 from ._base import AbstractController, Log, Measurement, Reference, saturate
-from ._fading import fade
 from ._scenario import Scenario
 
 
@@ -126,7 +124,7 @@ def close_loop(
             f"a plant must be driven by the duty alone, but {type(plant).__name__} needs {', '.join(plant.needs)}; "
             "use e.g. Actuator"
         )
-    if not isinstance(derivative_memory, jax.core.Tracer) and not derivative_memory > 0:
+    if not is_traced(derivative_memory) and not derivative_memory > 0:
         raise InputError(
             f"derivative_memory must be positive, but it is {derivative_memory} s; use e.g. 1, or infinity"
         )
@@ -189,3 +187,43 @@ def _close_loop(
 
 def _cast(tree: Any, dtype: Any) -> Any:
     return jax.tree.map(lambda leaf: leaf.astype(dtype) if eqx.is_inexact_array(leaf) else leaf, tree)
+
+
+def fade(tree: Any, kept: Scalar) -> Any:
+    """The same tree; the derivatives of its floating leaves are multiplied by `kept`."""
+    return jax.tree.map(lambda leaf: _fade(leaf, kept) if eqx.is_inexact_array(leaf) else leaf, tree)
+
+
+@jax.custom_jvp
+def _fade(leaf: Array, kept: Scalar) -> Array:
+    return leaf
+
+
+@_fade.defjvp
+def _(primals, tangents):
+    leaf, kept = primals
+    return leaf, kept.astype(leaf.dtype) * tangents[0]
+
+
+def tracking_rms(run: ClosedLoop, settled: float = 0.0) -> Scalar:
+    """Root mean square of reference minus true position in m."""
+    return jnp.sqrt(_mean(jnp.square(run.error), run.time >= settled))
+
+
+def tracking_peak(run: ClosedLoop, settled: float = 0.0) -> Scalar:
+    """Largest distance between reference and true position in m."""
+    return jnp.max(jnp.where(run.time >= settled, jnp.abs(run.error), 0.0))
+
+
+def effort(run: ClosedLoop, settled: float = 0.0) -> Scalar:
+    """Root mean square of the duty in percent."""
+    return jnp.sqrt(_mean(jnp.square(run.duty), run.time >= settled))
+
+
+def chatter(run: ClosedLoop, settled: float = 0.0) -> Scalar:
+    """Root mean square change of the duty from one sample to the next in percent."""
+    return jnp.sqrt(_mean(jnp.square(jnp.diff(run.duty)), run.time[1:] >= settled))
+
+
+def _mean(values: Array, counted: Bool[Array, " time"]) -> Scalar:
+    return jnp.sum(jnp.where(counted, values, 0.0)) / jnp.maximum(jnp.sum(counted), 1)

@@ -28,9 +28,9 @@ class PI(AbstractController):
     constant duty of zero, or e.g. [`StaticBalance`][].
     """
 
-    proportional_gain: Scalar = parameter(6000.0, symbol="k_p", unit="%/m", source="5.3, value assumed", assumed=True)
-    integral_gain: Scalar = parameter(20000.0, symbol="k_i", unit="%/(m s)", source="5.3, value assumed", assumed=True)
-    tracking_time: Scalar = parameter(0.1, symbol="T_t", unit="s", source="assumed", assumed=True, infinite=True)
+    proportional_gain: Scalar = parameter(6000.0, symbol="k_p", unit="%/m", source="5.3, value assumed")
+    integral_gain: Scalar = parameter(20000.0, symbol="k_i", unit="%/(m s)", source="5.3, value assumed")
+    tracking_time: Scalar = parameter(0.1, symbol="T_t", unit="s", source="assumed", infinite=True)
     base: AbstractController = eqx.field(default_factory=ConstantDuty)
 
     @classmethod
@@ -72,7 +72,7 @@ class PID(AbstractController):
     """A PI that also brakes by `-k_d v`: the derivative acts on the measurement alone, so that steps don't kick."""
 
     pi: PI = eqx.field(default_factory=PI)
-    derivative_gain: Scalar = parameter(200.0, symbol="k_d", unit="% s/m", source="5.3, value assumed", assumed=True)
+    derivative_gain: Scalar = parameter(200.0, symbol="k_d", unit="% s/m", source="5.3, value assumed")
     differentiator: AbstractDifferentiator = eqx.field(default_factory=FilteredDifference)
 
     @classmethod

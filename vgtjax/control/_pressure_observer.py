@@ -14,8 +14,7 @@ from ..parts import AbstractFlowMap
 from ..plants import Actuator
 from ._base import FULL_DUTY
 from ._design import AbstractDesign, Condition, positive
-from ._design_model import DesignModel
-from ._vane_load import Motion
+from ._design_model import DesignModel, Motion
 
 DUTIES = 21
 """Duties at which the slope of a flow map is looked at; it is smooth in between."""
@@ -42,37 +41,19 @@ class ObservedState(eqx.Module):
 class PressureObserver(AbstractDesign):
     """Velocity, bristles and chamber pressure from position and velocity [5.11-5.21], with its signs corrected.
 
-    A copy of the [`DesignModel`][] that is corrected by the error of its velocity `e2 = v - vh` alone. With
-    `w = alpha2 e2 + K2 sign(e2)`:
-
-        m vh' = (p_atm - ph) A_d - F_0 - k_sm x - B vh - theta S(v) zh - F_v + m w
-        zh' = v - sigma_0 alpha |v| zh - q a (m/sigma_0) w
-        ph' = n (R T f(u, ph) + A_d v ph)/V - q b (m/A_d) w
-
-    `alpha2 > 0` alone is the smooth version, `K2 > 0` alone the switching one; `q` is 1 but for the end stops, on
-    which it is 0. The manual's page on control derives the conditions of stability and says how to choose the gains.
+    A copy of the [`DesignModel`][] that is corrected by the error of its velocity alone: `injection_rate > 0` alone is
+    the smooth version, `switching_gain > 0` alone the switching one. The manual's page on control derives the
+    conditions of stability and says how to choose the gains.
 
     **Raises:** `InputError` for gains or a flow map that break a condition, or without any correction.
     """
 
     model: DesignModel = eqx.field(default_factory=DesignModel)
-    friction_rate: Scalar = parameter(5.0, symbol="a", unit="1/s", source="5.12, value assumed", assumed=True)
-    pressure_rate: Scalar = parameter(50.0, symbol="b", unit="1/s", source="5.12, value assumed", assumed=True)
-    injection_rate: Scalar = parameter(
-        1400.0,
-        symbol="alpha_2",
-        unit="1/s",
-        source="5.12, value assumed",
-        assumed=True,
-        positive=False,
-        lower=0.0,
-    )
-    switching_gain: Scalar = parameter(
-        0.0, symbol="K_2", unit="m/s2", source="5.12, value assumed", assumed=True, positive=False, lower=0.0
-    )
-    largest_velocity: Scalar = parameter(
-        0.1, symbol="v_max", unit="m/s", source="5.21, value assumed", assumed=True, held=True
-    )
+    friction_rate: Scalar = parameter(5.0, symbol="a", unit="1/s", source="5.12, value assumed")
+    pressure_rate: Scalar = parameter(50.0, symbol="b", unit="1/s", source="5.12, value assumed")
+    injection_rate: Scalar = parameter(1400.0, symbol="alpha_2", unit="1/s", source="5.12, value assumed", lower=0.0)
+    switching_gain: Scalar = parameter(0.0, symbol="K_2", unit="m/s2", source="5.12, value assumed", lower=0.0)
+    largest_velocity: Scalar = parameter(0.1, symbol="v_max", unit="m/s", source="5.21, value assumed", held=True)
     """Of the rod, up to which the conditions are checked; nothing else uses it."""
 
     @classmethod
@@ -144,11 +125,7 @@ class PressureObserver(AbstractDesign):
         return ObservedState(nothing, nothing, pressure, self.model.vane_force.initial_state())
 
     def step(self, state: ObservedState, motion: Motion, duty: Scalar, period: float) -> tuple[ObservedState, Scalar]:
-        """One step of implicit Euler, to the sample at which position and velocity are known.
-
-        The map is linearised about the last pressure. The sign is implicit too (Acary and Brogliato, 2010): while
-        sliding it takes the value within -1 and 1 that makes `e2` zero at the sample, which is the equivalent value
-        of [5.16]. So nothing chatters, whatever the period, and the rates may be used in a control law.
+        """One step of implicit Euler, its sign included, to the sample at which position and velocity are known.
 
         **Arguments:** `motion` at the sample; `duty` in percent, held since the last one; `period` in s.
 

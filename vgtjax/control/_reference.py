@@ -10,13 +10,15 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.interpolate import PPoly, make_interp_spline
 
-from .._errors import InputError
+from .._errors import InputError, is_traced, require_positive
 from .._types import Scalar
 from ..parameters import as_float_array
 from ._base import Reference
 
 ORDER = 5
 """Degree of the spline through samples: its third derivative is smooth."""
+SECONDS = ("number of seconds", "use e.g. 0.1")
+"""What errors say of a time that is none."""
 
 
 def number(**settings: Any) -> Any:
@@ -85,7 +87,7 @@ class Steps(AbstractSignal):
 
     def __check_init__(self) -> None:
         _require_equal_length(self.times, self.levels)
-        _require_positive("rise", self.rise)
+        require_positive("rise", self.rise, *SECONDS)
 
     def __call__(self, time: Scalar) -> Scalar:
         """See the base class."""
@@ -110,9 +112,9 @@ class Ramps(AbstractSignal):
 
     def __check_init__(self) -> None:
         _require_equal_length(self.times, self.levels)
-        if not isinstance(self.times, jax.core.Tracer) and not np.all(np.diff(self.times) > 0):
+        if not is_traced(self.times) and not np.all(np.diff(self.times) > 0):
             raise InputError(f"times of corners must increase, but they are {self.times}; sort them with their levels")
-        _require_positive("rounding", self.rounding)
+        require_positive("rounding", self.rounding, *SECONDS)
 
     def __call__(self, time: Scalar) -> Scalar:
         """See the base class."""
@@ -131,7 +133,7 @@ class FadeIn(AbstractSignal):
     rise: Scalar = number(default=1.0)
 
     def __check_init__(self) -> None:
-        _require_positive("rise", self.rise)
+        require_positive("rise", self.rise, *SECONDS)
 
     def __call__(self, time: Scalar) -> Scalar:
         """See the base class."""
@@ -221,8 +223,3 @@ def _require_equal_length(times: Array | np.ndarray, levels: Array | np.ndarray)
             f"times and levels must have one level a time, but have shapes {times.shape} and {levels.shape}; "
             "give two lists of equal length"
         )
-
-
-def _require_positive(name: str, value: Array) -> None:
-    if not isinstance(value, jax.core.Tracer) and not np.all(np.asarray(value) > 0):
-        raise InputError(f"{name} must be a positive number of seconds, but it is {value}; use e.g. 0.1")

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
-from .._errors import InputError
+from .._errors import InputError, is_traced
 from .._types import Scalar
 from ._base import Measurement
 from ._reference import number
@@ -37,7 +37,7 @@ class Sensor(eqx.Module):
     def __check_init__(self) -> None:
         for name in ("noise", "quantum"):
             value = getattr(self, name)
-            if not isinstance(value, jax.core.Tracer) and np.any(np.asarray(value) < 0):
+            if not is_traced(value) and np.any(np.asarray(value) < 0):
                 raise InputError(f"{name} of a sensor must not be negative, but it is {value}; use zero for none")
 
     def __call__(self, truth: Scalar, deviate: Scalar) -> Scalar:

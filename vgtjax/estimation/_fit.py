@@ -179,7 +179,9 @@ class LevenbergMarquardt:
         recent = 2 * self.problem.count * (history[-1 - STALL :][0] - history[-1])
         # Before the first accepted step, rejections say that the start's damping is too small.
         stalled = before.accepted > 0 and before.iteration >= STALL and recent < STALL_TOLERANCE
-        stalled = stalled and self._gain_of_a_linear_step() < STALL_SHARE * 2 * self.problem.count * float(cost)
+        if stalled:  # what a full linear step would still take off
+            promised = estimate_uncertainty(*self.linearisation(), self.problem.count).gain
+            stalled = promised < STALL_SHARE * 2 * self.problem.count * float(cost)
         self.progress = dataclasses.replace(
             before,
             coordinates=tuple(np.asarray(self._coordinates).tolist()),
@@ -194,14 +196,7 @@ class LevenbergMarquardt:
         )
         return self.progress
 
-    def _gain_of_a_linear_step(self) -> float:
-        """What a full linear step would still take off chi^2."""
-        residuals, columns = self.linearisation()
-        return estimate_uncertainty(residuals, columns, self.problem.count).gain
-
-    def linearisation(
-        self,
-    ) -> tuple[Float[np.ndarray, " residuals"], Float[np.ndarray, "residuals parameters"]]:
+    def linearisation(self) -> tuple[Float[np.ndarray, " residuals"], Float[np.ndarray, "residuals parameters"]]:
         """Residuals in units of the noise, and their Jacobian, at the accepted coordinates."""
         info = self._state.f_info
         scale = np.sqrt(self.problem.count)

@@ -1,9 +1,4 @@
-"""Linear least squares in NumPy: the solution, its covariance, and which unknowns the equations determine.
-
-Fits and identifications end here. Three problems have solvers of their own: a step inside a compiled fit
-([`SeminormalEquations`][], for speed), a polynomial flow map (`plants`, because its slopes have signs), and regression
-under thousands of bootstrap weights at once (`sensitivity`, through covariances).
-"""
+"""Linear least squares in NumPy: the solution, its covariance, and which unknowns the equations determine."""
 
 import dataclasses
 
@@ -96,9 +91,6 @@ def least_squares(columns: Columns, target: Float[np.ndarray, " rows"], inflatio
 def estimate_uncertainty(residuals: Float[np.ndarray, " rows"], columns: Columns, count: int) -> LeastSquares:
     """Uncertainty at the minimum of a nonlinear least squares: the linear problem there, scaled by what remains.
 
-    A full Gauss-Newton step from there is minus the `values`. A `gain` far above one at the end of a fit says that
-    kinks or weakly determined parameters have stopped it, and that standard errors are only indicative.
-
     **Arguments:** `residuals` in units of the assumed noise, and `columns`, their Jacobian with respect to coordinates
     of comparable size; `count`: independent measurements (padding and eliminated offsets don't count).
     """
@@ -128,10 +120,7 @@ def determined_within(columns: Columns, scale: float, worst: float) -> Bool[np.n
 
 
 def _inflation(singular: np.ndarray, directions: np.ndarray) -> Float[np.ndarray, " unknowns"]:
-    """By how much each unknown's variance exceeds that with all others known, for columns of unit length.
-
-    A direction of no information has no variance in a pseudo-inverse; here it has a huge one.
-    """
+    """By how much each unknown's variance exceeds that with all others known, for columns of unit length."""
     floor = NULL * np.max(singular, initial=0.0)
     sizes = np.append(singular, np.zeros(len(directions) - len(singular)))
     return np.sum((directions / np.maximum(sizes, floor)[:, None]) ** 2, axis=0) if floor > 0 else sizes + np.inf
@@ -153,12 +142,8 @@ def clustered_gram(
 def clustered_errors(
     residuals: Float[np.ndarray, " rows"], columns: Columns, groups: Int[np.ndarray, " rows"]
 ) -> Float[np.ndarray, " unknowns"]:
-    """Standard errors of a least-squares solution whose residuals are correlated within groups of neighbours.
-
-    The larger of two: from sums over groups, which believes nothing but that groups are independent, and misses what
-    few groups tell; and the usual one, multiplied by how much the sum of a group varies more than that of independent
-    residuals. NaN for what is not determined.
-    """
+    """Standard errors of a least-squares solution whose residuals are correlated within groups of neighbours: by sums
+    over groups, or the usual ones enlarged, the larger of the two. NaN for what is not determined."""
     found = least_squares(columns, residuals)
     bread, usual = found.covariance, np.diag(found.covariance)
     robust = np.diag(bread @ clustered_gram(residuals, columns, groups) @ bread)

@@ -121,9 +121,8 @@ def _jacobian_block(measured: Measured, columns: Array) -> Float[Array, "residua
 class FitProblem(eqx.Module):
     """A least-squares problem: a model, its free parameters, and measured traces.
 
-    Residuals are in units of the sensor noise and divided by the square root of their number, so the cost
-    `sum(r^2)/2` of a perfect model is one half. A constant offset of each trace and channel is eliminated exactly:
-    both residuals and Jacobian have what it explains removed (variable projection of a linear parameter).
+    Residuals are in units of the sensor noise and divided by the square root of their number, so the cost `sum(r^2)/2`
+    of a perfect model is one half. A constant offset of each trace and channel is eliminated exactly.
 
     With `late_duty` the last coordinate is the delay of the duty, behind those of the selection.
     """
@@ -155,11 +154,8 @@ class FitProblem(eqx.Module):
     def residuals_and_jacobian(
         self, coordinates: Vector
     ) -> tuple[Float[Array, " residuals"], Float[Array, "residuals parameters"]]:
-        """Residuals and their derivatives with respect to the coordinates.
-
-        The column of a parameter that lies on a bound, and would be pushed through it, is zero: a step of the
-        optimiser then moves the others as if it were held.
-        """
+        """Residuals and their derivatives with respect to the coordinates; zero for a parameter on a bound that a step
+        would push through it."""
         model, delay = self.at(coordinates)
         slope = jax.jvp(self.transform.to_physical, (coordinates,), (jnp.ones_like(coordinates),))[1]
         blocks, columns = [], []

@@ -1,8 +1,6 @@
 """Exact derivatives of simulated traces with respect to parameters, over segments of time in parallel.
 
-Along a known trajectory the sensitivities are linear. So the trajectory is run once, every segment of every trace is
-then a lane that starts from its known state and carries tangents for each of its start states and each parameter,
-and the segments' transition matrices are chained at the end. This is forward mode, reordered; nothing is approximated.
+Forward mode, reordered: segments are lanes from their known start states, whose transition matrices are chained.
 """
 
 from collections.abc import Sequence

@@ -59,14 +59,16 @@ class SlowLoop(AbstractExperiment):
     @property
     def outputs(self) -> tuple[Output, ...]:
         """For every pressure: numbers and the two branches; for every one above the lowest: what the gas changes."""
-        found: list[Output] = []
+        found, places = list[Output](), tuple(POSITIONS.tolist())
         for pressure in self.turbine_pressures:
             at = label(pressure)
             found += [
                 Output(f"hysteresis_{at}", "Pa", f"mean loop width from 2 to 8 mm at {at}"),
                 Output(f"start_pressure_{at}", "Pa", f"chamber pressure at which the vanes begin to close at {at}"),
                 Output(f"end_pressure_{at}", "Pa", f"chamber pressure at which the vanes are closed at {at}"),
-                *_curves(at),
+                Output(f"loop_width_{at}", "Pa", f"loop width over position at {at}", places, "m"),
+                Output(f"closing_pressure_{at}", "Pa", f"chamber pressure while closing at {at}", places, "m"),
+                Output(f"opening_pressure_{at}", "Pa", f"chamber pressure while opening at {at}", places, "m"),
             ]
         for pressure in self.turbine_pressures[1:]:
             at = label(pressure)
@@ -119,15 +121,6 @@ def loop_readings(labels: list[str], closing: Values, opening: Values, start: Va
 def label(pressure: float) -> str:
     """A turbine pressure in Pa gauge as it appears in names."""
     return f"{pressure / 100:.0f}mbar"
-
-
-def _curves(at: str) -> list[Output]:
-    places = tuple(POSITIONS.tolist())
-    return [
-        Output(f"loop_width_{at}", "Pa", f"loop width over position at {at}", places, "m"),
-        Output(f"closing_pressure_{at}", "Pa", f"chamber pressure while closing at {at}", places, "m"),
-        Output(f"opening_pressure_{at}", "Pa", f"chamber pressure while opening at {at}", places, "m"),
-    ]
 
 
 def _branches(x_d: Float[Array, " time"], p_act: Float[Array, " time"]) -> tuple[Array, Array]:

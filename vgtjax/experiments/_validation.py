@@ -29,7 +29,8 @@ class Deviation:
     def between(cls, ours: Solution, theirs: Solution | Trace) -> "Deviation":
         """That of a run from another along the same trace, or from the samples of the trace itself."""
         position, pressure = (_difference(ours, theirs, name) for name in COMPARED)
-        return cls(_rms(position), _peak(position), _rms(pressure), _peak(pressure))
+        sizes = [(float(np.sqrt(np.mean(each**2))), float(np.max(np.abs(each)))) for each in (position, pressure)]
+        return cls(*sizes[0], *sizes[1])
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -96,11 +97,3 @@ def _difference(ours: Solution, theirs: Solution | Trace, name: str) -> Float[np
         assert sampled is not None, "both signals are asked for before"
         return signal[theirs.rows(name)] - sampled.value
     return signal - np.asarray(getattr(theirs, name))
-
-
-def _rms(values: Float[np.ndarray, " time"]) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))
-
-
-def _peak(values: Float[np.ndarray, " time"]) -> float:
-    return float(np.max(np.abs(values)))

@@ -27,11 +27,8 @@ from ._result import Curve, Identified, NotPossible, bench_test, thinned
 def identify_axis(model: AbstractModel, traces: Sequence[Trace]) -> Identified:
     """Mass, friction, spring and constant force of an axis that a force drives, from force and position alone [2.34].
 
-    `f = m a + b v + F_c sign(v) + k x + F_0`, for instance of a linear motor: every term through the same smooth
-    kernel, so that no signal is differentiated and noise does not bias the regression. It is the start of a nonlinear
-    least squares of the simulated position, with the friction that the model has. The constant force is
-    `diaphragm.preload` (N, against +x). An axis without stops has an infinite `diaphragm.travel`; without a spring,
-    `diaphragm.stiffness` is zero and stays so.
+    The constant force is `diaphragm.preload` (N, against +x). An axis without stops has an infinite `diaphragm.travel`;
+    without a spring, `diaphragm.stiffness` is zero and stays so.
 
     **Arguments:** `model`: with start values, which may be wrong by orders of magnitude; `traces`: with `x_d` in m of
     either sign, and `f_drive` in N or `p_act` in Pa.
@@ -47,9 +44,7 @@ def identify_axis(model: AbstractModel, traces: Sequence[Trace]) -> Identified:
 def better_start(task: Task) -> Progress | None:
     """Where a fit of the mechanical model had better begin than at its start values; `None` if nowhere.
 
-    A position that drifts with every error of the force has no minimum that descent finds from afar: started at half
-    the mass, a fit of a free axis ends nowhere. Start values stay those of the task; only the search begins at what
-    [`regress_axis`][] finds, if that meets the traces better.
+    Start values stay those of the task; only the search begins at what [`regress_axis`][] finds, if that is better.
 
     **Raises:** `SimulationError` when neither start can be simulated.
     """

@@ -16,14 +16,7 @@ from . import _limits as limits
 from ._filters import Samples
 from ._motion import MotionRecord, plain_friction, remove_noise
 from ._result import Coefficients, NotPossible
-from ._weak_form import (
-    Filtered,
-    TraceEquations,
-    filter_motion,
-    regress_traces,
-    through_kernel,
-    within_stops,
-)
+from ._weak_form import Filtered, TraceEquations, filter_motion, regress_traces, through_kernel, within_stops
 
 KERNEL = 0.05
 """s; from 0.03 to 0.1 s simulated traces give the same bristles within 1 %."""

@@ -89,12 +89,8 @@ def diaphragm_motion(model: Actuator, trace: Trace, pressure: Smooth) -> Smooth:
 
 
 def read_chamber(model: Actuator, trace: Trace) -> ChamberRecord:
-    """Flow and temperature in the chamber along a trace, from its measured pressure and position.
-
-    [2.33] with errata 3 and 9: the chamber's own energy balance is solved for the flow, so the volume moves with the
-    diaphragm and heat exchange counts where the model has it. The temperature is integrated along the way, from the
-    ambient one at the start. A line between converter and chamber is not resolved.
-    """
+    """Flow and temperature in the chamber along a trace, from its measured pressure and position [2.33, errata 3 and
+    9]."""
     assert trace.p_act is not None
     offset = sensor_offset(model, trace, "p_act")
     pressure = smooth(trace.time, trace.p_act, noise_level(trace.p_act, "p_act"))

@@ -22,12 +22,6 @@ from ._result import Curve, Identified, bench_test, thinned
 def identify_dahl(model: AbstractModel, traces: Sequence[Trace]) -> Identified:
     """Coulomb force and stiffness of the bristles from friction over position [3.5, section 3.3.2.2].
 
-    The thesis discards all other forces, reads `F_c` where friction over position is level, and `sigma` from its slope
-    where friction is zero. Here every turn counts at once: friction follows `F_c (1 - 2 exp(-sigma dx / F_c))` from
-    turn to turn along the measured path, whatever the turns, and is fitted together with preload, spring, viscous
-    part and inertia (and damping of the bristles, where the model's have it). Friction that sticks harder than it
-    slides does not follow this law; errors then contain half the difference.
-
     **Arguments:** `model`: with start values; `traces`: with `x_d` in m, and `p_act` in Pa or `f_drive` in N.
 
     **Returns:** `friction.coulomb_force` in N and, for friction with bristles, `friction.bristle_stiffness` in N/m, of
@@ -73,10 +67,5 @@ def friction_over_position(found: Bristles) -> Curve:
     """Friction without its viscous part over position, measured and by the law."""
     chosen = thinned(len(found.law))
     position = 1e3 * found.position[chosen]
-    return Curve(
-        "position, mm",
-        "friction, N",
-        (position, found.measured[chosen]),
-        (position, found.law[chosen]),
-        "friction over position",
-    )
+    points, line = (position, found.measured[chosen]), (position, found.law[chosen])
+    return Curve("position, mm", "friction, N", points, line, "friction over position")

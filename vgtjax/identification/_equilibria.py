@@ -110,10 +110,7 @@ def _mean(model: Actuator, record: ChamberRecord, stretch: slice, number: int) -
 
 
 def _lag(model: Actuator, record: ChamberRecord, stretch: slice) -> float:
-    """Part of the springs' force that damping takes off while the plunger closes at the end of a hold.
-
-    The pressure settles at the rate at which its own lift empties the chamber, and the lift with it.
-    """
+    """Part of the springs' force that damping takes off while the plunger closes at the end of a hold."""
     converter = model.converter
     opening = converter.reservoir_orifice_slope * converter.actuator_area / converter.membrane_stiffness
     settling = np.median(record.per_area[stretch]) * float(opening)

@@ -38,9 +38,6 @@ class Smooth:
 def smooth(time: Samples, samples: Samples, noise: float) -> Smooth:
     """Local cubics (Savitzky and Golay), each over the longest window that agrees with all shorter ones.
 
-    The choice is that of intersecting confidence intervals (Goldenshluger and Nemirovski, 1997): long windows where a
-    signal is smooth, short ones at its corners. Uneven samples are interpolated to even ones and back.
-
     **Arguments:** `time` in s at any rate; `noise`: standard deviation of the white noise on `samples`.
     """
     step = float(np.median(np.diff(time)))

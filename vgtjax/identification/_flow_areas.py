@@ -63,10 +63,7 @@ class _Samples(eqx.Module):
 def identify_flow_areas(model: Actuator, traces: Sequence[Trace]) -> Identified:
     """Slope and saturation of the reservoir's orifice [B.2], `c0..c2` of the atmosphere's [B.3], and the volume `V_0`.
 
-    The plunger's position comes point by point from the force balance [2.7] with the model's magnetic force,
-    stiffnesses and damping; its mass is left out. The chamber's energy balance (2.33, adiabatic where the chamber is,
-    errata 3 and 9) then gives the rate of the pressure for any areas and volume, and these are fitted to the measured
-    rate. Standard errors hold for the stiffnesses that the model has: softer springs with steeper areas do the same.
+    Standard errors hold for the stiffnesses that the model has: softer springs with steeper areas do the same.
 
     **Arguments:** `model`: with the plunger's springs and magnetic force found before; `traces`: with `pwm` in %,
     `p_act` in Pa, and best `x_d` in m.
@@ -106,11 +103,7 @@ def _not_resolved(model: Actuator) -> tuple[str, ...]:
 
 
 def plunger_lift(model: Actuator, record: ChamberRecord) -> Float[np.ndarray, " time"]:
-    """Position of the plunger in m along a trace [2.7], from the measured pressures and the duty.
-
-    `b_p x' = F - k x` is solved exactly for a force that is linear between samples. The mass is left out: the lag is
-    `b_p / k` with it or without, and what it changes is over within a few milliseconds of a step.
-    """
+    """Position of the plunger, without its mass, in m along a trace [2.7], from measured pressures and the duty."""
     trace, pressure = record.trace, record.pressure.value
     interval = np.append(np.diff(trace.time), 0.0)
     ambient = np.full_like(trace.time, record.ambient)
@@ -264,10 +257,7 @@ def _minimise(
 def _reach(
     start: Float[np.ndarray, " entries"], every: Selection, samples: _Samples
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Where the fit begins, and how far it may go, in logarithms.
-
-    A saturation that no lift exceeds leaves no trace in the flow, so a trial that leaps there would stay there.
-    """
+    """Where the fit begins, and how far it may go, in logarithms: not to a saturation that no lift exceeds."""
     guess, low, high = start.copy(), start - np.log(limits.FACTOR_AREAS), start + np.log(limits.FACTOR_AREAS)
     at = every.entries.index("converter.reservoir_orifice_saturation")
     deepest = float(np.log(max(-np.min(samples.lift), 1e-9)))
@@ -326,10 +316,6 @@ def _figure(model: Actuator, samples: _Samples) -> Curve:
     lift, area = (np.asarray(signal)[: samples.count][chosen] for signal in (samples.lift, samples.area))
     grid = np.linspace(min(np.min(lift), 0.0), max(np.max(lift), 0.0), 400)
     law = np.asarray(jax.vmap(model.converter.orifice_area)(grid))
-    return Curve(
-        "plunger position / mm",
-        "effective area / mm2",
-        (lift * 1e3, np.abs(area) * 1e6),
-        (grid * 1e3, law * 1e6),
-        "Effective flow area [2.33]: reservoir below zero, atmosphere above",
-    )
+    points, line = (lift * 1e3, np.abs(area) * 1e6), (grid * 1e3, law * 1e6)
+    title = "Effective flow area [2.33]: reservoir below zero, atmosphere above"
+    return Curve("plunger position / mm", "effective area / mm2", points, line, title)

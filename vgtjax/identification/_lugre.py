@@ -28,11 +28,6 @@ from ._sliding import fit_sliding
 def identify_lugre(model: AbstractModel, traces: Sequence[Trace]) -> Identified:
     """All parameters of LuGre friction [3.8-3.12].
 
-    First, where the rod slides, `F_act - F_sm = F_c sign(v) + sigma_2 v` [3.12], with the Stribeck term of [3.11].
-    Then along the whole path, turns and break-away included: `F_s`, `v_s` [3.11], `sigma_0` and `sigma_1` by
-    nonlinear least squares of the force. Last, from there, by nonlinear least squares of the simulated position, in
-    which mass, spring and preload are unknowns as well, so that their errors are in those of friction.
-
     **Arguments:** `model`: with start values; `traces`: with `x_d` in m, and `p_act` in Pa or `f_drive` in N.
 
     **Returns:** every `friction` parameter that the traces determine, in the units of the table and of shape `()`; the
@@ -88,15 +83,8 @@ def _figures(response: ResponseFit, motions: Sequence[MotionRecord], bristles: B
         chosen = thinned(len(sliding.force))
         speed = np.linspace(np.min(sliding.velocity), np.max(sliding.velocity), 401)
         law = np.sign(speed) * np.asarray(fitted.stribeck(speed)) + float(fitted.viscous_damping) * speed
-        figures.append(
-            Curve(
-                "velocity, mm/s",
-                "friction, N",
-                (1e3 * sliding.velocity[chosen], sliding.friction()[chosen]),
-                (1e3 * speed, law),
-                "friction over velocity",
-            )
-        )
+        points, line = (1e3 * sliding.velocity[chosen], sliding.friction()[chosen]), (1e3 * speed, law)
+        figures.append(Curve("velocity, mm/s", "friction, N", points, line, "friction over velocity"))
     if bristles is not None:
         figures.append(friction_over_position(bristles))
     return tuple(figures)

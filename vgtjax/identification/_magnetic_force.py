@@ -20,14 +20,7 @@ from ._result import Curve, Identified, NotPossible, bench_test
 def identify_magnetic_force(model: Actuator, traces: Sequence[Trace]) -> Identified:
     """Magnetic force as a quartic in the duty, from the balance of pressures on a closed plunger [2.8, 2.9].
 
-    Equilibria are the settled ends of holds; on a slow ramp, blocks of a quarter of a second. While the chamber is
-    evacuated the plunger hangs below zero by a lift that goes with the effective area of the reservoir's orifice, so
-    the stiffness over that orifice's slope is one more unknown of the regression. While it is filled, blocks count
-    only where the flow stays below the jump of the atmosphere's orifice, over which the plunger sits at zero.
-
-    The sensor's constant offset of each trace is one more unknown too, held by its rest at the start; the
-    pull without duty is held near the model's, for no equilibrium shows it. Where the equilibria don't carry a quartic,
-    the model's own is scaled and, if they allow, bent; its coefficients are then given without standard errors.
+    Where the equilibria don't carry a quartic, the model's own is adjusted, and has no standard errors.
 
     **Arguments:** `model`: with start values; `traces`: with `pwm` in %, `p_act` in Pa, and best `x_d` in m.
 
@@ -76,11 +69,7 @@ def _solve(model: Actuator, points: list[Equilibrium], records: list[ChamberReco
     """The richest form that the equilibria carry over the whole range of duties."""
     known = _model_quartic(model)
     full = float(np.sum(known * 100.0 ** np.arange(5)))
-    bases = {
-        "quartic": np.eye(5),
-        "scale and bend": np.stack([known, np.eye(5)[2]], axis=1),
-        "scale": known[:, None],
-    }
+    bases = {"quartic": np.eye(5), "scale and bend": np.stack([known, np.eye(5)[2]], axis=1), "scale": known[:, None]}
     grid = np.linspace(0, 100, 101)[:, None] ** np.arange(5)
     for form, basis in bases.items():
         solution = _regress(model, points, records, form, basis)

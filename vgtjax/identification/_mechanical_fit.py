@@ -9,7 +9,6 @@ from jaxtyping import Bool
 
 from .._errors import SimulationError
 from ..estimation import (
-    Bounds,
     Calibration,
     Calibrator,
     calibrate,
@@ -18,7 +17,7 @@ from ..estimation import (
     plan_task,
     start_calibration,
 )
-from ..parameters import Selection, parameter_table, replace_parameters, select
+from ..parameters import Bounds, Selection, parameter_table, replace_parameters, select
 from ..plants import AbstractModel, MechanicalActuator
 from ..traces import Trace
 from . import _limits as limits
@@ -62,9 +61,7 @@ REMEDIES = {
 def mechanical_fit(model: AbstractModel, traces: Sequence[Trace]) -> Identified:
     """All parameters of diaphragm and friction from the response of `x_d` to the measured drive [2.34, 3.6].
 
-    What follows the single tests: nonlinear least squares of the simulated position, from their values. A measured
-    pressure is freed of noise and of its sensor's offset before; standard errors contain what is left of both.
-    Parameters that the traces do not determine keep the model's value, and `limitations` names them.
+    What follows the single tests: nonlinear least squares of the simulated position, from their values.
 
     **Arguments:** `model`: with start values; `traces`: with `x_d` in m, and `p_act` in Pa or `f_drive` in N.
 
@@ -118,18 +115,10 @@ class ResponseFit:
         curves = []
         for result in self.calibration.traces:
             chosen = thinned(len(result.trace.time))
-            time, measured = result.trace.time[chosen], np.asarray(result.trace.x_d)[chosen]
-            simulated = result.simulated["x_d"][chosen] + result.offset["x_d"]
-            curves.append(
-                Curve(
-                    "time, s",
-                    "position, mm",
-                    (time, 1e3 * measured),
-                    (time, 1e3 * simulated),
-                    "measured and simulated position",
-                    result.trace.name,
-                )
-            )
+            time, title = result.trace.time[chosen], "measured and simulated position"
+            measured = (time, 1e3 * np.asarray(result.trace.x_d)[chosen])
+            simulated = (time, 1e3 * (result.simulated["x_d"][chosen] + result.offset["x_d"]))
+            curves.append(Curve("time, s", "position, mm", measured, simulated, title, result.trace.name))
         return tuple(curves)
 
 

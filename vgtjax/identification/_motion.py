@@ -27,12 +27,6 @@ PASSES = (15, 30)
 def remove_noise(samples: Samples, noise: float) -> Samples:
     """The signal through evenly sampled noisy ones that consists of as few parabolas as the noise allows.
 
-    The mechanical model is driven by a measured pressure. Its noise shakes the rod, which then creeps where friction
-    would hold it: fitted on raw pressure, mass is 7 % off and stiction without bounds. Windows of one length either
-    leave too much noise, or round the corner after a duty step and then the mass is off by half. Third differences
-    with a penalty that grows with the logarithm of their size (after Candes, Wakin and Boyd, 2008) have long parabolas
-    between corners wherever those are.
-
     **Arguments:** `noise`: standard deviation of the white noise.
     """
     count = len(samples) - 3

@@ -81,12 +81,9 @@ def apply(model: Any, found: Identified) -> Any:
 
 
 def _simulates(model: Any, traces: Sequence[Trace]) -> bool:
-    driven = [trace for trace in traces if all(_has(trace, need) for need in model.needs)]
+    needs = [need.split("|") for need in model.needs]
+    driven = [t for t in traces if all(any(getattr(t, name) is not None for name in need) for need in needs)]
     return all(bool(np.all(np.isfinite(observe(model, bundle)))) for bundle in bundle_traces(model, driven))
-
-
-def _has(trace: Trace, need: str) -> bool:
-    return any(getattr(trace, column) is not None for column in need.split("|"))
 
 
 def _hot(trace: Trace) -> bool:

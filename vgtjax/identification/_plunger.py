@@ -43,13 +43,7 @@ CLUSTER = 4 * SEGMENT
     "plunger", "2.7, 2.10-2.12", "Nonlinear least squares of the pressure for converter and chamber, position as input."
 )
 def identify_plunger(model: Actuator, traces: Sequence[Trace]) -> Identified:
-    """Stiffnesses and damping of the plunger, refined together with magnetic force, orifices and volume.
-
-    Nobody measures the plunger, so the transfer function [2.10-2.12] can't be fitted by itself. But with its mass
-    given, the response of the pressure determines the rest: a model of converter and chamber, whose volume follows the
-    measured position, is fitted to the measured pressure by least squares with exact derivatives. All parameters of
-    converter and chamber that are not held by default are free, because none is determined alone: softer springs
-    with less damping and flatter orifices differ only by what the plunger's mass does in its first milliseconds.
+    """Stiffnesses and damping of the plunger, refined together with magnetic force, orifices and volume [2.10-2.12].
 
     **Arguments:** `model`: with what [`identify_magnetic_force`][] and [`identify_flow_areas`][] found; `traces`: with
     `pwm` in %, `p_act` in Pa, and best `x_d` in m.
@@ -93,11 +87,7 @@ def identify_plunger(model: Actuator, traces: Sequence[Trace]) -> Identified:
 
 
 def drive_by_position(model: Actuator, trace: Trace) -> Trace:
-    """A trace whose measured position, smoothed and without its sensor's offset, drives the pneumatic model.
-
-    The chamber answers to the noise of its input, and the orifices rectify the answer: with 8 um smoothed over 5 ms
-    only, the volume is off by six standard errors.
-    """
+    """A trace whose measured position, smoothed and without its sensor's offset, drives the pneumatic model."""
     assert trace.p_act is not None
     pressure = smooth(trace.time, trace.p_act, noise_level(trace.p_act, "p_act"))
     return trace.replace(x_drive=diaphragm_motion(model, trace, pressure).value, x_d=None)
@@ -106,10 +96,8 @@ def drive_by_position(model: Actuator, trace: Trace) -> Trace:
 def _fit(
     half: PneumaticActuator, names: list[str], traces: list[Trace], held_at_first: Sequence[str]
 ) -> tuple[Calibration, Calibrator]:
-    """The fit without the entries that the traces do not determine, which bounds of no width hold.
-
-    Bounds are numbers, and a selection is part of a program: the same compiled fit serves every round.
-    """
+    """The fit without the entries that the traces do not determine; bounds of no width hold them, for which nothing is
+    compiled again."""
     task = plan_task(half, traces, free=names, channels=("p_act",))
     start = dict(zip(task.selection.entries, np.asarray(task.selection.pack(half)).tolist(), strict=True))
     held = set(held_at_first)
@@ -206,12 +194,6 @@ def _unknown_offsets(model: Actuator, traces: Sequence[Trace]) -> tuple[str, ...
 def _figure(trace: Trace, simulated: Float[np.ndarray, " time"], offset: float) -> Curve:
     assert trace.p_act is not None
     chosen = thinned(len(trace.time))
-    time, measured = trace.time[chosen], (trace.p_act - offset)[chosen]
-    return Curve(
-        "time / s",
-        "chamber pressure / mbar absolute",
-        (time, measured / 100),
-        (time, simulated[chosen] / 100),
-        "Chamber pressure with the measured position as input",
-        trace.name,
-    )
+    time, title = trace.time[chosen], "Chamber pressure with the measured position as input"
+    points, line = (time, (trace.p_act - offset)[chosen] / 100), (time, simulated[chosen] / 100)
+    return Curve("time / s", "chamber pressure / mbar absolute", points, line, title, trace.name)

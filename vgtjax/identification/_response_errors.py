@@ -17,12 +17,8 @@ EXPERIMENTS = 5
 def covariance(
     whole: Calibrator, motions: Sequence[MotionRecord], held: Bool[np.ndarray, " entries"]
 ) -> Float[np.ndarray, "entries entries"]:
-    """Covariance of the coordinates, with all that makes fitted values wrong.
-
-    Scores are summed over stretches of `CORRELATION` or `CORRELATION_FREE`, because what is left of the pressure's
-    noise, and what the model lacks, lasts longer than a sample. The unknown offset of a pressure acts like a preload
-    of that trace alone. Held parameters may be wrong by `ERROR_RESPONSE`.
-    """
+    """Covariance of the coordinates, with all that makes fitted values wrong: correlated residuals, unknown offsets of
+    the pressure, held parameters."""
     residuals, columns = whole.minimiser.linearisation()
     sprung = float(mechanical_half(whole.task.model).diaphragm.stiffness) > 0
     owner, block = _layout(whole, motions, limits.CORRELATION if sprung else limits.CORRELATION_FREE)
@@ -45,11 +41,7 @@ def covariance(
 def drive_variances(
     whole: Calibrator, motions: Sequence[MotionRecord], held: Bool[np.ndarray, " entries"]
 ) -> Float[np.ndarray, " entries"]:
-    """Variances of the coordinates from noise of the drive that its smoothing lets through.
-
-    By experiment: fresh noise on the smoothed drive, smoothed again, moves the simulated position, and that moves the
-    fit by a linear step.
-    """
+    """Variances of the coordinates from noise of the drive that its smoothing lets through, by experiment."""
     noisy = [number for number, motion in enumerate(motions) if motion.drive_noise > 0]
     residuals, columns = whole.minimiser.linearisation()
     bread, owner = _bread(columns, held), _layout(whole, motions, limits.CORRELATION)[0]

@@ -24,13 +24,7 @@ REPORTED = ("diaphragm.mass", "friction.viscous_damping", "friction.excess_dampi
 
 @bench_test("mass and damping", "2.37, 2.38", METHOD)
 def identify_mass_and_damping(model: AbstractModel, traces: Sequence[Trace]) -> Identified:
-    """Mass and damping from the response of `x_d` to the measured drive [2.37, 2.38].
-
-    The input is `p_atm - p_act - F_0 / A_d` (erratum 10), and friction acts as it does on the bench, where the print
-    leaves it out. A regression of the drive over acceleration and velocity is the start of a nonlinear least squares
-    of the simulated position. The other parameters of diaphragm and friction are unknowns of it as well, or their
-    errors would be in mass and damping; what it finds for them, their own tests report. Of `b_d` and `sigma_2` only
-    the sum acts (erratum 11): the damping is what goes to `friction.viscous_damping`.
+    """Mass and damping from the response of `x_d` to the measured drive [2.37, 2.38, errata 10 and 11].
 
     **Arguments:** `model`: with start values, and spring and preload found before; `traces`: with `x_d` in m, and
     `p_act` in Pa or `f_drive` in N.

@@ -24,12 +24,6 @@ from ._sliding import Sliding, at_closed_stop, fit_sliding
 def identify_spring(model: AbstractModel, traces: Sequence[Trace]) -> Identified:
     """Preload, stiffness and travel of the diaphragm from slow motion and from the closed stop [2.36].
 
-    Where the rod slides, `(p_atm - p_act) A_d = F_0 + k_sm x_d + friction` [2.36]. Friction takes the sign of the
-    velocity and drops out between both directions; its viscous part and inertia, small in slow motion, are further
-    unknowns. The sensors' offsets are those of the rest at zero duty; without a rest only the stiffness is determined.
-    Samples near the stops are left out. Those at the closed one determine the travel: there, the rod sits deeper than
-    `travel` by the excess of the force over the stop's stiffness, and at rest beyond zero in the same way.
-
     **Arguments:** `model`: its stop stiffness and friction are start values; `traces`: with `x_d` in m, and `p_act` in
     Pa or `f_drive` in N.
 
@@ -51,7 +45,7 @@ def identify_spring(model: AbstractModel, traces: Sequence[Trace]) -> Identified
         values=values,
         std_errors=errors,
         limitations=tuple(limitations),
-        figures=_figures(found),
+        figures=(_figure(found),),
         samples=len(found.force),
     )
 
@@ -131,17 +125,10 @@ def _travel(half: MechanicalActuator, motions: Sequence[MotionRecord], found: Sl
     return float(solution.values[0]), float(np.hypot(solution.std_errors[0], 0.5 * friction * compliance))
 
 
-def _figures(found: Sliding) -> tuple[Curve, ...]:
+def _figure(found: Sliding) -> Curve:
     """Drive without viscous force and inertia over position, with the spring between the two branches."""
     chosen = thinned(len(found.force))
     dry = found.force - found.value("viscous") * found.velocity - found.value("mass") * found.acceleration
     ends = np.array([np.min(found.position), np.max(found.position)])
-    return (
-        Curve(
-            "position, mm",
-            "drive, N",
-            (1e3 * found.position[chosen], dry[chosen]),
-            (1e3 * ends, found.value("preload") + found.value("stiffness") * ends),
-            "spring and preload",
-        ),
-    )
+    line = (1e3 * ends, found.value("preload") + found.value("stiffness") * ends)
+    return Curve("position, mm", "drive, N", (1e3 * found.position[chosen], dry[chosen]), line, "spring and preload")

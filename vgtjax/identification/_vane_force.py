@@ -16,6 +16,7 @@ from ._filters import Samples, resting, sensor_offset, smooth
 from ._result import Curve, Identified, NotPossible, bench_test, thinned
 
 Model = Actuator | MechanicalActuator
+LABELS = ("crank angle, deg", "vane force, N")
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -46,14 +47,8 @@ class SlowSamples:
     "are the reference.",
 )
 def identify_vane_map(model: Model, traces: Sequence[Trace]) -> Identified:
-    """Both tables of [`HysteresisMap`][] from slow loops [3.16], one of them without exhaust gas.
-
-    At the same position and direction, the drive `(p_atm - p_act) A_d` differs between a loop with exhaust gas and one
-    without by the force of the gas: `F_aero = [p_act(0) - p_act(X)] A_d` (erratum 14). All samples are solved at once:
-    a cold force for each direction, and both tables, linear between the crank angles of the map. Where traces have a
-    force sensor (`f_vane`), the tables come from it directly, and no cold loop is needed.
-
-    The knots in turbine pressure are those of the model where the traces visit just them, or else the traces' own.
+    """Both tables of [`HysteresisMap`][] from slow loops [3.16, erratum 14], one of them without exhaust gas, or from a
+    force sensor.
 
     **Arguments:** `model`: with the spring and the diaphragm's area; `traces`: with `x_d` in m, `p_act` in Pa or
     `f_vane` in N, and `p_trb` in Pa gauge where there is exhaust gas.
@@ -196,16 +191,9 @@ def _figures(
         for name, way in (("closing", samples.closing), ("opening", ~samples.closing)):
             index = np.flatnonzero(way)[np.argsort(samples.angle[way])]
             index = index[thinned(len(index))]
-            figures.append(
-                Curve(
-                    "crank angle, deg",
-                    "vane force, N",
-                    (samples.angle[index], force[index]),
-                    (samples.angle[index], (gas @ solution.values[: 2 * size])[index]),
-                    f"Force of the exhaust gas while {name}",
-                    f"{np.mean(samples.turbine) / 100:.0f} mbar",
-                )
-            )
+            angle, title = samples.angle[index], f"Force of the exhaust gas while {name}"
+            points, line = (angle, force[index]), (angle, (gas @ solution.values[: 2 * size])[index])
+            figures.append(Curve(*LABELS, points, line, title, f"{np.mean(samples.turbine) / 100:.0f} mbar"))
     return tuple(figures)
 
 
@@ -249,18 +237,11 @@ def identify_vane_polynomial(model: Model, traces: Sequence[Trace]) -> Identifie
     values[used], errors[used] = solution.values, solution.std_errors
     sentence = f"{distinct} turbine pressures do not determine powers of the ratio above {distinct - 1}; those are zero"
     order = np.argsort(angle)[thinned(len(angle))]
+    points, line = (angle[order], force[order]), (angle[order], (terms @ values)[order])
     return Identified(
         values={"vane_force.coefficients": values},
         std_errors={"vane_force.coefficients": errors},
         limitations=() if np.all(used) else (sentence,),
-        figures=(
-            Curve(
-                "crank angle, deg",
-                "vane force, N",
-                (angle[order], force[order]),
-                (angle[order], (terms @ values)[order]),
-                "Force sensor and surface",
-            ),
-        ),
+        figures=(Curve(*LABELS, points, line, "Force sensor and surface"),),
         samples=len(angle),
     )

@@ -18,10 +18,9 @@ from ._motion import MotionRecord
 class Filtered:
     """Every term of the equation of motion through the same kernel, arrays of shape `(time,)`.
 
-    A linear equation holds between them as it does between the signals, however wide the kernel: nothing is
-    differentiated but the kernel. `force` in N, `position` in m, `velocity` in m/s, `acceleration` in m/s2; `direction`
-    is the smoothed sign of motion, 0 where it is not certain. `valid` is false near both ends. `velocity_noise` in m/s
-    and `acceleration_noise` in m/s2 are standard deviations.
+    `force` in N, `position` in m, `velocity` in m/s, `acceleration` in m/s2; `direction` is the smoothed sign of
+    motion, 0 where it is not certain. `valid` is false near both ends. `acceleration_noise` in m/s2
+    is a standard deviation.
     """
 
     motion: MotionRecord
@@ -32,7 +31,6 @@ class Filtered:
     acceleration: Samples
     direction: Samples
     valid: Bool[np.ndarray, " time"]
-    velocity_noise: float
     acceleration_noise: float
 
 
@@ -53,7 +51,6 @@ def filter_motion(motion: MotionRecord, seconds: float) -> Filtered:
         _convolve(motion.position, curve),
         moving,
         valid,
-        noise,
         motion.noise * float(np.linalg.norm(curve)),
     )
 
@@ -64,11 +61,8 @@ def through_kernel(filtered: Filtered, samples: Samples) -> Samples:
 
 
 def _kernels(half: int, interval: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The kernel over `2 half + 1` samples, which sums to one, and its first two derivatives with respect to time.
-
-    Sums over samples are not integrals: left as they are, a position of 0.1 m shows as an acceleration. The derivatives
-    are corrected to be exact on parabolas.
-    """
+    """The kernel over `2 half + 1` samples, which sums to one, and its first two derivatives with respect to time,
+    corrected to be exact on parabolas."""
     u = np.arange(-half, half + 1) / (half + 1)
     time, rest = u * (half + 1) * interval, 1 - u**2
     smooth = rest**4 / np.sum(rest**4)

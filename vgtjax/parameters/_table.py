@@ -95,7 +95,8 @@ def _describe(name: str, field: dataclasses.Field) -> str:
     """A parameter in one line of its class's documentation."""
     row: Parameter = field.metadata["parameter"]
     unit = row.unit if isinstance(row.unit, str) else ", ".join(row.unit)
-    marks = [row.source, *(["assumed"] if row.assumed and row.source != "assumed" else []), *(["held"] * row.held)]
+    said = "assumed" in row.source
+    marks = [row.source, *(["assumed"] * (row.assumed and not said)), *(["held"] * row.held)]
     return f"- `{name}`: {row.symbol} in {unit}, {row.default} [{', '.join(marks)}]"
 
 
@@ -107,12 +108,7 @@ def as_float_array(value: Any) -> Array:
 
 
 def parameter(
-    default: float | tuple[float, ...],
-    *,
-    symbol: str,
-    unit: str | tuple[str, ...],
-    source: str,
-    **row: Any,
+    default: float | tuple[float, ...], *, symbol: str, unit: str | tuple[str, ...], source: str, **row: Any
 ) -> Any:
     """Declares a physical parameter as a field of an equinox module.
 
@@ -120,12 +116,14 @@ def parameter(
 
     - `default`: value in `unit`; tuples of both for a vector.
     - `symbol`, `unit`, `source`: as printed in the thesis.
-    - `row`: `positive`, `lower`, `infinite`, `held`, `assumed`, `anonymous`, `tuning_width` of [`Parameter`][].
+    - `row`: `positive`, `lower`, `infinite`, `held`, `assumed`, `anonymous`, `tuning_width` of [`Parameter`][]. What
+      has a `lower` end is not positive, and what `source` says is assumed is so; neither has to be said again.
     """
+    implied: dict[str, Any] = {"positive": "lower" not in row, "assumed": "assumed" in source}
     return eqx.field(
         default=default,
         converter=as_float_array,
-        metadata={"parameter": Parameter(symbol, unit, source, default=default, **row)},
+        metadata={"parameter": Parameter(symbol, unit, source, default=default, **implied | row)},
     )
 
 

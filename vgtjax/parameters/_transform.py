@@ -1,9 +1,4 @@
-"""The map between physical parameters and the coordinates that an optimiser moves, and the box that holds them.
-
-Positive parameters move by their logarithm, the rest by their start value as scale, so that a step of one in any
-coordinate is a large but sane change of that parameter. Bounds are ends of the coordinates, reached exactly; a
-transform that only tends to its bound (a logistic) would keep a fit creeping towards it forever.
-"""
+"""The map between physical parameters and the coordinates that an optimiser moves, and the box that holds them."""
 
 from collections.abc import Sequence
 
@@ -66,12 +61,7 @@ class Transform(eqx.Module):
         return (coordinates <= self.lower) | (coordinates >= self.upper)
 
 
-def build_transform(
-    table: dict[str, Parameter],
-    entries: Sequence[str],
-    start: Vector,
-    bounds: Bounds,
-) -> Transform:
+def build_transform(table: dict[str, Parameter], entries: Sequence[str], start: Vector, bounds: Bounds) -> Transform:
     """The transform of the given entries: the table's domain and the user's bounds.
 
     **Raises:** `InputError` when a start value is outside its domain or its bounds.

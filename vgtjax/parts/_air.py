@@ -17,7 +17,7 @@ class Air(Part):
     gas_constant: Scalar = parameter(286.7, symbol="R", unit="J/(kg K)", source="B.2", held=True)
     heat_capacity_ratio: Scalar = parameter(1.396, symbol="gamma", unit="1", source="B.2", held=True)
     pressure: Scalar = parameter(101013.0, symbol="p_atm", unit="Pa", source="B.2", held=True)
-    temperature: Scalar = parameter(293.15, symbol="T_atm", unit="K", source="assumed", held=True, assumed=True)
+    temperature: Scalar = parameter(293.15, symbol="T_atm", unit="K", source="assumed", held=True)
     linear_above: float = eqx.field(static=True, default=0.9999)
     """Pressure ratio above which the flow function is a straight line to zero; a numerical setting."""
 
@@ -28,10 +28,7 @@ class Air(Part):
 
 
 def _choked_or_smooth(air: Air, ratio: Values) -> Values:
-    """`Phi^2` [2.15], held constant below the critical ratio and above `air.linear_above`.
-
-    With `q = r^(1/gamma)` it is `2/(gamma-1) q (q - r)`: one logarithm and one exponential.
-    """
+    """`Phi^2` [2.15], held constant below the critical ratio and above `air.linear_above`."""
     clipped = jnp.clip(ratio, air.critical_ratio(), air.linear_above)
     root = jnp.exp(jnp.log(clipped) / air.heat_capacity_ratio)
     return 2 / (air.heat_capacity_ratio - 1) * root * (root - clipped)
@@ -43,11 +40,8 @@ def _chord(air: Air, ratio: Values) -> Values:
 
 
 def flow_function(air: Air, ratio: Values) -> Values:
-    """`Phi(p_down / p_up)` [2.15, with `2/(gamma-1)` under the root], dimensionless.
-
-    Constant when choked. Its slope is infinite at `ratio = 1`, so above `air.linear_above` it is the chord to
-    zero, which keeps derivatives finite through a flow reversal.
-    """
+    """`Phi(p_down / p_up)` [2.15, with `2/(gamma-1)` under the root], dimensionless: constant when choked, above
+    `air.linear_above` the chord to zero, as its slope is infinite at equal pressures."""
     return jnp.sqrt(_choked_or_smooth(air, ratio)) * _chord(air, ratio)
 
 

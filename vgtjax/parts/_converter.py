@@ -69,12 +69,8 @@ class Converter(Part):
         (2.299e-8, 1.68e-4, 0.342), symbol="c", unit=("m2", "m", "1"), source="B.3"
     )
     opening_width: float = eqx.field(static=True, default=1e-6)
-    """Lift in m over which the printed jump `c0` of the atmosphere orifice opens with the printed membrane, see
-    `opening_lift`; a numerical setting.
-
-    The jump sits where the plunger rests, and a vector field that jumps there has wrong gradients. The ramp
-    lies above zero: one across zero opens both orifices at once.
-    """
+    """Lift in m over which the printed jump `c0` of the atmosphere orifice opens, above zero, with the printed
+    membrane; a numerical setting, see `opening_lift`."""
 
     @property
     def opening_lift(self) -> Values:
@@ -160,13 +156,7 @@ class Converter(Part):
         return jnp.where(position < 0, to_reservoir, to_atmosphere)
 
     def flow(
-        self,
-        air: Air,
-        position: Values,
-        ambient: Values,
-        reservoir: Values,
-        pressure: Values,
-        temperature: Values,
+        self, air: Air, position: Values, ambient: Values, reservoir: Values, pressure: Values, temperature: Values
     ) -> Flow:
         """Flow into a volume at `pressure` (Pa absolute) and `temperature` (K) behind the converter.
 
@@ -179,12 +169,8 @@ class Converter(Part):
 
 
 def without_chatter(model: Any) -> Any:
-    """A model whose converter opens its atmosphere orifice over ten micrometres of lift.
-
-    At the default of one, some actuators chatter as they release: that moves no loop width by more than a pascal, but
-    so finely that a derivative sees nothing else (580 Pa instead of 5 Pa of loop width by the level of that orifice, of
-    the twenty example units' mean). At ten, widths are within 0.2 Pa.
-    """
+    """A model whose converter opens its atmosphere orifice over ten micrometres of lift: at the default of one, some
+    actuators chatter as they release, so finely that a derivative sees nothing else."""
     return _with_opening(model, lambda width: max(width, GENTLE_OPENING))
 
 

@@ -13,7 +13,6 @@ from jaxtyping import Array, Float
 
 from .._errors import InputError, is_traced
 from .._types import Knots, Values
-from ._tables import bilinear
 from ._vanes import Crank, Vanes
 
 Table = Float[Array, " knots"]
@@ -46,8 +45,8 @@ class AbstractGasTables(eqx.Module):
             return
         owner = self.place
         above_zero = np.concatenate([[0.0], self.turbine_pressure])
-        _check_increasing(f"{owner}.turbine_pressure", above_zero, "Pa gauge from above zero")
-        _check_increasing(f"{owner}.crank_angle", np.asarray(self.crank_angle), "deg")
+        require_knots(f"{owner}.turbine_pressure", above_zero, "Pa gauge from above zero")
+        require_knots(f"{owner}.crank_angle", np.asarray(self.crank_angle), "deg")
         pressures, angles = self.turbine_pressure.size, self.crank_angle.size
         for name, table in self.tables.items():
             if table.size != pressures * angles:
@@ -84,10 +83,37 @@ class AbstractGasTables(eqx.Module):
         return dataclasses.replace(self, turbine_pressure=pressure, crank_angle=angle, **tables)
 
 
-def _check_increasing(name: str, knots: Float[np.ndarray, " knots"], unit: str) -> None:
+def require_knots(name: str, knots: Float[np.ndarray, " knots"], unit: str) -> None:
+    """**Raises:** `InputError` for knots of a table that are not two or more and increase."""
     if len(knots) < 2 or not np.all(np.diff(knots) > 0):
         raise InputError(
             f"{name} must be at least two knots that increase, in {unit}, but it is {[float(k) for k in knots]}; sort "
             "them and remove repeated ones",
             "values",
         )
+
+
+def _ramps(knots: Knots, at: Values) -> list[Values]:
+    """How far `at` has crossed each interval of increasing `knots`, from 0 to 1."""
+    count = knots.shape[0]
+    return [jnp.clip((at - knots[k]) / (knots[k + 1] - knots[k]), 0.0, 1.0) for k in range(count - 1)]
+
+
+def _along(values: Sequence[Values], ramps: Sequence[Values]) -> Values:
+    total = values[0]
+    for low, high, ramp in zip(values[:-1], values[1:], ramps, strict=True):
+        total = total + (high - low) * ramp
+    return total
+
+
+def bilinear(
+    rows: Knots, columns: Knots, values: Float[Array | np.ndarray, "rows columns"], row: Values, column: Values
+) -> Values:
+    """Value of a table at `(row, column)`, linear between its increasing knots and held beyond them.
+
+    Continuous, with kinks at the knots.
+    """
+    # A sum over intervals instead of a look-up: tables are small, and a gather inside a march is slow.
+    over_columns = _ramps(columns, column)
+    by_row = [_along([values[i, j] for j in range(values.shape[1])], over_columns) for i in range(values.shape[0])]
+    return _along(by_row, _ramps(rows, row))

@@ -8,17 +8,4 @@ from ._mechanical import MechanicalActuator as MechanicalActuator
 from ._plant import AbstractPlant as AbstractPlant, Plant as Plant, PlantState as PlantState
 from ._pneumatic import PneumaticActuator as PneumaticActuator
 from ._rod import Rod as Rod, RodState as RodState
-from .reduced import (
-    FLOW_MAPS as FLOW_MAPS,
-    FlowMapFit as FlowMapFit,
-    FlowMapPath as FlowMapPath,
-    LiftMapPath as LiftMapPath,
-    PlungerMapActuator as PlungerMapActuator,
-    StaticMapActuator as StaticMapActuator,
-    fit_flow_map as fit_flow_map,
-    fit_polynomial_flow as fit_polynomial_flow,
-    judge as judge,
-    reduce_to_plunger_map as reduce_to_plunger_map,
-    reduce_to_static_map as reduce_to_static_map,
-    steady_flow as steady_flow,
-)
+from .reduced import *

@@ -1,15 +1,7 @@
 """The full actuator: duty in, chamber pressure and position out [2.58]."""
 
 from ..parameters import nested
-from ..parts import (
-    AbstractChamber,
-    AbstractFriction,
-    AbstractLine,
-    AbstractVaneForce,
-    Air,
-    Converter,
-    Diaphragm,
-)
+from ..parts import AbstractChamber, AbstractFriction, AbstractLine, AbstractVaneForce, Air, Converter, Diaphragm
 from ._air_path import AbstractAirPathModel, AirPath
 from ._base import assemble
 from ._plant import AbstractPlant

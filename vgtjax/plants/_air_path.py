@@ -8,19 +8,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
 from .._types import StateLeaf, Values
-from ..parts import (
-    AbstractChamber,
-    AbstractLine,
-    AdiabaticChamber,
-    Air,
-    Converter,
-    ConverterState,
-    Flow,
-    Gas,
-    NoLine,
-)
+from ..parts import AbstractChamber, AbstractLine, AdiabaticChamber, Air, Converter, ConverterState, Flow, Gas, NoLine
 from ..traces import Drive
-from ._base import AbstractModel
+from ._base import AbstractModel, Inner
 
 
 def ambient_pressure(air: Air, drive: Drive) -> Values:
@@ -169,17 +159,6 @@ class AbstractAirPathModel(AbstractModel):
 
     air_path: eqx.AbstractVar[AirPath]
 
-    @property
-    def converter(self) -> Converter:
-        """The air path's."""
-        return self.air_path.converter
-
-    @property
-    def line(self) -> AbstractLine:
-        """The air path's."""
-        return self.air_path.line
-
-    @property
-    def chamber(self) -> AbstractChamber:
-        """The air path's."""
-        return self.air_path.chamber
+    converter = Inner[Converter]("air_path")
+    line = Inner[AbstractLine]("air_path")
+    chamber = Inner[AbstractChamber]("air_path")

@@ -2,7 +2,7 @@
 
 import abc
 import dataclasses
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import equinox as eqx
 from jaxtyping import Array, Float, PyTree
@@ -56,6 +56,22 @@ class AbstractModel(eqx.Module):
     @abc.abstractmethod
     def needs(self) -> tuple[str, ...]:
         """Columns that a trace must have to drive this model, alternatives joined by `|`."""
+
+
+T = TypeVar("T")
+
+
+class Inner(Generic[T]):
+    """A part of a module inside a model that is the model's own too: `diaphragm = Inner[Diaphragm]("rod")`."""
+
+    def __init__(self, module: str):
+        self._module = module
+
+    def __set_name__(self, model: type, name: str) -> None:
+        self.__doc__, self._name = f"That of `{self._module}`.", name
+
+    def __get__(self, model: Any, kind: type | None = None) -> T:
+        return self if model is None else getattr(getattr(model, self._module), self._name)  # type: ignore[return-value]
 
 
 def assemble(whole: Any, **parts: Any) -> Any:

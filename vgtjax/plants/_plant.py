@@ -10,6 +10,7 @@ from ..parameters import nested
 from ..parts import AbstractChamber, Air
 from ..traces import Drive, Start
 from ._air_path import AbstractAirPath, AirPath, ambient_pressure
+from ._base import Inner
 from ._rod import AbstractRodModel, Rod, RodState
 
 
@@ -25,10 +26,7 @@ class AbstractPlant(AbstractRodModel):
 
     air_path: eqx.AbstractVar[AbstractAirPath]
 
-    @property
-    def chamber(self) -> AbstractChamber:
-        """The air path's."""
-        return self.air_path.chamber
+    chamber = Inner[AbstractChamber]("air_path")
 
     @property
     def needs(self) -> tuple[str, ...]:

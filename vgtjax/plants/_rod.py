@@ -6,7 +6,7 @@ from jaxtyping import Array, PyTree
 from .._types import StateLeaf, Values
 from ..parts import AbstractFriction, AbstractVaneForce, Body, Contact, Diaphragm, LuGre, NoVaneForce, Vanes
 from ..traces import Start
-from ._base import AbstractModel
+from ._base import AbstractModel, Inner
 
 
 class RodState(eqx.Module):
@@ -79,17 +79,6 @@ class AbstractRodModel(AbstractModel):
 
     rod: eqx.AbstractVar[Rod]
 
-    @property
-    def diaphragm(self) -> Diaphragm:
-        """The rod's."""
-        return self.rod.diaphragm
-
-    @property
-    def friction(self) -> AbstractFriction:
-        """The rod's."""
-        return self.rod.friction
-
-    @property
-    def vane_force(self) -> AbstractVaneForce:
-        """The rod's."""
-        return self.rod.vane_force
+    diaphragm = Inner[Diaphragm]("rod")
+    friction = Inner[AbstractFriction]("rod")
+    vane_force = Inner[AbstractVaneForce]("rod")

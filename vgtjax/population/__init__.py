@@ -1,9 +1,8 @@
 """Populations of actuators: who varies how, samples of them, and experiments on many at once."""
 
-from ._evaluate import LANES as LANES, Evaluator as Evaluator
+from ._evaluate import LANES as LANES, Evaluator as Evaluator, run as run
 from ._factors import Factors as Factors, choose_factors as choose_factors
 from ._fitted import fitted_levels as fitted_levels, fitted_population as fitted_population
-from ._monte_carlo import run as run
 from ._population import (
     Margin as Margin,
     Population as Population,
@@ -21,11 +20,13 @@ from ._results import (
     column_names as column_names,
     describe as describe,
 )
-from ._sample import MOST_ROWS as MOST_ROWS, Sample as Sample, check_size as check_size
 from ._sampling import (
+    MOST_ROWS as MOST_ROWS,
     SAMPLERS as SAMPLERS,
     LatinHypercubeSample as LatinHypercubeSample,
+    Sample as Sample,
     SobolSample as SobolSample,
+    check_size as check_size,
     make_sample as make_sample,
     sobol_points as sobol_points,
 )

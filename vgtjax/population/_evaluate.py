@@ -16,7 +16,9 @@ from ..plants import AbstractModel
 from ..simulation import RESULTS, FixedMarch, FixedStep, march
 from ..traces import Drive, Start, cast, require
 from ._factors import Factors
+from ._population import Population
 from ._results import OutputTable, Results
+from ._sampling import make_sample
 
 LANES = 1024
 """Actuators a chunk: enough for wide vectors on every core, and some 100 MB of signals."""
@@ -113,11 +115,7 @@ def _evaluate(
 
 @eqx.filter_jit
 def _slopes(
-    model: AbstractModel,
-    factors: Factors,
-    prepared: tuple[_Prepared, ...],
-    values: Array,
-    directions: Array,
+    model: AbstractModel, factors: Factors, prepared: tuple[_Prepared, ...], values: Array, directions: Array
 ) -> Float[Array, "lanes columns"]:
     def slope(row: Array, direction: Array) -> Array:
         found, along = jax.jvp(lambda row: _run(factors.unpack(model, row), prepared)[0], (row,), (direction,))
@@ -145,3 +143,37 @@ def _observe(model: AbstractModel, run: tuple[Drive, Start], each: _Prepared) ->
     drive, start = run
     states, result = march(model, drive, start, each.plan)
     return *jax.vmap(model.observe)(states, drive), result
+
+
+def run(
+    population: Population,
+    experiments: Sequence[AbstractExperiment],
+    samples: int = 1024,
+    *,
+    sampler: str = "sobol",
+    seed: int = 0,
+    lanes: int = LANES,
+    stepping: FixedStep | None = None,
+    dtype: Any = np.float64,
+) -> Results:
+    """Monte Carlo: what the experiments read off actuators drawn from a population.
+
+        population = vgtjax.population.spread_population(vgtjax.Actuator(), relative=0.02)
+        results = vgtjax.population.run(population, [vgtjax.experiments.SlowLoop()], samples=256)
+        results["hysteresis_0mbar"]  # (256,), Pa
+
+    The same samples as those of the command `tolerance`, on any number of devices.
+
+    **Arguments:**
+
+    - `samples`, `sampler`, `seed`: as in [`make_sample`][vgtjax.population.make_sample]; powers of two are best.
+    - `lanes`, `stepping`, `dtype`: as in [`Evaluator`][vgtjax.population.Evaluator].
+
+    **Raises:** `InputError` for a sample or an experiment that can't be.
+    """
+    sample = make_sample(population.dimensions, samples, sampler, seed)
+    lanes = min(lanes, samples)
+    evaluator = Evaluator(
+        population.model, population.factors, experiments, lanes=lanes, stepping=stepping, dtype=dtype
+    )
+    return evaluator(population.values(sample.points(0, samples)))

@@ -25,9 +25,7 @@ class Factors(eqx.Module):
     """The quantities of a population, in the order of the parameter table.
 
     A scalar parameter, or one entry `name[2]` of a vector, is varied by its value. A vector's bare name stands for a
-    factor, one for the nominal actuator, that multiplies all of its entries: the coefficients of one curve do not
-    vary one without the other (the magnetic force is a difference of large terms), and variance-based indices need
-    quantities that do.
+    factor, one for the nominal actuator, that multiplies all of its entries.
     """
 
     entries: tuple[str, ...] = eqx.field(static=True)

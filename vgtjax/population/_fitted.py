@@ -19,10 +19,8 @@ SMALLEST = 1e-12
 def fitted_population(models: Sequence[AbstractModel], entries: Sequence[str]) -> Population:
     """The population that fitted units are a sample of.
 
-    Positive quantities are lognormal, others normal, around the units' mean (geometric for positive ones). Spread
-    and correlation are those of the units. They contain the errors of the fits; the correlation makes that such
-    errors cancel again in what was measured. With fewer units than quantities it is singular: samples lie in the
-    span of the units.
+    Positive quantities are lognormal, others normal, around the units' mean (geometric for positive ones). Spread and
+    correlation are those of the units, with the errors of the fits in them.
 
     **Arguments:** `models`: the units, alike but for their values; `entries`: what was fitted, entry by entry.
 

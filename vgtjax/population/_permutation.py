@@ -29,11 +29,8 @@ def random_words(index: Words, key: Words) -> Words:
 def permute(
     index: UInt64[np.ndarray, " points"], size: int, keys: UInt64[np.ndarray, "rounds columns"]
 ) -> UInt64[np.ndarray, "points columns"]:
-    """Where one keyed permutation of `0 .. size - 1` a column sends each index.
-
-    A generalised Feistel network on the smallest near-square rectangle that holds `size` numbers; what falls outside
-    is sent on until it is inside, which keeps a bijection (Black and Rogaway, 2002).
-    """
+    """Where one keyed permutation of `0 .. size - 1` a column sends each index, by a generalised Feistel network (Black
+    and Rogaway, 2002)."""
     values = _encipher(np.broadcast_to(index[:, None], (len(index), keys.shape[1])), size, keys[:, None, :])
     while True:
         rows, columns = np.nonzero(values >= size)

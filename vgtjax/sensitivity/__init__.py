@@ -8,9 +8,9 @@ from ._indices import (
     LinearIndices as LinearIndices,
     analyse as analyse,
     analyse_linear as analyse_linear,
+    complete_groups as complete_groups,
 )
 from ._local import NORMAL as NORMAL, UNIFORM as UNIFORM, gradient_share as gradient_share, total_bound as total_bound
-from ._missing import complete_groups as complete_groups
 from ._moments import variance as variance
 from ._morris import ElementaryEffects as ElementaryEffects, elementary_effects as elementary_effects
 from ._ranking import (

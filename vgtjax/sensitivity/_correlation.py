@@ -1,16 +1,11 @@
 """The thesis's sensitivity index: the squared correlation of an input with an output (section 4.1.2)."""
 
 import numpy as np
-from jaxtyping import Float
 
-from ._moments import Weights, covariance, reciprocal, variance, weights_or_equal, with_members
+from ._moments import Inputs, Outputs, Result, Weights, covariance, reciprocal, variance, weights_or_equal, with_members
 
 
-def correlations(
-    x: Float[np.ndarray, "points *members inputs"],
-    y: Float[np.ndarray, "points *members outputs"],
-    weights: Weights | None = None,
-) -> Float[np.ndarray, "*replicates outputs inputs"]:
+def correlations(x: Inputs, y: Outputs, weights: Weights | None = None) -> Result:
     """Correlation coefficients of every input with every output.
 
     A constant input has the correlation 0, a constant output NaN: there is nothing to explain.
@@ -25,14 +20,6 @@ def correlations(
     return covariance(y, x, weights) * of_y[..., :, None] * of_x[..., None, :]
 
 
-def squared_correlation(
-    x: Float[np.ndarray, "points *members inputs"],
-    y: Float[np.ndarray, "points *members outputs"],
-    weights: Weights | None = None,
-) -> Float[np.ndarray, "*replicates outputs inputs"]:
-    """The index of (4.1), between 0 and 1, which the thesis calls SRC; arguments as those of [`correlations`][].
-
-    For independent inputs it is the squared standardised regression coefficient, and no more than the first-order
-    index. The values printed in table 4.2 don't follow from the columns printed there.
-    """
+def squared_correlation(x: Inputs, y: Outputs, weights: Weights | None = None) -> Result:
+    """The index of (4.1), between 0 and 1, which the thesis calls SRC; arguments as those of [`correlations`][]."""
     return correlations(x, y, weights) ** 2

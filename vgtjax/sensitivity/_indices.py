@@ -1,7 +1,7 @@
 """All indices of all outputs from one sample, with intervals, whatever rows are missing."""
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,6 @@ from jaxtyping import Bool, Float, Int
 from .._errors import InputError
 from ._correlation import squared_correlation
 from ._design import RadialDesign
-from ._missing import complete_groups
 from ._morris import elementary_effects
 from ._regression import regress
 from ._resampling import BootstrapInterval, Statistics, bootstrap
@@ -88,9 +87,7 @@ def analyse(
 
     def build(points: np.ndarray, columns: Columns) -> Statistics:
         return _radial_statistics(
-            (u_a[points], u_b[points]),
-            grouped_x[points],
-            grouped_y[np.ix_(points, np.arange(design.members), columns)],
+            (u_a[points], u_b[points]), grouped_x[points], grouped_y[np.ix_(points, np.arange(design.members), columns)]
         )
 
     complete = np.isfinite(grouped_y).all(axis=1)
@@ -194,3 +191,12 @@ def _estimate(
                 for end in ("value", "low", "high"):
                     getattr(result[name], end)[columns] = getattr(estimate, end)
     return {**result, "used": np.sum(complete, axis=0)}
+
+
+def complete_groups(
+    complete: Bool[np.ndarray, "points outputs"],
+) -> Iterator[tuple[Int[np.ndarray, " used"], Int[np.ndarray, " columns"]]]:
+    """Outputs that have the same complete points, with those points; every output once."""
+    patterns, group = np.unique(complete, axis=1, return_inverse=True)
+    for number, pattern in enumerate(patterns.T):
+        yield np.flatnonzero(pattern), np.flatnonzero(group.ravel() == number)

@@ -34,13 +34,7 @@ def total_bound(
     poincare: float | Float[np.ndarray, " inputs"],
     weights: Float[np.ndarray, "... points"] | None = None,
 ) -> Float[np.ndarray, "... outputs inputs"]:
-    """Upper bound of the total index by derivatives, `C_i s_i^2 E((dy/dx_i)^2) / Var(y)`.
-
-    The total index times the variance is `E(Var(y | all but x_i))`, and the inner variance of a smooth function of one
-    variable is at most `c E((dy/dx_i)^2)` with the Poincaré constant `c` of the input's distribution: `(b - a)^2 /
-    pi^2` of a uniform one over `(a, b)` (Wirtinger), and the variance of a normal one. `C_i` is that constant over the
-    variance: `UNIFORM = 12 / pi^2`, `NORMAL = 1`. With `C_i = 1` the result is the derivative-based global measure
-    itself (Sobol' and Kucherenko, 2009 and 2010). It is the total index for a linear model with normal inputs.
+    """Upper bound of the total index by derivatives, `C_i s_i^2 E((dy/dx_i)^2) / Var(y)` (Sobol' and Kucherenko, 2009).
 
     **Arguments:** `gradients` at points that are drawn from the inputs' distribution, which must be independent;
     `deviations`: standard deviations of the inputs; `variances` of the outputs, by all means from a larger sample;

@@ -5,6 +5,10 @@ from jaxtyping import Float
 
 Weights = Float[np.ndarray, "*replicates points"]
 Values = Float[np.ndarray, "points ..."]
+Inputs = Float[np.ndarray, "points *members inputs"]
+Outputs = Float[np.ndarray, "points *members outputs"]
+Result = Float[np.ndarray, "*replicates outputs inputs"]
+"""One number for every input of every output; of a bootstrap, for each of its replicates."""
 
 CONSTANT = 1e-12
 """A column whose standard deviation is below this part of its largest value is constant but for rounding."""

@@ -3,9 +3,9 @@
 import dataclasses
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
-from ._moments import Weights, reciprocal, weighted_mean, weights_or_equal
+from ._moments import Result, Weights, reciprocal, weighted_mean, weights_or_equal
 
 SHORTEST = 0.01
 """Part of an input's range; a shorter step is left out, because it divides the error of a simulation by next to nothing
@@ -20,9 +20,9 @@ class ElementaryEffects:
     sizes, `sigma` their standard deviation, which curvature and interactions cause.
     """
 
-    mu: Float[np.ndarray, "*replicates outputs inputs"]
-    mu_star: Float[np.ndarray, "*replicates outputs inputs"]
-    sigma: Float[np.ndarray, "*replicates outputs inputs"]
+    mu: Result
+    mu_star: Result
+    sigma: Result
 
 
 def elementary_effects(
@@ -40,7 +40,10 @@ def elementary_effects(
     the base points, equal by default.
     """
     weights = weights_or_equal(weights, len(a))
-    effects, used = _effects(u_a, u_b, a, ab)
+    step = u_b - u_a
+    used = np.abs(step) >= SHORTEST
+    inverse = np.where(used, 1.0 / np.where(used, step, 1.0), 0.0)
+    effects = (ab - a[:, None, :]) * inverse[:, :, None]  # zero where the step is too short
     count = np.sum(used, axis=0)
     share = np.where(count > 1, weighted_mean(weights, used.astype(float)), 0.0)
     norm = reciprocal(share, np.nan)[..., None]
@@ -51,16 +54,3 @@ def elementary_effects(
     unbiased = (count / np.maximum(count - 1, 1))[:, None]
     size = weighted_mean(weights, np.abs(effects)) * norm
     return ElementaryEffects(*(np.swapaxes(part, -1, -2) for part in (mean + centre, size, np.sqrt(spread * unbiased))))
-
-
-def _effects(
-    u_a: Float[np.ndarray, "base inputs"],
-    u_b: Float[np.ndarray, "base inputs"],
-    a: Float[np.ndarray, "base outputs"],
-    ab: Float[np.ndarray, "base inputs outputs"],
-) -> tuple[Float[np.ndarray, "base inputs outputs"], Bool[np.ndarray, "base inputs"]]:
-    """Effects, zero where the step is too short, and where it is not."""
-    step = u_b - u_a
-    used = np.abs(step) >= SHORTEST
-    inverse = np.where(used, 1.0 / np.where(used, step, 1.0), 0.0)
-    return (ab - a[:, None, :]) * inverse[:, :, None], used

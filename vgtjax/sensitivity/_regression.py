@@ -9,7 +9,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Float
 
-from ._moments import Weights, covariance, reciprocal, variance, weights_or_equal, with_members
+from ._moments import Inputs, Outputs, Result, Weights, covariance, reciprocal, variance, weights_or_equal, with_members
 
 RANK = 1e-10
 """Eigenvalues of the inputs' correlation matrix below this part of the largest are no direction of their own; rounding
@@ -27,16 +27,12 @@ class Regression:
     the input; `r2` and `adjusted_r2` `(*replicates, outputs)` say how much of the variance the model explains.
     """
 
-    coefficients: Float[np.ndarray, "*replicates outputs inputs"]
+    coefficients: Result
     r2: Float[np.ndarray, "*replicates outputs"]
     adjusted_r2: Float[np.ndarray, "*replicates outputs"]
 
 
-def regress(
-    x: Float[np.ndarray, "points *members inputs"],
-    y: Float[np.ndarray, "points *members outputs"],
-    weights: Weights | None = None,
-) -> Regression:
+def regress(x: Inputs, y: Outputs, weights: Weights | None = None) -> Regression:
     """Fits a linear model with constant term to every output (Saltelli et al., 2008, section 1.2.5).
 
     Inputs may be correlated. A constant input has the coefficient 0. Inputs that determine each other share their
@@ -61,9 +57,7 @@ def regress(
     return Regression(coefficients, r2, 1 - unexplained)
 
 
-def _independent_directions(
-    x: Float[np.ndarray, "points members inputs"],
-) -> Float[np.ndarray, "inputs directions"]:
+def _independent_directions(x: Float[np.ndarray, "points members inputs"]) -> Float[np.ndarray, "inputs directions"]:
     """Combinations of the inputs that are uncorrelated and of variance one over the whole sample.
 
     Decided once, for all replicates; in these directions each of them has a matrix close to the identity.

@@ -29,12 +29,7 @@ class BootstrapInterval:
 def bootstrap(
     statistics: Statistics, points: int, *, replicates: int = 200, level: float = 0.95, seed: int = 0
 ) -> dict[str, BootstrapInterval]:
-    """Percentile intervals of everything that `statistics` computes (Efron, 1979).
-
-    A replicate draws as many points as there are, with replacement. That is a set of weights, so all replicates of all
-    columns are a few matrix products. Intervals are those of independent points, mostly too wide for quasi-random ones;
-    those of skewed statistics fall short. With 256 base points of a radial design, 95 % intervals held Sobol' indices
-    87 to 100 times of a hundred. The square of a statistic near zero is biased upwards, and so is its interval.
+    """Percentile intervals of everything that `statistics` computes (Efron, 1979), those of independent points.
 
     **Arguments:**
 

@@ -1,37 +1,14 @@
-"""Step response of the diaphragm without dry friction in closed form [4.3-4.5], corrected.
-
-Without dry friction, preload and stops, [4.3] under an applied pressure `p = p_atm - p_act` that steps from zero is
-
-    m_d x'' + b x' + k_sm x = A_d p,    x(0) = x'(0) = 0
-
-with `b = b_d + sigma_2` (erratum 11). The print has `+ k_sm x_d` on the right, a spring that pushes away from rest.
-With `omega_n = sqrt(k_sm / m_d)`, `zeta = b / (2 sqrt(m_d k_sm))` and `K = A_d / k_sm` [4.5] the characteristic roots
-are `-a` and `-b`, where `a, b = omega_n (zeta -+ sqrt(zeta^2 - 1))`. The solution is of the form
-`x = K p (1 - c_1 e^(-a t) - c_2 e^(-b t))`; rest at the start asks that `c_1 + c_2 = 1` and `a c_1 + b c_2 = 0`, so
-that
-
-    x = K p (1 - (e^(-a t)/a - e^(-b t)/b) / (1/a - 1/b)).
-
-The print [4.4] adds the slow exponential with the wrong sign: it begins at `K p (1 + zeta / sqrt(zeta^2 - 1))` and
-falls.
-
-The quotient is zero over zero at critical damping and complex below it. With `d = b t / (2 m_d)` and
-`u = d^2 - (omega_n t)^2` it is
-
-    x = K p (1 - e^(-d) (C(u) + d S(u))),    C(u) = cosh(sqrt(u)),    S(u) = sinh(sqrt(u)) / sqrt(u),
-
-where `C` and `S` are power series in `u`: cosines below zero, and no special case at zero.
-"""
+"""Step response of the diaphragm without dry friction in closed form [4.3-4.5], corrected; the manual's page on studies
+derives it."""
 
 import math
 
 import equinox as eqx
-import jax.core
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from .._errors import InputError
+from .._errors import InputError, is_traced
 from .._types import Scalar, Values
 from ..parts import Diaphragm, LuGre
 
@@ -57,7 +34,7 @@ def damping_ratio(diaphragm: Diaphragm) -> Scalar:
 
 
 def step_response(diaphragm: Diaphragm, pressure: Scalar, time: Values) -> Values:
-    """Position in m after a step of the applied pressure [4.4], corrected; its derivation is this module's docstring.
+    """Position in m after a step of the applied pressure [4.4], corrected.
 
     Area, mass, stiffness and damping act; preload and stops don't. All derivatives exist, at critical damping too.
 
@@ -108,7 +85,7 @@ def _series(d: Array, u: Array) -> tuple[Array, Array]:
 
 
 def _check(name: str, value: Array, lowest: str) -> None:
-    if isinstance(value, jax.core.Tracer):
+    if is_traced(value):
         return
     # NumPy, or a constant inside of jit would be traced.
     least = float(np.min(np.asarray(value)))

@@ -3,11 +3,10 @@
 import numpy as np
 from jaxtyping import Float
 
-from ._moments import Weights, reciprocal, variance, weighted_mean, weights_or_equal
+from ._moments import Result, Weights, reciprocal, variance, weighted_mean, weights_or_equal
 
 Outputs = Float[np.ndarray, "base outputs"]
 Steps = Float[np.ndarray, "base inputs outputs"]
-Result = Float[np.ndarray, "*replicates outputs inputs"]
 
 
 def first_order(a: Outputs, ab: Steps, b: Outputs, weights: Weights | None = None) -> Result:

@@ -11,17 +11,11 @@ from ..plants import State
 
 
 class StabilisedHeun(diffrax.AbstractSolver):
-    r"""Heun's method with the excess of fast damping taken implicitly.
+    """Heun's method with the excess of fast damping taken implicitly.
 
-    Heun's method is stable for a decaying state while `h * rate < 2`. The printed actuator has `h * rate = 1.1`
-    at half a millisecond, but a fit or a population tries lighter plungers and stiffer bristles. Of each state's
-    relaxation rate, the part beyond `limit / h` is therefore integrated by an exponential Runge-Kutta method of
-    second order (Cox and Matthews, 2002, ETD2RK) with the exponential replaced by `1 / (1 + z + z^2/2)`, which is
-    L-stable and needs neither `exp` nor a special case at zero. Where there is no excess this is exactly Heun's
-    method; the switch is continuous in every parameter.
-
-    Measured against the printed reference traces at 0.5 ms: Heun 0.1 um; ETD2RK of the whole rate 1.3 um; the
-    rational variant of the whole rate 1.0 um. So only the excess is treated that way.
+    Of each state's relaxation rate, the part beyond `limit / h` is integrated by a rational ETD2RK (Cox and Matthews,
+    2002), which is L-stable; without excess this is exactly Heun's method. The manual's page on estimation has the
+    reasons.
     """
 
     relaxation: Callable[[Any, Any, Any], Any]
@@ -44,14 +38,7 @@ class StabilisedHeun(diffrax.AbstractSolver):
         return terms.vf(t0, y0, args)
 
     def step(
-        self,
-        terms: diffrax.AbstractTerm,
-        t0: Any,
-        t1: Any,
-        y0: State,
-        args: Any,
-        solver_state: None,
-        made_jump: Any,
+        self, terms: diffrax.AbstractTerm, t0: Any, t1: Any, y0: State, args: Any, solver_state: None, made_jump: Any
     ) -> tuple[State, State, dict[str, State], None, Any]:
         """One step from `t0` to `t1`, with the difference to Euler's step as error estimate."""
         h = terms.contr(t0, t1)

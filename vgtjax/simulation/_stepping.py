@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Int
 
-from .._errors import InputError
+from .._errors import InputError, require_positive
 from ..plants import AbstractModel, State
 from ..traces import Drive, Trace
 from ._heun import StabilisedHeun
@@ -104,8 +104,7 @@ class FixedStep(AbstractStepping):
     solver: diffrax.AbstractSolver | None = None
 
     def __check_init__(self) -> None:
-        if not 0 < self.max_step < math.inf:
-            raise InputError(f"max_step must be a positive number of seconds, but it is {self.max_step}; use e.g. 5e-4")
+        require_positive("max_step", self.max_step, "number of seconds", "use e.g. 5e-4")
 
     def plan(self, model: AbstractModel, trace: Trace) -> FixedMarch:
         """Steps such that the longest interval of the trace is cut finely enough."""
@@ -143,7 +142,10 @@ def scan_in_blocks(
         case diffrax.RecursiveCheckpointAdjoint(checkpoints=checkpoints):
             carry, found = eqxi.scan(block, carry, blocks, kind="checkpointed", checkpoints=checkpoints)
         case _:
-            raise _unsuitable(adjoint)
+            raise InputError(
+                "adjoint must be ForwardMode, DirectAdjoint or RecursiveCheckpointAdjoint of diffrax with fixed steps, "
+                f"but it is {type(adjoint).__name__}; use one of these"
+            )
     return carry, jax.tree.map(lambda leaf: leaf.reshape(-1, *leaf.shape[2:])[:count], found)
 
 
@@ -152,13 +154,6 @@ BLOCK = 20
 a 10 s trace of two signals takes two thirds of the time; with native loops it makes no difference."""
 UNROLL = 2
 """Steps compiled side by side in a march: the usual two of a millisecond. Saves another tenth with plain settings."""
-
-
-def _unsuitable(adjoint: diffrax.AbstractAdjoint) -> InputError:
-    return InputError(
-        f"adjoint must be ForwardMode, DirectAdjoint or RecursiveCheckpointAdjoint of diffrax with fixed steps, "
-        f"but it is {type(adjoint).__name__}; use one of these"
-    )
 
 
 class AdaptiveMarch(AbstractMarch):

@@ -1,10 +1,9 @@
 """What the bench recorded: signals over time, and what they are to a model."""
 
 from ._bench_file import TRAVEL as TRAVEL, UNITS as UNITS, load_trace as load_trace
-from ._channel import Channel as Channel
+from ._channel import Channel as Channel, noise_level as noise_level
 from ._drive import Drive as Drive, Ramp as Ramp, Start as Start
 from ._duty import delay_duty as delay_duty
-from ._noise import noise_level as noise_level
 from ._signals import SIGNALS as SIGNALS, Signal as Signal
 from ._trace import (
     ASSUMED_RESERVOIR as ASSUMED_RESERVOIR,

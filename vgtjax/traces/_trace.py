@@ -74,16 +74,8 @@ class Trace:
         name: str = "trace",
         notes: tuple[str, ...] = (),
     ):
-        given = {
-            "pwm": pwm,
-            "p_act": p_act,
-            "p_res": p_res,
-            "p_trb": p_trb,
-            "x_d": x_d,
-            "f_vane": f_vane,
-            "f_drive": f_drive,
-            "x_drive": x_drive,
-        }
+        given = dict(pwm=pwm, p_act=p_act, p_res=p_res, p_trb=p_trb, x_d=x_d)
+        given |= dict(f_vane=f_vane, f_drive=f_drive, x_drive=x_drive)
         channels = {
             signal: as_channel(name, signal, values, time) for signal, values in given.items() if values is not None
         }

@@ -1,14 +1,13 @@
 """Gains tuned through the gradient of the closed loop, over references, turbine pressures and plants."""
 
-from ._admissible import conditions as conditions
+from ._admissible import conditions as conditions, gain_names as gain_names
 from ._cases import Case as Case, Cases as Cases, cross_cases as cross_cases
-from ._gains import gain_names as gain_names
 from ._objective import TERMS as TERMS, Objective as Objective
 from ._problem import (
     MEMORIES as MEMORIES,
     CaseCosts as CaseCosts,
     Linearisation as Linearisation,
-    Problem as Problem,
+    TuningProblem as TuningProblem,
     plan_tuning as plan_tuning,
 )
 from ._quadratic import STEEPEST as STEEPEST, QuadraticModel as QuadraticModel, model_at as model_at

@@ -1,4 +1,4 @@
-"""Which gains a design may have: its conditions of stability as inequalities with derivatives."""
+"""Which parameters of a design are gains, and where they may be: its conditions, inequalities with derivatives."""
 
 import equinox as eqx
 import jax
@@ -7,10 +7,20 @@ from jaxtyping import Array, Float
 
 from .._types import Vector
 from ..control import AbstractController, AbstractDesign, designs_in
-from ..parameters import Selection, Transform
+from ..parameters import Selection, Transform, parameter_table
 
 MARGIN = 1e-3
 """A condition counts as kept with so much to spare: at its very edge a proof says nothing."""
+
+
+def gain_names(controller: AbstractController) -> list[str]:
+    """Parameters of a controller and of the designs inside it that are not held; what it believes of a plant is none.
+
+    A component that is no [`AbstractDesign`][] is what the controller believes.
+    """
+    own = {prefix for prefix, _ in designs_in(controller)}
+    table = parameter_table(controller)
+    return [name for name, row in table.items() if not row.held and name[: name.rfind(".") + 1] in own]
 
 
 def conditions(controller: AbstractDesign) -> dict[str, Float[Array, ""]]:

@@ -25,7 +25,7 @@ class Timing(NamedTuple):
     period: float
 
 
-class Row(NamedTuple):
+class Lane(NamedTuple):
     """One closed loop: a plant, what it is put through, the gains' coordinates, and seconds that derivatives last."""
 
     plant: AbstractModel
@@ -34,77 +34,60 @@ class Row(NamedTuple):
     memory: Float[Array | np.ndarray, ""]
 
 
+class Shared(NamedTuple):
+    """What all closed loops of a call have in common."""
+
+    controller: AbstractController
+    selection: Selection
+    transform: Transform
+    objective: Objective
+    timing: Timing
+
+
 @eqx.filter_jit
-def evaluate(
-    controller: AbstractController,
-    selection: Selection,
-    transform: Transform,
-    objective: Objective,
-    timing: Timing,
-    rows: Row,
-) -> tuple[Figures]:
-    """Figures of every row; every array in and out has a leading axis of them."""
-    fixed = (controller, selection, transform, objective, timing)
-    return (jax.vmap(lambda row: _outcome(*fixed, row)[1])(rows),)
+def evaluate(shared: Shared, lanes: Lane) -> tuple[Figures]:
+    """Figures of every lane; every array in and out has a leading axis of them."""
+    return (jax.vmap(lambda lane: _outcome(shared, lane)[1])(lanes),)
 
 
 @eqx.filter_jit
 def linearise(
-    controller: AbstractController,
-    selection: Selection,
-    transform: Transform,
-    objective: Objective,
-    timing: Timing,
-    rows: Row,
-) -> tuple[Figures, Float[Array, "rows gains"], Float[Array, "rows gains gains"]]:
+    shared: Shared, lanes: Lane
+) -> tuple[Figures, Float[Array, "lanes gains"], Float[Array, "lanes gains gains"]]:
     """The same, with gradient of the cost and twice the Gram matrix of the residuals' derivatives.
 
-    Every direction is pushed through all rows at once, so that rows lie next to each other in memory, which is faster
-    on a CPU than the Jacobian of each row.
+    Every direction is pushed through all lanes at once, so that they lie next to each other in memory, which is faster
+    on a CPU than the Jacobian of each lane.
     """
-    fixed = (controller, selection, transform, objective, timing)
 
-    def all_rows(coordinates: Array) -> tuple[Array, Figures]:
-        return jax.vmap(lambda row: _outcome(*fixed, row))(rows._replace(coordinates=coordinates))
+    def all_lanes(coordinates: Array) -> tuple[Array, Figures]:
+        return jax.vmap(lambda lane: _outcome(shared, lane))(lanes._replace(coordinates=coordinates))
 
     def push(direction: Array) -> tuple[Array, Array, Figures]:
-        along = jnp.broadcast_to(direction, rows.coordinates.shape)
-        return jax.jvp(all_rows, (rows.coordinates,), (along,), has_aux=True)
+        along = jnp.broadcast_to(direction, lanes.coordinates.shape)
+        return jax.jvp(all_lanes, (lanes.coordinates,), (along,), has_aux=True)
 
-    directions = jnp.eye(rows.coordinates.shape[1], dtype=rows.coordinates.dtype)
+    directions = jnp.eye(lanes.coordinates.shape[1], dtype=lanes.coordinates.dtype)
     found, columns, figures = jax.vmap(push, out_axes=(None, 0, None))(directions)
     slopes = 2 * jnp.einsum("grt,rt->rg", columns, found)
     return figures, slopes, 2 * jnp.einsum("grt,hrt->rgh", columns, columns)
 
 
 @eqx.filter_jit
-def simulate(controller: AbstractController, timing: Timing, rows: Row) -> ClosedLoop:
-    """Every row as a run."""
-    return jax.vmap(lambda row: _run(controller, row, timing))(rows)
+def simulate(controller: AbstractController, timing: Timing, lanes: Lane) -> ClosedLoop:
+    """Every lane as a run."""
+    return jax.vmap(lambda lane: _run(controller, lane, timing))(lanes)
 
 
-def _run(controller: AbstractController, row: Row, timing: Timing) -> ClosedLoop:
-    return close_loop(
-        row.plant,
-        controller,
-        row.scenario,
-        timing.duration,
-        period=timing.period,
-        derivative_memory=row.memory,
-        throw=False,
-    )
+def _run(controller: AbstractController, lane: Lane, timing: Timing) -> ClosedLoop:
+    plant, scenario, (duration, period) = lane.plant, lane.scenario, timing
+    return close_loop(plant, controller, scenario, duration, period=period, derivative_memory=lane.memory, throw=False)
 
 
-def _outcome(
-    controller: AbstractController,
-    selection: Selection,
-    transform: Transform,
-    objective: Objective,
-    timing: Timing,
-    row: Row,
-) -> tuple[Array, Figures]:
-    """Residuals of one row in one array, and its figures."""
-    run = _run(selection.unpack(controller, transform.to_physical(row.coordinates)), row, timing)
-    residuals, settled = objective.residuals(run), objective.settled
+def _outcome(shared: Shared, lane: Lane) -> tuple[Array, Figures]:
+    """Residuals of one lane in one array, and its figures."""
+    tuned = shared.selection.unpack(shared.controller, shared.transform.to_physical(lane.coordinates))
+    run = _run(tuned, lane, shared.timing)
+    residuals, settled = shared.objective.residuals(run), shared.objective.settled
     rms, peak = tracking_rms(run, settled), tracking_peak(run, settled)
     return residuals.ravel(), (jnp.sum(residuals**2, 1), rms, peak, run.result == RESULTS.successful)

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._errors import InputError
+from .._errors import InputError, is_traced
 from .._types import Scalar
 from ..control import ClosedLoop, number
 
@@ -47,7 +47,7 @@ class Objective(eqx.Module):
         rules += [("worst", lambda v: 0 <= v <= 1, "within 0 and 1"), ("power", lambda v: v >= 1, "one or more")]
         for name, holds, rule in rules:
             value = getattr(self, name)
-            if not isinstance(value, jax.core.Tracer) and not holds(float(np.asarray(value))):
+            if not is_traced(value) and not holds(float(np.asarray(value))):
                 raise InputError(f"{name} of an objective must be {rule}, but it is {value}; correct it")
 
     def residuals(self, run: ClosedLoop) -> Float[Array, "terms time"]:

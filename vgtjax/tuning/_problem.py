@@ -1,6 +1,7 @@
 """Gains as coordinates, and the cost of all closed loops with its derivatives."""
 
 import dataclasses
+import functools
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -14,9 +15,8 @@ from .._lanes import map_rows
 from ..control import AbstractController, ClosedLoop, check
 from ..parameters import Selection, Transform, build_transform, parameter_table, select
 from . import _loops as loops
-from ._admissible import MARGIN, conditions, spare, spare_slopes
+from ._admissible import MARGIN, conditions, gain_names, spare, spare_slopes
 from ._cases import Cases
-from ._gains import gain_names
 from ._objective import Objective
 
 MEMORIES = (math.inf, 1.0, 0.3, 0.1, 0.03)
@@ -59,7 +59,7 @@ class Linearisation:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Problem:
+class TuningProblem:
     """A controller whose gains are to be chosen for many closed loops.
 
     `selection` says which gains are free, `transform` how they move. Made by [`plan_tuning`][].
@@ -113,8 +113,8 @@ class Problem:
         chosen = self.cases.take(indices)
         timing = loops.Timing(chosen.duration, chosen.period)
         exact = np.full(len(chosen), math.inf)
-        rows = loops.Row(chosen.plants, chosen.scenarios, np.repeat(coordinates[None], len(chosen), 0), exact)
-        return loops.simulate(self.controller_at(coordinates), timing, rows)
+        lanes = loops.Lane(chosen.plants, chosen.scenarios, np.repeat(coordinates[None], len(chosen), 0), exact)
+        return loops.simulate(self.controller_at(coordinates), timing, lanes)
 
     def combine(self, costs: Float[np.ndarray, " cases"]) -> float:
         """`J` of the costs of all closed loops; infinite where one of them is not finite."""
@@ -143,15 +143,15 @@ class Problem:
         count = len(places)
         memories = np.broadcast_to(np.asarray(memory, float), count)
         timing = loops.Timing(self.cases.duration, self.cases.period)
+        shared = loops.Shared(self.controller, self.selection, self.transform, self.objective, timing)
 
-        def rows(chosen: np.ndarray) -> loops.Row:
+        def at(chosen: np.ndarray) -> loops.Lane:
             chunk = self.cases.take(places[chosen].tolist())
-            return loops.Row(chunk.plants, chunk.scenarios, coordinates[chosen], memories[chosen])
+            return loops.Lane(chunk.plants, chunk.scenarios, coordinates[chosen], memories[chosen])
 
-        def run(shared: loops.Row) -> Any:
-            return function(self.controller, self.selection, self.transform, self.objective, timing, shared)
-
-        (terms, rms, peak, good), *more = map_rows(run, rows, count, min(self.lanes, count))
+        (terms, rms, peak, good), *more = map_rows(
+            functools.partial(function, shared), at, count, min(self.lanes, count)
+        )
         blank = np.where(good, 1.0, np.nan)
         return (terms * blank[:, None], rms * blank, peak * blank, ~good), *more
 
@@ -166,7 +166,7 @@ def plan_tuning(
     bounds: dict[str, tuple[float | None, float | None]] | None = None,
     memories: Sequence[float] = MEMORIES,
     lanes: int = LANES,
-) -> Problem:
+) -> TuningProblem:
     """Which gains move, and how.
 
     **Arguments:**
@@ -187,7 +187,9 @@ def plan_tuning(
         raise InputError("tuning needs at least one free gain, but free and fixed leave none; free one", "free")
     table, start = parameter_table(controller), np.asarray(selection.pack(controller))
     transform = build_transform(table, selection.entries, start, bounds or {})
-    problem = Problem(controller, cases, objective, selection, transform, tuple(sorted(memories, reverse=True)), lanes)
+    problem = TuningProblem(
+        controller, cases, objective, selection, transform, tuple(sorted(memories, reverse=True)), lanes
+    )
     spares = problem.conditions(problem.start)
     for (name, value), left in zip(conditions(controller).items(), spares, strict=True):
         if left < 0:

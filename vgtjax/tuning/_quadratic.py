@@ -8,7 +8,7 @@ import numpy as np
 import scipy.optimize
 from jaxtyping import Float
 
-from ._problem import Linearisation, Problem
+from ._problem import Linearisation, TuningProblem
 
 STEEPEST = 10.0
 """Highest curvature of a loop that is believed, in parts of its cost: this one doubles it within a factor of 1.6.
@@ -24,13 +24,9 @@ class QuadraticModel:
     slope: Float[np.ndarray, " gains"]
     curvature: Float[np.ndarray, "gains gains"]
 
-    def propose(self, problem: Problem, radius: float) -> Float[np.ndarray, " gains"]:
+    def propose(self, problem: TuningProblem, radius: float) -> Float[np.ndarray, " gains"]:
         """The coordinates that it likes best within a distance of `radius`, the bounds and the conditions of the
-        design, by SciPy's SLSQP.
-
-        The distance is that of the coordinates as they are, not scaled by the curvature: a gain that matters little
-        stays where it is rather than drift to where it matters.
-        """
+        design, by SciPy's SLSQP."""
         here, transform = self.here, problem.transform
         bounds = np.stack([np.maximum(transform.lower - here, -radius), np.minimum(transform.upper - here, radius)], 1)
         ball = {"type": "ineq", "fun": lambda move: radius**2 - move @ move, "jac": lambda move: -2 * move}
@@ -61,13 +57,8 @@ class QuadraticModel:
         return move * min(1.0, radius / max(float(np.linalg.norm(move)), radius))
 
 
-def model_at(problem: Problem, coordinates: Float[np.ndarray, " gains"], at: Linearisation) -> QuadraticModel:
-    """The model that Gauss and Newton's method makes of every closed loop's residuals (convex composite).
-
-    With `J = A(l_1, l_2, ...)` and `A` convex and rising, `H = sum dA/dl_i H_i + L^T A'' L` is never negative, where
-    `H_i` is twice the Gram matrix of the residuals' derivatives, at most [`STEEPEST`][] in its steepest direction, and
-    `L` holds the slopes of `l_i`.
-    """
+def model_at(problem: TuningProblem, coordinates: Float[np.ndarray, " gains"], at: Linearisation) -> QuadraticModel:
+    """The model that Gauss and Newton's method makes of every closed loop's residuals (convex composite)."""
     weights, bends = problem.objective.derivatives(at.cases.costs)
     highest, tiny = np.linalg.eigvalsh(at.curvatures)[:, -1], np.finfo(float).tiny
     believed = np.minimum(1.0, STEEPEST * at.cases.costs / np.maximum(highest, tiny))
@@ -76,7 +67,7 @@ def model_at(problem: Problem, coordinates: Float[np.ndarray, " gains"], at: Lin
 
 
 def _inside(
-    problem: Problem, here: Float[np.ndarray, " gains"], move: Float[np.ndarray, " gains"]
+    problem: TuningProblem, here: Float[np.ndarray, " gains"], move: Float[np.ndarray, " gains"]
 ) -> Float[np.ndarray, " gains"]:
     """The step, shortened where rounding or a subproblem that was not solved took it outside."""
     for _ in range(30):

@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float, Int
 
-from ._problem import Linearisation, Problem
+from ._problem import Linearisation, TuningProblem
 
 SHAKING = 2.0
 """Highest standard error of a slope that is used as it is, in parts of the loop's cost. Many loops together average it
@@ -20,13 +20,8 @@ APART = 0.1
 """s; errors of tracking that lie further apart count as independent."""
 
 
-def shaking(problem: Problem, at: Linearisation) -> Float[np.ndarray, " cases"]:
-    """Highest standard error of each loop's slopes in parts of its cost, infinite where they are not finite.
-
-    A slope is twice the sum of residuals times their derivatives. Where the derivatives are those of chaos, they have
-    nothing to do with the residuals, and a sum of `N` independent products has the variance `2 l H / N`, `H` from the
-    curvature that Gauss and Newton's method would use.
-    """
+def shaking(problem: TuningProblem, at: Linearisation) -> Float[np.ndarray, " cases"]:
+    """Highest standard error of each loop's slopes in parts of its cost, infinite where they are not finite."""
     independent = (problem.cases.duration - problem.objective.settled) / APART
     steepest = np.max(np.einsum("cii->ci", at.curvatures), axis=1)
     with np.errstate(all="ignore"):
@@ -35,7 +30,7 @@ def shaking(problem: Problem, at: Linearisation) -> Float[np.ndarray, " cases"]:
 
 
 def linearise_remembered(
-    problem: Problem, coordinates: Float[np.ndarray, " gains"], memories: Int[np.ndarray, " cases"]
+    problem: TuningProblem, coordinates: Float[np.ndarray, " gains"], memories: Int[np.ndarray, " cases"]
 ) -> tuple[Linearisation, Int[np.ndarray, " cases"]]:
     """Derivatives that shake little, and the memory that each loop may begin with next time.
 
@@ -62,7 +57,7 @@ def linearise_remembered(
     return _believed(found, error), np.clip(used + _notches(error) - calm, 0, last)
 
 
-def _share(problem: Problem, at: Linearisation, which: np.ndarray) -> float:
+def _share(problem: TuningProblem, at: Linearisation, which: np.ndarray) -> float:
     """What some loops contribute to the cost, by its derivatives."""
     weights, _ = problem.objective.derivatives(at.cases.costs)
     parts = weights * at.cases.costs

@@ -11,7 +11,7 @@ from ..control import AbstractController
 from ..parameters import parameter_table, table_row
 from ._cases import Cases
 from ._objective import Objective
-from ._problem import CaseCosts, Problem, plan_tuning
+from ._problem import CaseCosts, TuningProblem, plan_tuning
 from ._smoothing import soften, soften_cases
 from ._tuner import Tuner, TuningProgress
 
@@ -39,7 +39,7 @@ class Tuning(Printed):
     gains: tuple[TunedGain, ...]
     start_costs: CaseCosts
     costs: CaseCosts
-    problem: Problem
+    problem: TuningProblem
 
     def __iter__(self) -> Iterator[Any]:
         return iter((self.controller, self.progress))

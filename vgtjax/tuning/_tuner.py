@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from .._errors import SimulationError
-from ._problem import CaseCosts, Problem
+from ._problem import CaseCosts, TuningProblem
 from ._quadratic import QuadraticModel, model_at
 from ._remembered import linearise_remembered
 
@@ -70,27 +70,16 @@ class _Found:
 
 
 class Tuner:
-    """Tuning under way, one step at a time.
+    """Tuning under way, one step at a time; the manual's page on control says what a step does.
 
-    A step minimises the quadratic model of `J` that Gauss and Newton's method makes of every closed loop's residuals,
-    within a radius, the bounds and the conditions of the design. These cost nothing to evaluate, so each step solves
-    them as they are: no gain outside them is ever simulated. Several radii are simulated side by side, and the lowest
-    cost is taken, even if it is a little higher than before; a trial at which a closed loop fails never is. What counts
-    in the end is the best of all.
-
-    Each closed loop has derivatives of its own memory, the longest of the problem's with which they do not shake: all
-    of them where the loop is calm, and a short one where it hunts. They begin in the middle. Where steps gain nothing
-    more, tuning is restarted from the best so far, with short memories if they were long, and else with long ones; it
-    ends where that gains nothing either.
+    `cases` are the costs at the best coordinates.
 
     **Arguments:** `start`: the last progress of an interrupted run; by default the gains that the controller has.
 
     **Raises:** `SimulationError` when a closed loop fails with the start's gains.
-
-    `cases` are the costs at the best coordinates.
     """
 
-    def __init__(self, problem: Problem, start: TuningProgress | None = None):
+    def __init__(self, problem: TuningProblem, start: TuningProgress | None = None):
         self.problem = problem
         here, middle = tuple(problem.start.tolist()), len(problem.memories) // 2
         began = TuningProgress(here, here, (middle,) * len(problem.cases))
@@ -169,7 +158,7 @@ class Tuner:
         now = self.progress
         if now.restarts and self._gained(since) < STALLED:
             return self._end(f"restarted, tuning lowers the cost by less than {STALLED:.0%}")
-        short = _short(self.problem)
+        short = max(len(self.problem.memories) - 2, 0)  # but one: one notch is left to those that shake
         memory = 0 if np.mean(now.memories) > short / 2 else short
         self._change(
             here=now.coordinates,
@@ -186,8 +175,3 @@ class Tuner:
 
     def _change(self, **changes: Any) -> None:
         self.progress = dataclasses.replace(self.progress, **changes)
-
-
-def _short(problem: Problem) -> int:
-    """Place of the last memory but one: one notch is left to those that shake."""
-    return max(len(problem.memories) - 2, 0)

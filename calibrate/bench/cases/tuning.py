@@ -10,7 +10,7 @@ import cma
 import numpy as np
 import scipy.optimize
 
-from vgtjax.tuning import Problem, Tuner
+from vgtjax.tuning import Tuner, TuningProblem
 
 from ...tune.job import EXAMPLE, prepare_tuning
 from ..table import Section, seconds, times
@@ -58,7 +58,7 @@ class _Record:
 class _Watched(_Record):
     """The cost of a problem as an optimiser without derivatives asks for it."""
 
-    def __init__(self, problem: Problem, budget: float):
+    def __init__(self, problem: TuningProblem, budget: float):
         super().__init__(problem.start)
         self.problem, self.budget, self.count = problem, budget, 0
 
@@ -138,7 +138,7 @@ def measure() -> Section:
     return section
 
 
-def _problem(study: str) -> Problem:
+def _problem(study: str) -> TuningProblem:
     units = EXAMPLE.parents[1] / "fleet" / "units"
     header = f'[components]\nvane_force = "map"\n[population]\nunits = "{units}"\n'
     with tempfile.TemporaryDirectory() as folder:
@@ -147,19 +147,19 @@ def _problem(study: str) -> Problem:
         return prepare_tuning(path, None).smooth
 
 
-def _compile(problem: Problem) -> None:
+def _compile(problem: TuningProblem) -> None:
     """Calls all that tuning needs once."""
     for warm_up in (problem.cost, problem.conditions, problem.condition_slopes):
         warm_up(problem.start)
     Tuner(problem).step()
 
 
-def _unseen(problems: list[Problem], coordinates: np.ndarray) -> float:
+def _unseen(problems: list[TuningProblem], coordinates: np.ndarray) -> float:
     """Mean cost of the same loops with other noise."""
     return float(np.mean([problem.cost(coordinates) for problem in problems]))
 
 
-def _by_gradients(problem: Problem) -> _Record:
+def _by_gradients(problem: TuningProblem) -> _Record:
     record = _Record(problem.start)
     tuner = Tuner(problem)
     while not tuner.progress.finished:
@@ -169,7 +169,7 @@ def _by_gradients(problem: Problem) -> _Record:
     return record
 
 
-def _without(problem: Problem, minimise: Minimiser, budget: float) -> _Record:
+def _without(problem: TuningProblem, minimise: Minimiser, budget: float) -> _Record:
     watched = _Watched(problem, budget)
     with contextlib.suppress(_OutOfTimeError):
         minimise(watched, problem.start)

@@ -35,6 +35,7 @@ from vgtjax.control import (
     DesignState,
     DualFrictionObserver,
     Measurement,
+    Moment,
     Motion,
     Reference,
     Scenario,
@@ -57,7 +58,7 @@ def test_theta_2_and_theta_x_are_the_derivative_of_theta_1(name):
 
         along = jax.jvp(theta_1, (loop, time), (rates, jnp.ones_like(time)))[1]
         reference, where = control.reference_at(WAVE, time), motion(loop.plant)
-        sensitivity = controller.errors(where, loop.plant.pressure, reference, loop.estimate).sensitivity
+        sensitivity = controller.errors(Moment(where, loop.plant.pressure, reference), loop.estimate).sensitivity
         theta_2 = controller.wanted_rate(where, reference, loop.estimate, rates.estimate)
         return along, theta_2 + sensitivity * rates.plant.velocity
 
@@ -183,10 +184,11 @@ def test_the_duty_gives_the_design_model_the_pressure_rate_that_is_asked_for():
     reference = control.reference_at(WAVE, jnp.asarray(0.0))
     where, pressure = Motion(jnp.asarray(0.005), jnp.asarray(0.006), AMBIENT), jnp.asarray(6.2e4)
     estimate = start_of(controller).estimate
-    errors = controller.errors(where, pressure, reference, estimate)
+    at = Moment(where, pressure, reference)
+    errors = controller.errors(at, estimate)
     rates = controller.rates(where, errors, estimate)
-    asked = controller.pressure_rate(where, pressure, reference, estimate, errors, rates)
-    flow = controller.flow(where, pressure, reference, estimate, errors, rates)
+    asked = controller.pressure_rate(at, estimate, errors, rates)
+    flow = controller.flow(at, estimate, errors, rates)
     duty = controller.model.flow_map.duty_for(flow, pressure, AMBIENT)
     assert 0 < float(duty) < 100
     state = DesignState(where.position, where.velocity, jnp.asarray(0.0), pressure)

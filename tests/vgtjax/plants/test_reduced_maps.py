@@ -278,9 +278,9 @@ BAD = [
     (lambda: fit_flow_map(ACTUATOR, pressure_range=(3e2, 1e3)), r"overlap .* 29368 to 101013 Pa, .* is \(300, 1000"),
     (
         lambda: LiftTable(position=[0.0, 0.0]),
-        "knots of position must be at least two that increase, in m, .* sort them",
+        "position must be at least two knots that increase, in m, .* sort them",
     ),
-    (lambda: LiftTable(pressure=[1e5]), "knots of pressure must be at least two that increase, in Pa, .* sort them"),
+    (lambda: LiftTable(pressure=[1e5]), "pressure must be at least two knots that increase, in Pa, .* sort them"),
     (lambda: LiftTable(flow=[0.0]), "a table needs 4 flows, .* but it has 1; give 2 rows of 2"),
     (
         lambda: vgtjax.reduce_to_plunger_map(ACTUATOR, PolynomialFlow()),

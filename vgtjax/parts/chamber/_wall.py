@@ -1,11 +1,9 @@
 """A chamber that exchanges heat with its wall."""
 
-import math
-
 import equinox as eqx
 import jax.numpy as jnp
 
-from ..._errors import InputError
+from ..._errors import require_positive
 from ..._types import Scalar, Values
 from ...parameters import parameter
 from .._air import Air
@@ -17,27 +15,18 @@ from ._base import AbstractChamber, Gas
 class WallChamber(AbstractChamber):
     """Chamber into which flows the heat `Q = h A (T_wall - T)` that the thesis leaves out [2.43].
 
-    Then `m c_v T' = ... + Q` and `p' = ... + (gamma - 1) Q / V`. Without conductance it is the adiabatic chamber; with
-    a large one it is the isothermal chamber at the wall's temperature.
+    Without conductance it is the adiabatic chamber; with a large one it is the isothermal chamber at the wall's
+    temperature.
     """
 
     volume: Scalar = parameter(60e-6, symbol="V_0", unit="m3", source="B.2")
-    wall_conductance: Scalar = parameter(
-        0.0, symbol="h A", unit="W/K", source="assumed", positive=False, lower=0.0, assumed=True
-    )
-    wall_temperature: Scalar = parameter(293.15, symbol="T_wall", unit="K", source="assumed", held=True, assumed=True)
+    wall_conductance: Scalar = parameter(0.0, symbol="h A", unit="W/K", source="assumed", lower=0.0)
+    wall_temperature: Scalar = parameter(293.15, symbol="T_wall", unit="K", source="assumed", held=True)
     fastest_exchange: float = eqx.field(static=True, default=3e3)
-    """Highest rate in 1/s at which the gas takes on the temperature that flow and wall balance; a numerical setting.
-
-    A conductance beyond it, some 100 W/K, acts on that temperature as it is, but the gas comes there no faster, so that
-    no rate grows without bound. Pressure follows the gas law all the same; only heat in transit is miscounted.
-    """
+    """Highest rate in 1/s at which the gas takes on the temperature that flow and wall balance; a numerical setting."""
 
     def __check_init__(self) -> None:
-        if not 0 < self.fastest_exchange < math.inf:
-            raise InputError(
-                f"fastest_exchange must be a positive rate in 1/s, but it is {self.fastest_exchange}; use e.g. 3e3"
-            )
+        require_positive("fastest_exchange", self.fastest_exchange, "rate in 1/s", "use e.g. 3e3")
 
     def rates(self, air: Air, gas: Gas, inflow: Flow, displaced: Values, displacement_rate: Values) -> Gas:
         """Time derivatives of pressure (Pa/s) and temperature (K/s): [2.57] and the wall's heat."""

@@ -1,17 +1,30 @@
 """What every map of the flow into the chamber answers."""
 
 import abc
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
 from ..._types import Scalar, Values
-from ...parameters import Part
+from ...parameters import Part, parameter
 from ._roots import falling_root
 
 FULL_DUTY = 100.0
 """Percent."""
+
+
+def equilibrium_pressure() -> Any:
+    """Declares `p_eq(u)`, at which the plunger closes, as a quartic; the default is for a reservoir of 20 kPa."""
+    return parameter(
+        (101843.62559540888, -12.98938307030129, -22.38163558106169, 0.20506743185078907, -5.242754662840745e-4),
+        symbol="p_eq",
+        unit=tuple(f"Pa/%^{k}" for k in range(5)),
+        source="2.8, B.1",
+        positive=False,
+        held=True,
+    )
 
 
 class AbstractLiftMap(Part):
@@ -40,11 +53,8 @@ class AbstractFlowMap(Part):
 
     @abc.abstractmethod
     def __call__(self, duty: Values, pressure: Values, ambient: Values | None = None) -> Values:
-        """Flow in kg/s. A duty beyond 0 to 100 % counts as the nearest one in it.
-
-        Outside the valid pressures it goes on along its tangent: held, an error of the map at the end of the range
-        would move the pressure for ever.
-        """
+        """Flow in kg/s, along its tangent outside the valid pressures. A duty beyond 0 to 100 % counts as the nearest
+        one in it."""
 
     @abc.abstractmethod
     def valid(self, duty: Values, pressure: Values, ambient: Values | None = None) -> Bool[Array, "..."]:

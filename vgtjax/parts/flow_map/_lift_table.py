@@ -7,15 +7,14 @@ from jaxtyping import Array, Float, Int
 from ..._errors import InputError, is_traced
 from ..._types import Scalar, Values
 from ...parameters import parameter
+from .._gas_table import require_knots
 from ._base import AbstractLiftMap
 
 
 class LiftTable(AbstractLiftMap):
-    """Table over plunger position and chamber pressure, linear between its knots and held beyond them.
+    """Table over plunger position and chamber pressure, linear between its knots and held beyond them [5.1].
 
-    The thesis fits a polynomial in both [5.1] and prints no coefficients. A polynomial has no kink where the plunger
-    closes, and lets air flow there; a table read from the full model at its kinks keeps zero where nothing flows. The
-    default is a table without any flow: [`fit_flow_map`][] makes one.
+    The default is a table without any flow: [`fit_flow_map`][] makes one.
     """
 
     position: Float[Array, " positions"] = parameter(
@@ -35,12 +34,8 @@ class LiftTable(AbstractLiftMap):
     def __check_init__(self) -> None:
         if is_traced(self.position, self.pressure, self.flow):
             return
-        for name, knots, unit in (("position", self.position, "m"), ("pressure", self.pressure, "Pa")):
-            if len(knots) < 2 or not np.all(np.diff(knots) > 0):
-                raise InputError(
-                    f"the knots of {name} must be at least two that increase, in {unit}, but they are "
-                    f"{[float(knot) for knot in knots]}; sort them and remove repeated ones"
-                )
+        require_knots("position", np.asarray(self.position), "m")
+        require_knots("pressure", np.asarray(self.pressure), "Pa")
         rows, columns = len(self.position), len(self.pressure)
         if self.flow.size != rows * columns:
             raise InputError(
@@ -54,7 +49,7 @@ class LiftTable(AbstractLiftMap):
         return jnp.vectorize(self._look_up)(position, gauged)
 
     def _look_up(self, position: Values, pressure: Values) -> Values:
-        # Gathered, unlike `tables.bilinear`, whose sum over intervals compiles for ten seconds at this size and runs a
+        # Gathered, unlike `bilinear`, whose sum over intervals compiles for ten seconds at this size and runs a
         # batch sixteen times slower.
         row, down = _place(self.position, position)
         column, across = _place(self.pressure, pressure)

@@ -6,7 +6,7 @@ from jaxtyping import Array, Bool, Float
 
 from ..._types import Scalar, Values
 from ...parameters import parameter
-from ._base import FULL_DUTY, AbstractFlowMap, duty_by_bisection
+from ._base import FULL_DUTY, AbstractFlowMap, duty_by_bisection, equilibrium_pressure
 from ._roots import polynomial, slope
 
 MBAR = 100.0
@@ -16,10 +16,8 @@ MBAR = 100.0
 class PrintedFlow(AbstractFlowMap):
     """`f = phi(dp) + psi(dp) u` [B.4] with `dp = p - p_eq(u)` in mbar and `u` as a fraction from 0 to 1 (erratum 25).
 
-    As printed: nothing flows near -16 mbar instead of zero, and `psi` vanishes at 10.5, 179 and 599 mbar, so that the
-    control law (5.63), which divides by it, has poles there; [`duty_for`][] inverts the map instead. `p_eq(u)`, which
-    is not printed, is where the plunger of the full model closes, a quartic [2.8, B.1]; the defaults are its printed
-    values at 20 kPa of reservoir pressure.
+    As printed, with its faults, of which the manual's page on physics tells. The default `p_eq(u)` [2.8, B.1] is that
+    at 20 kPa of reservoir pressure.
     """
 
     phi: Float[Array, " 6"] = parameter(
@@ -38,14 +36,7 @@ class PrintedFlow(AbstractFlowMap):
         positive=False,
         held=True,
     )
-    equilibrium: Float[Array, " 5"] = parameter(
-        (101843.62559540888, -12.98938307030129, -22.38163558106169, 0.20506743185078907, -5.242754662840745e-4),
-        symbol="p_eq",
-        unit=tuple(f"Pa/%^{k}" for k in range(5)),
-        source="2.8, B.1",
-        positive=False,
-        held=True,
-    )
+    equilibrium: Float[Array, " 5"] = equilibrium_pressure()
     ambient: Scalar = parameter(101013.0, symbol="p_map", unit="Pa", source="B.2", held=True)
     difference_range: tuple[float, float] = eqx.field(static=True, default=(-720.0, 440.0))
     """mbar; none is printed. Within it flow falls with pressure, and with duty from 1 % upwards."""

@@ -19,9 +19,7 @@ NEARBY = 1e-3
 def falling_root(function: Callable[[Values], Values], low: Values, high: Values) -> Values:
     """Where a falling function is zero, by bisection; the nearer end where it is not zero between `low` and `high`.
 
-    Elementwise. Bisection has no derivative, so one step of Newton's follows whose slope counts as a constant: by the
-    implicit function theorem it has the right first derivative with respect to all that `function` depends on. Where
-    the slope is zero, or so small that rounding alone would lead away from the root, there is no such step.
+    Elementwise. One step of Newton's follows, for the derivatives with respect to all that `function` depends on.
     """
 
     def halve(_: Int[Array, ""], ends: tuple[Values, Values]) -> tuple[Values, Values]:

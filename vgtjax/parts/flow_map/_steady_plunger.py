@@ -6,28 +6,19 @@ from jaxtyping import Array, Bool, Float
 
 from ..._types import Values
 from ...parameters import parameter
-from ._base import FULL_DUTY, AbstractFlowMap, duty_by_bisection
+from ._base import FULL_DUTY, AbstractFlowMap, duty_by_bisection, equilibrium_pressure
 from ._lift_table import LiftTable
 from ._roots import polynomial
 
 
 class SteadyPlungerFlow(AbstractFlowMap):
-    """The table of flow over plunger position, with the plunger where duty and pressure balance it.
+    """The table of flow over plunger position, with the plunger where duty and pressure balance it [5.3].
 
     `x_p = c (p_eq(u) - p)` with one compliance for each direction, since the return spring acts on one side only
-    (erratum 6). So the duty acts through the pressure difference `p - p_eq(u)` alone, as in [5.3], but the rest of the
-    flow law is the pressure's, not the duty's as in B.4. Where the orifice to the reservoir is saturated, flow does not
-    depend on duty.
+    (erratum 6). Where the orifice to the reservoir is saturated, flow does not depend on duty.
     """
 
-    equilibrium: Float[Array, " 5"] = parameter(
-        (101843.62559540888, -12.98938307030129, -22.38163558106169, 0.20506743185078907, -5.242754662840745e-4),
-        symbol="p_eq",
-        unit=tuple(f"Pa/%^{k}" for k in range(5)),
-        source="2.8, B.1",
-        positive=False,
-        held=True,
-    )
+    equilibrium: Float[Array, " 5"] = equilibrium_pressure()
     compliance: Float[Array, " 2"] = parameter(
         (8.7125e-8, 3.9602272727e-8), symbol="c", unit="m/Pa", source="2.7, B.1", held=True
     )

@@ -20,15 +20,11 @@ ANGLES = (4.0, 12.0, 20.0, 28.0, 36.0)
 
 
 class AdaptiveLuGre(AbstractLuGre, AbstractGasTables):
-    """`F_f = theta F_LuGre` with `theta = 1 + load(p_trb, C_r) / F_c` [3.18-3.20].
+    """`F_f = theta F_LuGre` with `theta = 1 + load(p_trb, C_r) / F_c` [3.18-3.20, erratum 14].
 
-    (3.19) and (3.20) print `theta = 1 + F_aero / F_f`, which is singular wherever friction passes through zero, and has
-    nothing left of friction in the product. What the loops of section 3.4.2 show is a contact that is pressed harder,
-    so the load is referred to the sliding force instead: it is what exhaust gas adds to Coulomb friction, and every
-    other part of LuGre grows in proportion. The sign is that of the bristles; it is not applied again (erratum 14).
-
-    `load` is linear between knots, held beyond them, zero at zero gauge pressure and linear from there to the first
-    knot. While it does not change, friction is passive where that of [`LuGre`][] is.
+    `load` is what exhaust gas adds to Coulomb friction: linear between knots, held beyond them, zero at zero gauge
+    pressure and linear from there to the first knot. While it does not change, friction is passive where that of
+    [`LuGre`][] is.
     """
 
     feels_gas: ClassVar[bool] = True
@@ -40,22 +36,14 @@ class AdaptiveLuGre(AbstractLuGre, AbstractGasTables):
     viscous_damping: Scalar = parameter(206.0, symbol="sigma_2", unit="N s/m", source="B.2")
     stribeck_velocity: Scalar = parameter(1e-3, symbol="v_s", unit="m/s", source="B.2")
     load: Table = parameter(
-        (0.0,) * (len(PRESSURES) * len(ANGLES)),
-        symbol="F_load",
-        unit="N",
-        source="3.20",
-        positive=False,
-        lower=0.0,
-        assumed=True,
+        (0.0,) * (len(PRESSURES) * len(ANGLES)), symbol="F_load", unit="N", source="3.20", lower=0.0, assumed=True
     )
     """Sliding force in N that exhaust gas adds; a row of angles for every pressure, one row after the other."""
     turbine_pressure: Float[Array, " pressures"] = parameter(
         PRESSURES, symbol="p_trb", unit="Pa gauge", source="3.4.2", held=True
     )
     """Knots, increasing, above zero."""
-    crank_angle: Float[Array, " angles"] = parameter(
-        ANGLES, symbol="C_r", unit="deg", source="assumed", held=True, assumed=True
-    )
+    crank_angle: Float[Array, " angles"] = parameter(ANGLES, symbol="C_r", unit="deg", source="assumed", held=True)
     """Knots, increasing."""
     crank: Crank = eqx.field(default_factory=Crank)
     stribeck_exponent: int = eqx.field(static=True, default=1)

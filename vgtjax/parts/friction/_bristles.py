@@ -22,10 +22,7 @@ class Bristle(eqx.Module):
 
 
 class AbstractLuGre(AbstractFriction):
-    """`z' = v - sigma_0 |v| z / g(v)`, `F_f = theta (sigma_0 z + sigma_1 z' + sigma_2 v)` [3.6, 3.18].
-
-    The right side is continuous with a kink at `v = 0`; nothing is smoothed.
-    """
+    """`z' = v - sigma_0 |v| z / g(v)`, `F_f = theta (sigma_0 z + sigma_1 z' + sigma_2 v)` [3.6, 3.18]; continuous."""
 
     static_force: eqx.AbstractVar[Scalar]
     coulomb_force: eqx.AbstractVar[Scalar]
@@ -46,12 +43,7 @@ class AbstractLuGre(AbstractFriction):
         """How many times its friction without exhaust gas the contact has."""
 
     def passivity_bound(self) -> Values:
-        """The least viscous damping in N s/m with which friction never generates energy, `sigma_1 (F_s - F_c) / F_c`.
-
-        Bristles stretched by stiction that a sudden slip unloads push with `sigma_1 z'`. With `sigma_0 z^2 / 2` stored,
-        the loss at `v > 0` is at least `(sigma_1 + sigma_2 - sigma_1 sigma_0 z / g) v^2`; `sigma_0 z / g` is at most
-        the larger of `F_s` and `F_c` over the smaller. A constant `theta` scales both sides.
-        """
+        """The least viscous damping in N s/m with which friction is passive, `sigma_1 (F_s - F_c) / F_c`."""
         return least_damping(self.static_force, self.coulomb_force, self.bristle_damping)
 
     def initial_state(self) -> Bristle:

@@ -1,45 +1,31 @@
 """Coulomb friction that sticks without a jump and without creep [2.35]."""
 
-import math
-
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array
 
-from ..._errors import InputError
+from ..._errors import require_positive
 from ..._types import Scalar, Values
 from ...parameters import parameter
+from .._stateless import Stateless
 from ._base import AbstractFriction, Contact
 from ._bristles import SMALLEST_FORCE
 
 
-class Coulomb(AbstractFriction):
+class Coulomb(Stateless, AbstractFriction):
     """`F_f = F_c sign(v) + sigma_2 v`; at rest the force that holds the rod, up to `F_c` [2.35].
 
-    A jump at `v = 0` would make every derivative wrong, and a steep slope through zero lets a loaded rod creep. Instead
-    the dry part opposes the velocity that the rod would have one `stick_time` later without it,
-    `clip(F_a - sigma_2 v + m v / stick_time, -F_c, F_c)` with the applied force `F_a`: continuous, with kinks.
-    A rod that sticks feels the net force `-m v / stick_time`, whatever the load below `F_c`: its velocity decays to
-    zero and it stays. A rod that slides feels exactly `F_c sign(v) + sigma_2 v`.
-
-    What is approximated: coming to rest takes a few `stick_time`, and dry friction changes sign up to that much before
-    the velocity does. To tighten, lower `stick_time`, and `max_step` to half of it: the error falls with its square. A
-    longer step stays stable and then decides how long coming to rest takes.
+    The dry part opposes the velocity that the rod would have one `stick_time` later without it, `clip(F_a - sigma_2 v +
+    m v / stick_time, -F_c, F_c)` with the applied force `F_a`: continuous, without creep. The manual's page on physics
+    says what that approximates, and how to tighten it.
     """
 
     coulomb_force: Scalar = parameter(2.8, symbol="F_c", unit="N", source="B.2")
     viscous_damping: Scalar = parameter(206.0, symbol="sigma_2", unit="N s/m", source="B.2")
     stick_time: float = eqx.field(static=True, default=1e-3)
-    """Time constant in s with which a rod comes to rest; see above how to tighten it."""
+    """Time constant in s with which a rod comes to rest; the manual says how to tighten it."""
 
     def __check_init__(self) -> None:
-        check_width("stick_time", self.stick_time, "s", 1e-3)
-
-    def initial_state(self) -> None:
-        """Nothing to remember."""
-
-    def relaxation(self, contact: Contact, state: None) -> None:
-        """No state, no rate."""
+        require_positive("stick_time", self.stick_time, "number of s", "use e.g. 0.001")
 
     def damping(self, contact: Contact) -> Values:
         """`m / stick_time` at velocities at which a rod may stick, `sigma_2` from twice those on."""
@@ -55,13 +41,6 @@ class Coulomb(AbstractFriction):
 
     def passivity_margin(self) -> None:
         """It can't give out energy."""
-
-    def signals(self, state: None) -> dict[str, Array]:
-        """Nothing to show."""
-        return {}
-
-    def typical_state(self) -> None:
-        """No state, no size."""
 
 
 def sticking_damping(limit: Values, viscous: Values, stick_time: float, contact: Contact) -> Values:
@@ -82,12 +61,3 @@ def sticking_force(
     # The viscous part is taken out before clipping and comes back after it: stuck, the two cancel exactly.
     holding = applied_force - slowing + contact.mass * contact.velocity / stick_time
     return jnp.clip(holding, -limit, limit) + slowing
-
-
-def check_width(name: str, value: float, unit: str, example: float) -> None:
-    """Whether a smoothing width is a positive number.
-
-    **Raises:** `InputError` otherwise.
-    """
-    if not 0 < value < math.inf:
-        raise InputError(f"{name} must be a positive number of {unit}, but it is {value}; use e.g. {example:g}")

@@ -1,12 +1,10 @@
 """Dahl friction [3.2-3.5] (Dahl, 1968)."""
 
-import math
-
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..._errors import InputError
+from ..._errors import require_positive
 from ..._types import Scalar, Values
 from ...parameters import parameter
 from ._base import AbstractFriction, Contact
@@ -17,9 +15,7 @@ class Dahl(AbstractFriction):
     """`z' = v (1 - sigma z sign(v) / F_c)^alpha`, `F_f = sigma z + sigma_2 v` [3.2-3.5].
 
     LuGre without stiction and bristle damping; its loops depend on the path, not on speed. With the usual `alpha = 1`
-    it is `z' = v - sigma |v| z / F_c` [3.5], without a power. The thesis has no viscous part here, [2.35] has.
-
-    Nothing damps its bristles: steps must stay below `2 sqrt(m / sigma)`, 8 ms as printed, 0.5 ms at 1e7 N/m.
+    it is `z' = v - sigma |v| z / F_c` [3.5], without a power. Steps must stay below `2 sqrt(m / sigma)`.
     """
 
     coulomb_force: Scalar = parameter(2.8, symbol="F_c", unit="N", source="3.3.2.2")
@@ -30,11 +26,8 @@ class Dahl(AbstractFriction):
     other value than 1, which costs no power this way."""
 
     def __check_init__(self) -> None:
-        if not 0 < self.shape_exponent < math.inf:
-            raise InputError(
-                f"shape_exponent must be a positive number, but it is {self.shape_exponent}; use 1 unless a measured "
-                "loop has another shape"
-            )
+        remedy = "use 1 unless a measured loop has another shape"
+        require_positive("shape_exponent", self.shape_exponent, "number", remedy)
 
     def initial_state(self) -> Bristle:
         """A relaxed bristle."""

@@ -2,19 +2,19 @@
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array
 
+from ..._errors import require_positive
 from ..._types import Scalar, Values
 from ...parameters import parameter
+from .._stateless import Stateless
 from ._base import AbstractFriction, Contact
-from ._coulomb import check_width, sticking_damping, sticking_force
+from ._coulomb import sticking_damping, sticking_force
 
 
-class Karnopp(AbstractFriction):
-    """A rod at rest holds up to `F_s`, one that slides feels `F_c sign(v) + sigma_2 v` [3.1].
+class Karnopp(Stateless, AbstractFriction):
+    """A rod at rest holds up to `F_s`, one that slides feels `F_c sign(v) + sigma_2 v` [3.1, erratum 12].
 
-    The print compares `F_p` where `|F_p|` is meant, and has no band (erratum 12), without which rest is never met. Here
-    the dry force may reach `F_s` up to `velocity_band`, then the limit falls linearly to `F_c` at twice the band, so
+    The dry force may reach `F_s` up to `velocity_band`, then the limit falls linearly to `F_c` at twice the band, so
     that nothing jumps. Sticking is that of [`Coulomb`][], and so is what is approximated. The viscous part is [2.35]'s.
     """
 
@@ -27,19 +27,13 @@ class Karnopp(AbstractFriction):
     """Time constant in s with which a rod comes to rest; see [`Coulomb`][]."""
 
     def __check_init__(self) -> None:
-        check_width("velocity_band", self.velocity_band, "m/s", 1e-3)
-        check_width("stick_time", self.stick_time, "s", 1e-3)
-
-    def initial_state(self) -> None:
-        """Nothing to remember."""
+        require_positive("velocity_band", self.velocity_band, "number of m/s", "use e.g. 0.001")
+        require_positive("stick_time", self.stick_time, "number of s", "use e.g. 0.001")
 
     def limit(self, velocity: Values) -> Values:
         """The largest dry force in N at a velocity in m/s."""
         stiction = jnp.clip(2.0 - jnp.abs(velocity) / self.velocity_band, 0.0, 1.0)
         return self.coulomb_force + (self.static_force - self.coulomb_force) * stiction
-
-    def relaxation(self, contact: Contact, state: None) -> None:
-        """No state, no rate."""
 
     def damping(self, contact: Contact) -> Values:
         """That of [`Coulomb`][]; in the band's flank the force falls with velocity, which no damping does."""
@@ -57,10 +51,3 @@ class Karnopp(AbstractFriction):
 
     def passivity_margin(self) -> None:
         """It can't give out energy."""
-
-    def signals(self, state: None) -> dict[str, Array]:
-        """Nothing to show."""
-        return {}
-
-    def typical_state(self) -> None:
-        """No state, no size."""

@@ -11,17 +11,16 @@ from ._bristles import AbstractLuGre, least_damping
 class PassiveLuGre(AbstractLuGre):  # type: ignore[misc]  # mypy takes abstract variables for fields
     """[`LuGre`][] with `F_s = F_c + drop` and `sigma_2 = sigma_1 drop / F_c + excess` [3.6-3.7].
 
-    For fits: passivity is a condition on three parameters of LuGre together, here it is two bounds at zero. `drop` and
-    `excess` are not positive by logarithm, as both bounds mean something and a fit must be able to reach them: no
-    stiction at all, and friction that is just passive. The defaults are the printed parameters.
+    For fits: passivity is a condition on three parameters of LuGre together, here it is two bounds at zero, which a fit
+    can reach. The defaults are the printed parameters.
     """
 
     coulomb_force: Scalar = parameter(2.8, symbol="F_c", unit="N", source="B.2")
-    stribeck_drop: Scalar = parameter(0.4, symbol="F_s-F_c", unit="N", source="B.2", positive=False, lower=0.0)
+    stribeck_drop: Scalar = parameter(0.4, symbol="F_s-F_c", unit="N", source="B.2", lower=0.0)
     bristle_stiffness: Scalar = parameter(43135.0, symbol="sigma_0", unit="N/m", source="B.2")
     bristle_damping: Scalar = parameter(429.77, symbol="sigma_1", unit="N s/m", source="B.2")
     excess_damping: Scalar = parameter(
-        206.0 - 429.77 * 0.4 / 2.8, symbol="sigma_2-b", unit="N s/m", source="B.2", positive=False, lower=0.0
+        206.0 - 429.77 * 0.4 / 2.8, symbol="sigma_2-b", unit="N s/m", source="B.2", lower=0.0
     )
     """Viscous damping above the bound of passivity."""
     stribeck_velocity: Scalar = parameter(1e-3, symbol="v_s", unit="m/s", source="B.2")

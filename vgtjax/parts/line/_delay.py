@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ..._errors import InputError
+from ..._errors import InputError, require_positive
 from ..._types import Scalar, Values
 from ...parameters import parameter
 from .._air import Air
@@ -25,26 +25,15 @@ Lags = tuple[Values, ...]
 class DelayLine(AbstractLine):
     """Flow that arrives after `tau = L / c`, less by the factor `exp(-R_t R T / (2 p) L / c)` [2.29], either way.
 
-    The converter sees the chamber's pressure, and what leaves has the chamber's temperature. The speed of sound is
-    that of ambient air; `p` and `T` of the factor are the chamber's [2.25]. The factor loses steady flow too
-    (erratum 8), 5 % while the printed actuator's chamber empties; where that matters, use [`WaveLine`][].
-
-    **What is approximated.** A dead time has no finite state. In its place stand lags side by side,
-    `m_k' = (u - m_k) / (f_k tau)`, whose weighted sum arrives. The fractions `f_k` are fixed, and the weights make the
-    transfer function that of the dead time up to the power `cells - 1` of `s tau`: a flow of angular frequency `w` is
-    wrong by about `0.3 (w tau)^cells`. A jump arrives between 0.45 and 1.75 `tau`, after a dip of 6 % the other way;
-    more cells sharpen what is smooth, not jumps. On duty steps, against a true dead time of half a metre, 3 cells leave
-    1 % of what the delay does to the pressure (2.4 of 234 Pa RMS), 4 leave 0.7 %; at 1.5 m it is 5 %. Lags in series,
-    which do not dip, need 8 for the same, with rates that 0.5 ms steps do not follow.
-
-    A delay too short for that keeps lags of `shortest_lag` and more, and lets a part of the flow pass at once, with
-    the same powers right but the last. So no rate grows without bound, and without length this is exactly no line, with
-    its derivative.
+    The converter sees the chamber's pressure, and what leaves has the chamber's temperature. The speed of sound is that
+    of ambient air; `p` and `T` of the factor are the chamber's [2.25]. The factor loses steady flow too (erratum 8);
+    where that matters, use [`WaveLine`][]. Lags side by side stand for the dead time: the manual's page on physics says
+    how well.
     """
 
-    length: Scalar = parameter(0.5, symbol="L", unit="m", source="assumed", positive=False, lower=0.0, assumed=True)
-    bore: Scalar = parameter(4e-3, symbol="D", unit="m", source="assumed", assumed=True)
-    viscosity: Scalar = parameter(1.81e-5, symbol="mu", unit="Pa s", source="assumed", held=True, assumed=True)
+    length: Scalar = parameter(0.5, symbol="L", unit="m", source="assumed", lower=0.0)
+    bore: Scalar = parameter(4e-3, symbol="D", unit="m", source="assumed")
+    viscosity: Scalar = parameter(1.81e-5, symbol="mu", unit="Pa s", source="assumed", held=True)
     cells: int = eqx.field(static=True, default=3)
     """Lags, 2 to 5; a numerical setting."""
     shortest_lag: float = eqx.field(static=True, default=1 / 3e3)
@@ -53,10 +42,7 @@ class DelayLine(AbstractLine):
     def __check_init__(self) -> None:
         if not 2 <= self.cells <= 5:
             raise InputError(f"a delay line has 2 to 5 cells, but {self.cells} are asked for; choose e.g. 3")
-        if not 0 < self.shortest_lag < math.inf:
-            raise InputError(
-                f"shortest_lag must be a positive number of seconds, but it is {self.shortest_lag}; use e.g. 3e-4"
-            )
+        require_positive("shortest_lag", self.shortest_lag, "number of seconds", "use e.g. 3e-4")
 
     def initial_state(self, air: Air, gas: Gas) -> Lags:
         """Nothing flows."""
@@ -104,20 +90,12 @@ class DelayLine(AbstractLine):
         return tuple(fraction * span for fraction in _fractions(self.cells))
 
     def _weights(self, share: Values) -> Lags:
-        """Weights `w_k` for a delay that is `share` of the span.
-
-        `sum_k w_k f_k^j = share^j / j!` for `0 < j < cells` gives the powers of `s tau`; `sum_k w_k = share`, what is
-        delayed at all, joins a delay of the whole span to no delay.
-        """
+        """Weights of the lags for a delay that is `share` of the span."""
         return tuple(_without_constant(row, share) for row in _weight_polynomials(self.cells))
 
 
 def _fractions(cells: int) -> tuple[float, ...]:
-    """Lags as fractions of the delay they make together.
-
-    They grow with their number, which keeps the dip at 6 %, and are far enough apart for weights up to 7 (3 cells) or
-    85 (5 cells).
-    """
+    """Lags as fractions of the delay they make together."""
     return tuple((0.22 * cells * np.linspace(0.6, 1.4, cells)).tolist())
 
 

@@ -3,19 +3,15 @@
 import math
 from collections.abc import Callable
 
-from jaxtyping import Array
-
 from .._air import Air
 from .._converter import Flow
+from .._stateless import Stateless
 from ..chamber._base import Gas
 from ._base import AbstractLine
 
 
-class NoLine(AbstractLine):
+class NoLine(Stateless, AbstractLine):
     """The converter sees the chamber's pressure, and the chamber gets the converter's flow."""
-
-    def initial_state(self, air: Air, gas: Gas) -> None:
-        """Nothing to remember."""
 
     def port(self, air: Air, state: None, gas: Gas, flow: Callable[[Gas], Flow]) -> tuple[Gas, Flow]:
         """The chamber."""
@@ -25,17 +21,7 @@ class NoLine(AbstractLine):
         """The converter's flow into the chamber."""
         return entering, None
 
-    def relaxation(self, air: Air, state: None, gas: Gas) -> None:
-        """No state, no rate."""
-
     @property
     def longest_step(self) -> float:
         """Any."""
         return math.inf
-
-    def signals(self, state: None, inflow: Flow) -> dict[str, Array]:
-        """Nothing to show: the flow is the converter's."""
-        return {}
-
-    def typical_state(self, gas: Gas) -> None:
-        """No state, no size."""

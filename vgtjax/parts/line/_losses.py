@@ -17,10 +17,7 @@ TRANSITION = (LAMINAR / TURBULENT) ** (4 / 3)
 
 
 def speed_of_sound(air: Air) -> Values:
-    """Speed of sound in m/s at ambient temperature, whatever the chamber's: the wall keeps a line's air near it.
-
-    One speed for all times makes the mass in a line a fixed multiple of its pressure, so that it can be conserved.
-    """
+    """Speed of sound in m/s at ambient temperature, whatever the chamber's: the wall keeps a line's air near it."""
     return jnp.sqrt(air.heat_capacity_ratio * air.gas_constant * air.temperature)
 
 

@@ -1,7 +1,6 @@
 """A line as the wave equation with loss, in space cells [2.16-2.20]."""
 
 import itertools
-import math
 from collections.abc import Callable
 
 import equinox as eqx
@@ -9,7 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..._errors import InputError
+from ..._errors import InputError, require_positive
 from ..._types import Scalar, StateLeaf, Values
 from ...parameters import parameter
 from .._air import Air
@@ -32,25 +31,14 @@ class WaveState(eqx.Module):
 class WaveLine(AbstractLine):
     """`p' = -(c^2 / A) dm/dx`, `m' = -A dp/dx - (R_t / rho) m` [2.17, 2.18], which together are [2.20].
 
-    Finite volumes of second order: linear in every cell, and at the face between two stands what the two sound waves
-    bring there (Godunov's flux). At the chamber the pressure is given, at the converter the flow. What flows in and
-    does not flow out is pressure times `A dx / c^2`, so mass is conserved to rounding; steady flow is the same all
-    along, and friction costs it pressure.
-
-    The speed of sound is that of ambient air; the density `p / (R T)` that friction needs has the cell's pressure and,
-    as in [2.25], the chamber's temperature. What arrives has ambient temperature, what leaves has the chamber's.
-
-    **What is approximated.** On duty steps 2 cells of half a metre leave 0.3 % of what the line does to the pressure
-    (2.8 of 1130 Pa RMS, and no more of the position than the default step), 4 cells 0.04 %; 4 cells of constant values
-    left 5 %. A line below `shortest` would need shorter steps the shorter it is. Instead it is a share of one of that
-    length: the whole flow enters that line, and of what it stores and of the pressure that it takes the share counts.
-    Volume, inertia and friction are the short line's, only its own tone is too low; without length this is exactly no
-    line.
+    Finite volumes of second order that conserve mass; the manual's page on physics says how well they do, and why a
+    line below `shortest` is a share of one of that length. The speed of sound is that of ambient air. What arrives has
+    ambient temperature, what leaves has the chamber's.
     """
 
-    length: Scalar = parameter(0.5, symbol="L", unit="m", source="assumed", positive=False, lower=0.0, assumed=True)
-    bore: Scalar = parameter(4e-3, symbol="D", unit="m", source="assumed", assumed=True)
-    viscosity: Scalar = parameter(1.81e-5, symbol="mu", unit="Pa s", source="assumed", held=True, assumed=True)
+    length: Scalar = parameter(0.5, symbol="L", unit="m", source="assumed", lower=0.0)
+    bore: Scalar = parameter(4e-3, symbol="D", unit="m", source="assumed")
+    viscosity: Scalar = parameter(1.81e-5, symbol="mu", unit="Pa s", source="assumed", held=True)
     cells: int = eqx.field(static=True, default=2)
     """Space cells, 2 or more; a numerical setting. The error falls with their square, the step with their number."""
     shortest: float = eqx.field(static=True, default=0.4)
@@ -59,20 +47,15 @@ class WaveLine(AbstractLine):
     def __check_init__(self) -> None:
         if self.cells < 2:
             raise InputError(f"a wave line needs 2 cells or more, but {self.cells} are asked for; choose e.g. 2")
-        if not 0 < self.shortest < math.inf:
-            raise InputError(f"shortest must be a positive number of metres, but it is {self.shortest}; use e.g. 0.4")
+        require_positive("shortest", self.shortest, "number of metres", "use e.g. 0.4")
 
     def initial_state(self, air: Air, gas: Gas) -> WaveState:
         """The chamber's pressure all along, nothing flows."""
         return WaveState((gas.pressure,) * self.cells, (jnp.zeros_like(gas.pressure),) * self.cells)
 
     def port(self, air: Air, state: WaveState, gas: Gas, flow: Callable[[Gas], Flow]) -> tuple[Gas, Flow]:
-        """The pressure at the converter's end, and the flow that enters.
-
-        The wave that arrives there fixes `p - (c / A) m`, the converter's characteristic the rest. It is steep where
-        pressures are nearly equal and the valve is wide open: more entering flow must raise the pressure at once, or
-        the first cell chatters. One step of Newton's method from the cell's own values does that.
-        """
+        """The pressure at the converter's end, and the flow that enters: one step of Newton's method from the cell's
+        own values, as more entering flow must raise the pressure at once."""
         pressure, reference = _edges(state.pressures)[0][0], _edges(state.flows)[0][0]
         impedance = self._share() * self._impedance(air)
 
@@ -159,10 +142,7 @@ class WaveLine(AbstractLine):
 
 
 def _edges(means: tuple[Values, ...]) -> tuple[list[Values], list[Values]]:
-    """Values at the left and the right edge of every cell: linear, with the slope of the neighbours.
-
-    Not limited: what moves the plunger is smooth, and a limiter's switching would be in every derivative.
-    """
+    """Values at the left and the right edge of every cell: linear, with the slope of the neighbours, not limited."""
     steps = [right - left for left, right in itertools.pairwise(means)]
     inner = [0.25 * (before + after) for before, after in itertools.pairwise(steps)]
     halves = [0.5 * steps[0], *inner, 0.5 * steps[-1]]

@@ -25,28 +25,17 @@ class Coil(AbstractMagneticForce):
     """Coil on a core with an air gap: `U = R i + d(L i)/dt` [2.1], `F = i^2 |dL/dx_p| / 2` [2.5, 2.6].
 
     `L = N^2 A mu_r mu_0 / x_eq` [2.2] with `x_eq = x_0 + mu_r (x_t + x_p)`: the print has `x_t - x_p` [2.3], which
-    counts `x_p` downwards (erratum 1). Put it in with `Converter(magnetic_force=Coil())`.
-
-    **Voltage.** With the duty as share of the supply voltage the steady force goes with its square, and misses the
-    identified quartic [B.1] by up to 3.4 N at best. So the effective share is a polynomial in the duty `d` from 0 to 1,
-    `U = U_s (c_1 d + c_2 d^2 + c_3 d^3)`, and takes the place of what freewheeling and saturation do. The default is
-    fitted: at `x_p = 0` the steady force is the quartic within 0.03 N.
-
-    **Numbers.** None is printed; they are assumed, and held but for that polynomial. A coil pulls harder as the plunger
-    comes down, `-dF/dx_p = 2 F / x` with `x = x_eq / mu_r`, and the plunger stands only while that is below the
-    membrane's 2000 N/m. The model's plunger has no stop, hence an effective gap of 25 mm: 1010 N/m at full duty,
-    1390 N/m at 2.5 mm below zero. It costs speed, since `L / R = 2 F x / (R i^2)`: 51 ms at 12 V and 11 ohm.
+    counts `x_p` downwards (erratum 1). Put it in with `Converter(magnetic_force=Coil())`. The manual's page on physics
+    says where the numbers are from.
     """
 
-    turns: Scalar = parameter(7500.0, symbol="N", unit="1", source="assumed", held=True, assumed=True)
-    core_area: Scalar = parameter(2e-4, symbol="A", unit="m2", source="assumed", held=True, assumed=True)
-    core_length: Scalar = parameter(0.05, symbol="x_0", unit="m", source="assumed", held=True, assumed=True)
-    relative_permeability: Scalar = parameter(
-        1000.0, symbol="mu_r", unit="1", source="assumed", held=True, assumed=True
-    )
-    gap: Scalar = parameter(0.025, symbol="x_t", unit="m", source="assumed", held=True, assumed=True)
-    resistance: Scalar = parameter(11.0, symbol="R_i", unit="ohm", source="assumed", held=True, assumed=True)
-    supply_voltage: Scalar = parameter(12.0, symbol="U_s", unit="V", source="assumed", held=True, assumed=True)
+    turns: Scalar = parameter(7500.0, symbol="N", unit="1", source="assumed", held=True)
+    core_area: Scalar = parameter(2e-4, symbol="A", unit="m2", source="assumed", held=True)
+    core_length: Scalar = parameter(0.05, symbol="x_0", unit="m", source="assumed", held=True)
+    relative_permeability: Scalar = parameter(1000.0, symbol="mu_r", unit="1", source="assumed", held=True)
+    gap: Scalar = parameter(0.025, symbol="x_t", unit="m", source="assumed", held=True)
+    resistance: Scalar = parameter(11.0, symbol="R_i", unit="ohm", source="assumed", held=True)
+    supply_voltage: Scalar = parameter(12.0, symbol="U_s", unit="V", source="assumed", held=True)
     duty_map: Float[Array, " 3"] = parameter(
         (1.7552, -0.88707, 0.10348),
         symbol="c",
@@ -57,11 +46,7 @@ class Coil(AbstractMagneticForce):
     )
     rest_iterations: ClassVar[int] = 30
     nearest: float = eqx.field(static=True, default=-2.5e-3)
-    """Plunger position in m below which inductance goes on along its tangent, where the orifice has long saturated.
-
-    The pull then stays what it is there: a plunger without a stop is not snatched into the core, nor is the inductance
-    ever negative.
-    """
+    """Plunger position in m below which inductance goes on along its tangent; a numerical setting."""
 
     def voltage(self, pwm: Values) -> Values:
         """Effective voltage in V at a duty in percent."""

@@ -6,10 +6,11 @@ from jaxtyping import Array, Float
 
 from ..._types import Values
 from ...parameters import parameter
+from .._stateless import Stateless
 from ._base import AbstractMagneticForce
 
 
-class StaticForce(AbstractMagneticForce):
+class StaticForce(Stateless, AbstractMagneticForce):
     """Quartic in the duty, whatever the plunger's position, without a state."""
 
     coefficients: Float[Array, " 5"] = parameter(
@@ -24,9 +25,6 @@ class StaticForce(AbstractMagneticForce):
 
     rest_iterations: ClassVar[int] = 1
 
-    def initial_state(self, pwm: Values) -> None:
-        """Nothing to remember."""
-
     def __call__(self, pwm: Values, position: Values, velocity: Values, state: None) -> tuple[Values, None]:
         """The quartic."""
         return self.steady_pull(pwm, position), None
@@ -35,13 +33,3 @@ class StaticForce(AbstractMagneticForce):
         """The quartic [2.9 with the digits of B.1]."""
         c0, c1, c2, c3, c4 = (self.coefficients[k] for k in range(5))
         return (((c4 * pwm + c3) * pwm + c2) * pwm + c1) * pwm + c0
-
-    def relaxation(self, position: Values, state: None) -> None:
-        """No state, no rate."""
-
-    def signals(self, state: None) -> dict[str, Array]:
-        """Nothing to show."""
-        return {}
-
-    def typical_state(self) -> None:
-        """No state, no size."""

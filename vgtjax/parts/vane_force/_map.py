@@ -23,14 +23,12 @@ class Direction(eqx.Module):
 
 
 class HysteresisMap(AbstractVaneForce, AbstractGasTables):
-    """Two tables over turbine pressure and crank angle, one for closing vanes and one for opening ones.
+    """Two tables over turbine pressure and crank angle, for closing vanes and for opening ones [3.16, 3.17, erratum
+    14].
 
-    The tables hold the whole force with its sign, positive against closing [3.16]; they are not multiplied by
-    `sign(v)` again (erratum 14), which would also jump at `v = 0`. Instead a state follows the direction,
-    `s' = (v - |v| s) / reversal_distance`, as Dahl's bristles do: the force goes from one table to the other over a
-    few `reversal_distance` of travel, sticks where the rod sticks, and does not depend on speed.
-
-    Linear between knots, held beyond them; zero at zero gauge pressure, linear from there to the first knot.
+    The tables hold the whole force with its sign, positive against closing. A state follows the direction, `s' = (v -
+    |v| s) / reversal_distance`, and with it the force goes from one table to the other. Linear between knots, held
+    beyond them; zero at zero gauge pressure, linear from there to the first knot.
     """
 
     closing: Table = parameter(
@@ -45,11 +43,9 @@ class HysteresisMap(AbstractVaneForce, AbstractGasTables):
         PRESSURES, symbol="p_trb", unit="Pa gauge", source="3.4.2", held=True
     )
     """Knots, increasing, above zero."""
-    crank_angle: Float[Array, " angles"] = parameter(
-        ANGLES, symbol="C_r", unit="deg", source="assumed", held=True, assumed=True
-    )
+    crank_angle: Float[Array, " angles"] = parameter(ANGLES, symbol="C_r", unit="deg", source="assumed", held=True)
     """Knots, increasing."""
-    reversal_distance: Scalar = parameter(65e-6, symbol="x_rev", unit="m", source="assumed", assumed=True)
+    reversal_distance: Scalar = parameter(65e-6, symbol="x_rev", unit="m", source="assumed")
     crank: Crank = eqx.field(default_factory=Crank)
 
     @property

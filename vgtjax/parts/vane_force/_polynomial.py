@@ -26,12 +26,10 @@ def _unit(angle: int, ratio: int) -> str:
 
 
 class ForcePolynomial(AbstractVaneForce):
-    """Polynomial in crank angle (deg) and pressure ratio across the turbine, without a state [3.15].
+    """Polynomial in crank angle (deg) and pressure ratio across the turbine, `1 + p_trb / p_atm`; no state [3.15].
 
-    The ratio is that of the turbine's inlet to the ambient, `1 + p_trb / p_atm`, as its outlet blows into the
-    ambient. The thesis prints no range. As printed the polynomial makes little sense in places (erratum 13): at ratio
-    1, without exhaust gas, it is 4 to 34 N, at ratio 2 it rises again above 12 deg, and beyond 3 it turns negative. So
-    angle and ratio are held at the ends of `angle_range` and `ratio_range`, where the force is continuous.
+    Angle and ratio are held at the ends of `angle_range` and `ratio_range`, beyond which it makes no sense (erratum
+    13).
     """
 
     coefficients: Float[Array, " 18"] = parameter(

@@ -1,6 +1,5 @@
 """Models for control: fewer states, and the flow into the chamber as a map [5.2, 5.4]."""
 
-from ._build import reduce_to_plunger_map as reduce_to_plunger_map, reduce_to_static_map as reduce_to_static_map
 from ._fitting import (
     FLOW_MAPS as FLOW_MAPS,
     FlowMapFit as FlowMapFit,
@@ -8,6 +7,14 @@ from ._fitting import (
     judge as judge,
     steady_flow as steady_flow,
 )
-from ._plunger_map import LiftMapPath as LiftMapPath, PlungerMapActuator as PlungerMapActuator
+from ._plunger_map import (
+    LiftMapPath as LiftMapPath,
+    PlungerMapActuator as PlungerMapActuator,
+    reduce_to_plunger_map as reduce_to_plunger_map,
+)
 from ._polynomial_fit import fit_polynomial_flow as fit_polynomial_flow
-from ._static_map import FlowMapPath as FlowMapPath, StaticMapActuator as StaticMapActuator
+from ._static_map import (
+    FlowMapPath as FlowMapPath,
+    StaticMapActuator as StaticMapActuator,
+    reduce_to_static_map as reduce_to_static_map,
+)

@@ -2,8 +2,10 @@
 
 import dataclasses
 from collections.abc import Callable
+from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -14,6 +16,8 @@ from ...parts import (
     FULL_DUTY,
     AbstractFlowMap,
     AbstractLiftMap,
+    Air,
+    Converter,
     LiftTable,
     PolynomialFlow,
     PrintedFlow,
@@ -22,10 +26,10 @@ from ...parts import (
 from ...traces import ASSUMED_RESERVOIR
 from .._actuator import Actuator
 from .._base import AbstractModel
-from ._knots import lift_knots, pressure_knots
 from ._polynomial_fit import fit_polynomial_flow
 
 Grid = Float[np.ndarray, "..."]
+FlowMap = AbstractFlowMap | AbstractLiftMap
 
 DUTIES = 101
 """Duties of the grid, a percent apart."""
@@ -33,6 +37,10 @@ PRESSURES = 101
 """Pressures of the grid."""
 NEAR = 2e4
 """Pa from equilibrium at which a sample counts half in the polynomial's fit. Of 4 to 50 kPa it gives the best steps."""
+OPENING = 8
+"""Knots of a table over the parabola of the atmosphere's orifice [B.3], in squared distances."""
+CURVED = 5
+"""Knots from the choked flow to equal pressures, in squared distances towards the latter, where the root is steep."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -44,7 +52,7 @@ class FlowMapFit:
     `pressure_range` in Pa absolute, `reservoir` in Pa absolute.
     """
 
-    flow_map: AbstractFlowMap | AbstractLiftMap
+    flow_map: FlowMap
     r_squared: float
     rmse: float
     peak: float
@@ -96,7 +104,7 @@ def _flow_at(model: Actuator, lift: Array, pressure: Array, reservoir: Array) ->
 
 
 @eqx.filter_jit
-def _evaluate(flow_map: AbstractFlowMap | AbstractLiftMap, at: Array, pressure: Array) -> Array:
+def _evaluate(flow_map: FlowMap, at: Array, pressure: Array) -> Array:
     return flow_map(at, pressure)
 
 
@@ -129,7 +137,9 @@ def fit_flow_map(
     low, high = _pressures(model, reservoir, pressure_range)
     duty, pressure = np.meshgrid(np.linspace(0.0, FULL_DUTY, DUTIES), np.linspace(low, high, PRESSURES), indexing="ij")
     samples = _sample(model, duty, pressure, reservoir)
-    return _judge(FLOW_MAPS[kind](samples), samples)
+    flow_map = FLOW_MAPS[kind](samples)
+    at = samples.position if isinstance(flow_map, AbstractLiftMap) else duty
+    return judge(model, flow_map, at, pressure, samples.flow, (0.0, FULL_DUTY), reservoir)
 
 
 def _pressures(model: Actuator, reservoir: float, wanted: tuple[float, float] | None) -> tuple[float, float]:
@@ -153,14 +163,9 @@ def _pressures(model: Actuator, reservoir: float, wanted: tuple[float, float] | 
     return low, high
 
 
-def _judge(flow_map: AbstractFlowMap | AbstractLiftMap, samples: _Samples) -> FlowMapFit:
-    at = samples.position if isinstance(flow_map, AbstractLiftMap) else samples.duty
-    return judge(samples.model, flow_map, at, samples.pressure, samples.flow, (0.0, FULL_DUTY), samples.reservoir)
-
-
 def judge(
     model: Actuator,
-    flow_map: AbstractFlowMap | AbstractLiftMap,
+    flow_map: FlowMap,
     at: Float[np.ndarray, "..."],
     pressure: Float[np.ndarray, "..."],
     flow: Float[np.ndarray, "..."],
@@ -183,11 +188,7 @@ def judge(
 
 
 def _polynomial(samples: _Samples) -> PolynomialFlow:
-    """[5.10], for which samples count the less the farther they are from equilibrium.
-
-    Counted alike, the great flow of a wide open atmosphere, which is over at once, puts the equilibrium wrong by 200
-    mbar.
-    """
+    """[5.10], for which samples count the less the farther they are from equilibrium."""
     weight = 1 / (1 + (_lack(samples) / NEAR) ** 2)
     return fit_polynomial_flow(
         samples.duty.ravel(),
@@ -240,10 +241,41 @@ def _steady_plunger(samples: _Samples) -> SteadyPlungerFlow:
     )
 
 
-FLOW_MAPS: dict[str, Callable[[_Samples], AbstractFlowMap | AbstractLiftMap]] = {
+FLOW_MAPS: dict[str, Callable[[_Samples], FlowMap]] = {
     "steady-plunger": _steady_plunger,
     "polynomial": _polynomial,
     "printed": _printed,
     "lift-table": _table,
 }
 """How each kind of map is made."""
+
+
+def printed_flow_map(kind: str) -> Any:
+    """That of the printed actuator, which a reduced model has by default."""
+    with jax.ensure_compile_time_eval():  # also where a model is made under jit
+        return fit_flow_map(Actuator(), kind).flow_map
+
+
+# A table of flow has knots at every kink of the flow, and denser ones where it bends.
+
+
+def lift_knots(converter: Converter, lowest: float, highest: float) -> Float[np.ndarray, " positions"]:
+    """Plunger positions in m between two ends: saturation, closed, the opened leak, and the parabola."""
+    saturated = -float(converter.reservoir_orifice_saturation)
+    leak = float(converter.opening_lift)
+    above = max(highest, 2 * leak)
+    rise = leak + (above - leak) * (np.arange(1, OPENING + 1) / OPENING) ** 2
+    below = [min(lowest, 1.001 * saturated), saturated]
+    return np.unique(np.concatenate([below, [0.0, leak], rise]))
+
+
+def pressure_knots(air: Air, reservoir: float) -> Float[np.ndarray, " pressures"]:
+    """Pressures in Pa from half the reservoir's to a twentieth above the atmosphere's.
+
+    Below the reservoir's and above the atmosphere's, flow goes the other way.
+    """
+    ambient, critical = float(air.pressure), float(air.critical_ratio())
+    towards = np.linspace(0.0, 1.0, CURVED + 1) ** 2
+    evacuated = reservoir + (reservoir / critical - reservoir) * towards
+    vented = ambient - ambient * (1 - critical) * towards
+    return np.unique(np.concatenate([[0.5 * reservoir], evacuated, vented, [1.05 * ambient]]))

@@ -1,10 +1,13 @@
-"""Gas at ambient temperature, whose pressure is the one state: what both reduced models have in common [5.2, 5.4]."""
+"""What both reduced models have in common [5.2, 5.4]: gas at ambient temperature, whose pressure is the one state."""
+
+from typing import Any
 
 import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..._types import Values
 from ...parts import Air, Flow, Gas, IsothermalChamber
+from .._actuator import Actuator
 
 
 def pressure_rate(
@@ -22,3 +25,14 @@ def pressure_rate(
 def flow_signals(pressure: Values, flow: Values) -> dict[str, Array]:
     """Pressure in Pa absolute, and a flow in kg/s into the chamber by its direction."""
     return {"p_act": pressure, "m_dot_in": jnp.maximum(flow, 0.0), "m_dot_out": jnp.maximum(-flow, 0.0)}
+
+
+def common_parts(model: Actuator) -> dict[str, Any]:
+    """The parts that a reduced model takes over; line and heat are what it leaves out."""
+    return {
+        "chamber": IsothermalChamber(volume=model.chamber.volume),
+        "diaphragm": model.diaphragm,
+        "friction": model.friction,
+        "vane_force": model.vane_force,
+        "air": model.air,
+    }

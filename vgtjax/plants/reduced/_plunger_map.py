@@ -1,12 +1,13 @@
 """The reduced model with six states: flow as a map of plunger position and pressure [5.2]."""
 
+import functools
 import math
 from typing import Any
 
 import equinox as eqx
-import jax
 from jaxtyping import Array
 
+from ..._errors import InputError
 from ..._types import StateLeaf, Values
 from ...parameters import nested
 from ...parts import (
@@ -22,16 +23,11 @@ from ...parts import (
 from ...traces import Drive
 from .._actuator import Actuator
 from .._air_path import AbstractAirPath, ambient_pressure, reservoir_pressure
-from .._base import assemble
+from .._base import Inner, assemble
 from .._plant import AbstractPlant
 from .._rod import Rod
-from ._fitting import fit_flow_map
-from ._gas import flow_signals, pressure_rate
-
-
-def _printed_actuators() -> Any:
-    with jax.ensure_compile_time_eval():  # also where a model is made under jit
-        return fit_flow_map(Actuator(), "lift-table").flow_map
+from ._fitting import FlowMap, fit_flow_map, printed_flow_map
+from ._gas import common_parts, flow_signals, pressure_rate
 
 
 class LiftMapState(eqx.Module):
@@ -48,7 +44,7 @@ class LiftMapPath(AbstractAirPath):
     force count: the map takes the place of both orifices, whose parameters then do nothing.
     """
 
-    flow_map: AbstractLiftMap = eqx.field(default_factory=_printed_actuators)
+    flow_map: AbstractLiftMap = eqx.field(default_factory=functools.partial(printed_flow_map, "lift-table"))
     converter: Converter = eqx.field(default_factory=Converter)
     chamber: IsothermalChamber = eqx.field(default_factory=IsothermalChamber)
 
@@ -134,12 +130,21 @@ class PlungerMapActuator(AbstractPlant):
         self.rod = assemble(rod or Rod(), diaphragm=diaphragm, friction=friction, vane_force=vane_force)
         self.air = air or Air()
 
-    @property
-    def flow_map(self) -> AbstractLiftMap:
-        """The air path's."""
-        return self.air_path.flow_map
+    flow_map = Inner[AbstractLiftMap]("air_path")
+    converter = Inner[Converter]("air_path")
 
-    @property
-    def converter(self) -> Converter:
-        """The air path's."""
-        return self.air_path.converter
+
+def reduce_to_plunger_map(model: Actuator, flow_map: FlowMap | None = None) -> PlungerMapActuator:
+    """The model with six states [5.2] of a full actuator.
+
+    **Arguments:** `flow_map`: over plunger position and pressure, by default fitted to `model`.
+
+    **Raises:** `InputError` for a map over duty.
+    """
+    found = fit_flow_map(model, "lift-table").flow_map if flow_map is None else flow_map
+    if not isinstance(found, AbstractLiftMap):
+        raise InputError(
+            f"the model with six states needs a map over plunger position, but this is a {type(found).__name__}; "
+            "fit one of kind 'lift-table'"
+        )
+    return PlungerMapActuator(flow_map=found, converter=model.converter, **common_parts(model))

@@ -20,10 +20,6 @@ def fit_polynomial_flow(
 ) -> PolynomialFlow:
     """[5.10] by weighted least squares, such that flow rises neither with duty nor with pressure anywhere in the range.
 
-    A slope that is linear in `u` keeps its sign when it does so at both ends. Hence parabolas in place of powers, each
-    falling at one end and level at the other, with coefficients that may not be negative: least squares with bounds,
-    for which SciPy has a solver.
-
     **Arguments:** `duty` in percent, `pressure` in Pa absolute at the atmosphere `ambient`, `flow` in kg/s.
     """
     # Here, since it takes a third of a second that no simulation needs.

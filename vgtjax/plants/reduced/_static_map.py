@@ -1,35 +1,24 @@
 """The model for control with four states: flow as a map of duty and pressure [5.4]."""
 
+import functools
 import math
 from typing import Any
 
 import equinox as eqx
-import jax
 from jaxtyping import Array
 
+from ..._errors import InputError
 from ..._types import Values
 from ...parameters import nested
-from ...parts import (
-    AbstractFlowMap,
-    AbstractFriction,
-    AbstractVaneForce,
-    Air,
-    Diaphragm,
-    IsothermalChamber,
-)
+from ...parts import AbstractFlowMap, AbstractFriction, AbstractVaneForce, Air, Diaphragm, IsothermalChamber
 from ...traces import Drive
 from .._actuator import Actuator
 from .._air_path import AbstractAirPath, ambient_pressure
-from .._base import assemble
+from .._base import Inner, assemble
 from .._plant import AbstractPlant
 from .._rod import Rod
-from ._fitting import fit_flow_map
-from ._gas import flow_signals, pressure_rate
-
-
-def _printed_actuators() -> Any:
-    with jax.ensure_compile_time_eval():  # also where a model is made under jit
-        return fit_flow_map(Actuator()).flow_map
+from ._fitting import FlowMap, fit_flow_map, printed_flow_map
+from ._gas import common_parts, flow_signals, pressure_rate
 
 
 class FlowMapPath(AbstractAirPath):
@@ -38,7 +27,7 @@ class FlowMapPath(AbstractAirPath):
     Its state is the chamber pressure. The reservoir's pressure is that of the map, whatever a trace says.
     """
 
-    flow_map: AbstractFlowMap = eqx.field(default_factory=_printed_actuators)
+    flow_map: AbstractFlowMap = eqx.field(default_factory=functools.partial(printed_flow_map, "steady-plunger"))
     chamber: IsothermalChamber = eqx.field(default_factory=IsothermalChamber)
 
     def working_pressure(self, air: Air, drive: Drive) -> Values:
@@ -112,7 +101,20 @@ class StaticMapActuator(AbstractPlant):
         self.rod = assemble(rod or Rod(), diaphragm=diaphragm, friction=friction, vane_force=vane_force)
         self.air = air or Air()
 
-    @property
-    def flow_map(self) -> AbstractFlowMap:
-        """The air path's."""
-        return self.air_path.flow_map
+    flow_map = Inner[AbstractFlowMap]("air_path")
+
+
+def reduce_to_static_map(model: Actuator, flow_map: FlowMap | None = None) -> StaticMapActuator:
+    """The model with four states [5.4] of a full actuator.
+
+    **Arguments:** `flow_map`: over duty and pressure, by default the steady plunger's, fitted to `model`.
+
+    **Raises:** `InputError` for a map over plunger position.
+    """
+    found = fit_flow_map(model).flow_map if flow_map is None else flow_map
+    if not isinstance(found, AbstractFlowMap):
+        raise InputError(
+            f"the model with four states needs a map over duty, but this is a {type(found).__name__}; fit one of kind "
+            "'steady-plunger' or 'polynomial'"
+        )
+    return StaticMapActuator(flow_map=found, **common_parts(model))
