@@ -1,22 +1,21 @@
 """The command `fit`: calibrates every unit of a study, resumably, and reports."""
 
-import functools
 import pathlib
 import time
 from typing import Any
 
 from vgtjax import Calibration, SimulationError
-from vgtjax.estimation import Progress, Task
+from vgtjax.estimation import Progress, Task, Unknown
 from vgtjax.identification import plan_fit, start_fit
 
 from ..output.console import console
-from ..output.files import REPORT, SUMMARY, read_json, write_json, write_text
-from ..output.sections import trace_summary
+from ..output.files import REPORT, SUMMARY, finite, read_json, write_json, write_text
+from ..output.sections import sensor_summary, trace_summary
 from ..resumable import ProgressFile, run_units
 from ..study.models import passivity_note
-from ..study.parameter_file import calibrated, to_json
+from ..study.parameter_file import calibrated, nuisance, to_json
 from ..study.units import Job, Unit, prepare
-from .report import render, render_overview
+from .report import found_besides, render, render_overview
 
 
 def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathlib.Path) -> None:
@@ -27,8 +26,7 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
     **Raises:** `SimulationError` when a unit failed or did not converge, after everything else is written.
     """
     job = prepare(study, parameters, to_fit=True)
-    plan = functools.partial(plan_fit, free=job.study.fit.free, fixed=job.study.fit.fixed)
-    tasks = {u.name: plan(u.model, u.used("fit"), u.used("validate"), bounds=u.bounds) for u in job.units}
+    tasks = {unit.name: _plan(job, unit) for unit in job.units}
     summaries = run_units(
         job,
         out,
@@ -40,6 +38,14 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
     if bad:
         reasons = [f"{name or 'the fit'}: {entry.get('error') or entry['verdict']}" for name, entry in bad.items()]
         raise SimulationError("; ".join(reasons))
+
+
+def _plan(job: Job, unit: Unit) -> Task:
+    chosen = job.study.fit
+    table = chosen.unknown.model_copy(update={"duty_delay": False} if unit.knows_delay else {})
+    unknown = Unknown(loss=chosen.loss, **dict(table))
+    wanted = {"free": chosen.free, "fixed": chosen.fixed, "bounds": unit.bounds, "unknown": unknown}
+    return plan_fit(unit.model, unit.used("fit"), unit.used("validate"), **wanted)
 
 
 def _fit_unit(job: Job, unit: Unit, task: Task, folder: pathlib.Path) -> None:
@@ -55,7 +61,7 @@ def _fit_unit(job: Job, unit: Unit, task: Task, folder: pathlib.Path) -> None:
     if note is not None:
         console.print(f"warning: {note}")
     table = calibrated(calibration)
-    write_json(folder / "parameters.json", to_json(job.study, table))
+    write_json(folder / "parameters.json", to_json(job.study, table, nuisance(calibration)))
     write_json(folder / SUMMARY, _summary(calibration, seconds, undetermined, job))
     write_text(folder / REPORT, render(job, unit.name, calibration, table, seconds, undetermined))
     ProgressFile.remove_from(folder)
@@ -74,10 +80,10 @@ def _fit(unit: Unit, task: Task, folder: pathlib.Path) -> tuple[Calibration, flo
             console.print(f"warning: these traces do not determine {', '.join(undetermined)}; hold or excite them")
 
         def show(progress: Progress) -> None:
-            rejected = "  rejected" if progress.rejected_in_a_row else ""
+            kind = "  rejected" if progress.rejected_in_a_row else "  corrected" if progress.corrections else ""
             console.print(
                 f"{progress.iteration:6d} {2 * progress.cost:12.6g} {1 / progress.step_size:10.3g} "
-                f"{saved.seconds:8.1f}{rejected}"
+                f"{saved.seconds:8.1f}{kind}"
             )
             status.update(f"{title}: step {progress.iteration + 1}")
 
@@ -88,6 +94,8 @@ def _fit(unit: Unit, task: Task, folder: pathlib.Path) -> tuple[Calibration, flo
         console.print(f"{'step':>6} {'chi^2/N':>12} {'damping':>10} {'seconds':>8}")
         show(calibrator.minimiser.progress)
         calibration = calibrator.run(report)
+        for sentence in found_besides(calibration):
+            console.print(f"found: {sentence}")
         status.update(f"{title}: writing the report")
         return calibration, saved.seconds, undetermined
 
@@ -100,6 +108,8 @@ def _population(job: Job, out: pathlib.Path) -> dict[str, dict[str, Any]]:
 
 def _summary(calibration: Calibration, seconds: float, undetermined: list[str], job: Job) -> dict[str, Any]:
     progress = calibration.progress
+    learned = zip(calibration.task.fit, calibration.sensors, strict=True)
+    sensors = {trace.name: {"sensors": sensor_summary(known)} for trace, known in learned}
     return {
         "converged": calibration.converged,
         "verdict": progress.verdict,
@@ -109,9 +119,19 @@ def _summary(calibration: Calibration, seconds: float, undetermined: list[str], 
         "cost": progress.cost,
         "chi2_per_degree_of_freedom": calibration.uncertainty.scale,
         "chi2_gain_of_a_further_linear_step": calibration.uncertainty.gain,
+        "corrections": {
+            "count": progress.corrections,
+            "settled": progress.settled,
+            "moved": dict(zip(calibration.task.selection.entries, finite(calibration.shifts), strict=True)),
+        },
+        "duty_delay": calibration.duty_delay,
+        "duty_delay_std_error": calibration.duty_delay_error,
         "unidentifiable_at_start": undetermined,
         "friction_is_passive": passivity_note(calibration.model) is None,
         **job.account(seconds),
-        "traces": {result.trace.name: trace_summary(result) for result in calibration.traces},
+        "traces": {
+            result.trace.name: {**trace_summary(result), **sensors.get(result.trace.name, {})}
+            for result in calibration.traces
+        },
         **({"error": calibration.verdict} if calibration.troubles else {}),
     }

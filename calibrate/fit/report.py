@@ -34,12 +34,39 @@ def render(
         undetermined=undetermined,
         table=table,
         start=start_as_study(calibration),
+        besides=found_besides(calibration),
+        shifts=dict(zip(calibration.task.selection.entries, calibration.shifts.tolist(), strict=True)),
         passivity=passivity_note(calibration.model),
         **model_sections(calibration.model, calibration.traces),
         convergence=figures.convergence_figure(cost, "chi^2 / N"),
         autocorrelation=figures.autocorrelation_figure(calibration.traces),
         correlation=figures.correlation_figure(entries, covariance) if len(entries) > 1 else None,
     )
+
+
+def found_besides(calibration: Calibration) -> list[str]:
+    """A sentence on each thing that a fit found out besides the parameters."""
+    progress, sentences = calibration.progress, []
+    if calibration.duty_delay_error is not None:
+        delay, error = 1e3 * calibration.duty_delay, 1e3 * calibration.duty_delay_error
+        way = "later" if delay > 0 else "earlier"
+        sentences.append(f"the duty reaches the valve {abs(delay):.3f} +- {error:.3f} ms {way} than the traces say")
+    for name, text in (("x_d", "position"), ("p_act", "chamber pressure")):
+        sensors = [known[name] for known in calibration.sensors if name in known]
+        coloured = sum(len(sensor.memory) > 0 for sensor in sensors)
+        if coloured:
+            sentences.append(f"the noise of the {text} is coloured in {coloured} of {len(sensors)} traces")
+        far = sum(round(sensor.outliers * len(sensor.trust)) for sensor in sensors)
+        if far:
+            sentences.append(f"{far} samples of the {text} are outliers and count for little")
+    if progress.corrections:
+        largest = float(np.nanmax(np.abs(calibration.shifts), initial=0.0))
+        state = "settled" if progress.settled else "did not settle, and their scatter is part of the errors"
+        sentences.append(
+            f"corrections for sensors and numerical errors moved values by at most {largest:.1f} standard errors, and "
+            f"{state}"
+        )
+    return sentences
 
 
 def render_overview(job: Job, summaries: Summaries, population: dict[str, dict[str, Any]]) -> str:

@@ -1,14 +1,14 @@
 """What summaries and reports say of a model and of how it meets its traces, whatever found it."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
 
 import vgtjax
-from vgtjax.estimation import TraceResult
+from vgtjax.estimation import Sensor, TraceResult
 from vgtjax.experiments import HysteresisLoop, find_loop
 
 from . import figures
@@ -94,6 +94,14 @@ def trace_section(result: TraceResult) -> dict[str, Any]:
         "channels": channels,
         "figure": figures.trace_figure(result),
         "loop": figures.loop_figure(result),
+    }
+
+
+def sensor_summary(sensors: Mapping[str, Sensor]) -> dict[str, Any]:
+    """What a fit found out of the sensors of a trace, by channel, in SI units."""
+    return {
+        name: {"noise": sensor.level, "memory": sensor.memory.tolist(), "outliers": sensor.outliers}
+        for name, sensor in sensors.items()
     }
 
 

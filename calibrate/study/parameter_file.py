@@ -34,6 +34,7 @@ class Entry:
     upper: float | None
     at_bound: bool
     identifiable: bool
+    interval: tuple[float, float] | None
     assumed: bool
     source: str
 
@@ -45,6 +46,7 @@ class Estimate:
     std_error: float = math.nan
     at_bound: bool = False
     identifiable: bool = False
+    interval: tuple[float, float] | None = None
 
 
 def tabulate(
@@ -63,7 +65,7 @@ def tabulate(
         row, estimate = vgtjax.parameters.table_row(table, name), estimates.get(name, Estimate())
         error, ends = finite(estimate.std_error), bounds.get(name, (None, None))
         numbers = (value, initial, error, name in estimates, *ends, estimate.at_bound, estimate.identifiable)
-        found.append(Entry(name, row.symbol, str(row.unit), *numbers, row.assumed, row.source))
+        found.append(Entry(name, row.symbol, str(row.unit), *numbers, estimate.interval, row.assumed, row.source))
     return found
 
 
@@ -72,7 +74,9 @@ def calibrated(calibration: Calibration) -> list[Entry]:
     entries = calibration.task.selection.entries
     known = calibration.uncertainty.determined.tolist()
     errors, ends = calibration.std_errors.tolist(), calibration.at_bound.tolist()
-    estimates = {entry: Estimate(*found) for entry, *found in zip(entries, errors, ends, known, strict=True)}
+    intervals = [tuple(found) if np.all(np.isfinite(found)) else None for found in calibration.intervals.tolist()]
+    columns = zip(entries, errors, ends, known, intervals, strict=True)
+    estimates = {entry: Estimate(*found) for entry, *found in columns}
     return tabulate(calibration.task.model, calibration.model, estimates, calibration.task.bounds)
 
 
@@ -89,10 +93,19 @@ def start_as_study(calibration: Calibration) -> str:
     return "\n".join(["[parameters]", *lines])
 
 
-_FIELDS = ("value", "unit", "free", "std_error", "initial", "lower", "upper", "at_bound", "identifiable")
+SCHEMA = 2
+"""Version of `parameters.json`; the first had neither intervals nor nuisance, and is read as well."""
+_FIELDS = ("value", "unit", "free", "std_error", "interval", "initial", "lower", "upper", "at_bound", "identifiable")
 
 
-def to_json(study: Study, found: list[Entry]) -> dict[str, Any]:
+def nuisance(calibration: Calibration) -> dict[str, Any]:
+    """What a fit found out of each of its traces besides the parameters, in SI units."""
+    fitted = {result.trace.name: result for result in calibration.traces if result.use == "fit"}
+    late = {} if calibration.duty_delay_error is None else {"duty_delay": calibration.duty_delay}
+    return {name: {**late, "offset": finite(result.offset)} for name, result in fitted.items()}
+
+
+def to_json(study: Study, found: list[Entry], nuisance: dict[str, Any] | None = None) -> dict[str, Any]:
     """The content of `parameters.json`; vector-valued parameters have lists in every field."""
     parameters: dict[str, Any] = {}
     for entry in found:
@@ -105,11 +118,13 @@ def to_json(study: Study, found: list[Entry]) -> dict[str, Any]:
                 vector[field].append(fields[field])
         else:
             parameters[name] = fields
-    return {"model": study.model, "components": study.components.names(), "parameters": parameters}
+    more = {} if nuisance is None else {"nuisance": nuisance}
+    names = {"model": study.model, "components": study.components.names()}
+    return {"schema": SCHEMA, **names, "parameters": parameters, **more}
 
 
-def load_values(path: pathlib.Path, unit: str | None, study: Study, model: vgtjax.AbstractModel) -> dict[str, Any]:
-    """Values by name from a `parameters.json`, or from a folder of a fit with several units."""
+def _read(path: pathlib.Path, unit: str | None) -> tuple[pathlib.Path, dict[str, Any]]:
+    """The file of a unit, given itself or the folder of a fit with several, and its content."""
     if path.is_dir():
         inner = path / unit / "parameters.json" if unit is not None else path / "parameters.json"
         if not inner.exists():
@@ -118,6 +133,33 @@ def load_values(path: pathlib.Path, unit: str | None, study: Study, model: vgtja
     content = read_json(path)
     if not isinstance(content, dict) or not isinstance(content.get("parameters"), dict):
         raise InputError(f"{path.name}: this is no parameters.json of a fit; give one that 'fit' wrote")
+    schema = content.get("schema", 1)
+    if isinstance(schema, bool) or not isinstance(schema, int) or not 1 <= schema <= SCHEMA:
+        raise InputError(
+            f"{path.name}: its schema must be a number from 1 to {SCHEMA}, but it is {schema!r}; use a newer vgtjax"
+        )
+    return path, content
+
+
+def load_delays(path: pathlib.Path, unit: str | None) -> dict[str, float]:
+    """By how many seconds the duty of each trace is late, of those of which a fit has found that."""
+    path, content = _read(path, unit)
+    traces = content.get("nuisance", {})
+    if not isinstance(traces, dict) or not all(isinstance(fields, dict) for fields in traces.values()):
+        raise InputError(f"{path.name}: its nuisance must be a table for each trace, but it is not; correct it")
+    delays = {name: fields["duty_delay"] for name, fields in traces.items() if "duty_delay" in fields}
+    for name, delay in delays.items():
+        if isinstance(delay, bool) or not isinstance(delay, int | float) or not -1 < delay < 1:
+            raise InputError(
+                f"{path.name}: the duty_delay of '{name}' must be seconds between -1 and 1, but it is {delay!r}; "
+                "correct it"
+            )
+    return delays
+
+
+def load_values(path: pathlib.Path, unit: str | None, study: Study, model: vgtjax.AbstractModel) -> dict[str, Any]:
+    """Values by name from a `parameters.json`, or from a folder of a fit with several units."""
+    path, content = _read(path, unit)
     wanted = study.components.names()
     if content.get("model") != study.model:
         raise InputError(

@@ -19,6 +19,9 @@ class TraceEntry(Table):
     atmosphere: Annotated[float, pydantic.Field(ge=3e4, le=1.2e5)] | None = None
     """Pa; between the highest peaks and the deepest mines, so that 1013 is found out to be mbar."""
     window: Annotated[tuple[float, float], pydantic.Strict(False)] | None = None
+    duty_delay: Annotated[float, pydantic.Field(ge=-0.05, le=0.05)] | None = None
+    """s by which the duty is known to reach the valve later than the file says; then it is not looked for."""
+    duty_hold: Literal["zero-order", "linear"] = "zero-order"
 
     @pydantic.field_validator("window")
     @classmethod
@@ -28,11 +31,21 @@ class TraceEntry(Table):
         return window
 
 
+class UnknownTable(Table):
+    """What a fit may find out besides the parameters; `evidence` lets the traces decide."""
+
+    duty_delay: Literal["evidence"] | bool = "evidence"
+    noise: Literal["evidence", "white", "coloured"] = "evidence"
+    numerics: bool = True
+
+
 class Fit(Table):
-    """Which parameters move: names or patterns."""
+    """Which parameters move: names or patterns; and what else is unknown."""
 
     free: list[str] | None = None
     fixed: list[str] = []
+    loss: Literal["evidence", "gaussian", "huber"] = "evidence"
+    unknown: UnknownTable = UnknownTable()
 
 
 class Spread(Table):

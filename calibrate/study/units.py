@@ -2,7 +2,7 @@
 
 import dataclasses
 import pathlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import vgtjax
@@ -11,7 +11,7 @@ from vgtjax.parameters import Bounds
 from vgtjax.traces import STANDARD_ATMOSPHERE, TRAVEL
 
 from .models import build_model, parameters_of, start_model, start_values
-from .parameter_file import load_values
+from .parameter_file import load_delays, load_values
 from .read import EXAMPLE, TraceSource, expand_traces, fingerprint, load_study
 from .tables import Study
 
@@ -50,6 +50,10 @@ class Unit:
     bounds: Bounds
     traces: Sequence[tuple[str, vgtjax.Trace]]
     """`fit` or `validate`, and the trace."""
+    delays: Mapping[str, float]
+    """s by which earlier parameters say that the duty of a trace is late, by trace."""
+    knows_delay: bool
+    """Whether the study states the delay of a trace, so that none is to be found."""
 
     def used(self, use: str) -> list[vgtjax.Trace]:
         """The traces for one use."""
@@ -88,7 +92,9 @@ def prepare(path: pathlib.Path | None, parameters: pathlib.Path | None, *, to_fi
         needs = (*start.needs, *(("x_d|p_act",) if to_fit else ()))
         mine = [source for source in sources if source.unit == name]
         traces = [(source.use, load_source(source, start, bounds, needs)) for source in mine]
-        units.append(Unit(name, start, bounds, traces))
+        delays = {} if parameters is None else load_delays(parameters, name)
+        stated = any(source.duty_delay is not None for source in mine)
+        units.append(Unit(name, start, bounds, traces, delays, stated))
     for unit in units:
         if to_fit and not unit.used("fit"):
             where = "" if unit.name is None else f" of unit '{unit.name}'"
@@ -119,4 +125,8 @@ def load_source(
     )
     if source.window is not None:
         trace = trace.window(*source.window)
+    if trace.pwm is not None and source.duty_hold == "linear":
+        trace = trace.with_ramped_duty()
+    if trace.pwm is not None and source.duty_delay:
+        trace = trace.with_late_duty(source.duty_delay)
     return trace

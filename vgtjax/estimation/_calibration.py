@@ -36,6 +36,7 @@ from ._evidence import (
     Unknown,
     learn_sensors,
     observe_traces,
+    turns,
 )
 from ._fit import LevenbergMarquardt, Progress
 from ._least_squares import LeastSquares, estimate_uncertainty
@@ -47,8 +48,8 @@ RUNAWAY = 1e5
 from a hopeless start a fit goes to where nothing changes any more, converges there, and leaves a mass of 1e88 kg."""
 
 
-LAST = 4
-"""Corrections whose scatter goes into the errors where they have not settled."""
+NORMAL_95 = 1.959964
+"""Standard errors on either side that hold 95 % of a normal distribution."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -275,6 +276,27 @@ class Calibration(Printed):
         return tuple(np.array(self.task.selection.entries)[away].tolist())
 
     @property
+    def shifts(self) -> Float[np.ndarray, " parameters"]:
+        """By how many of its standard errors corrections for sensors and numerical errors moved each value."""
+        if not self.progress.corrections:
+            return np.where(self.uncertainty.determined, 0.0, np.nan)
+        moved = (np.asarray(self.progress.coordinates) - np.asarray(self.progress.found))[: len(self.values)]
+        return moved / self.uncertainty.std_errors
+
+    @property
+    def intervals(self) -> Float[np.ndarray, "parameters 2"]:
+        """Ends within which each value lies with 95 % confidence; those of positive values by their logarithm.
+
+        NaN where the data say nothing.
+        """
+        reach = NORMAL_95 * self.uncertainty.std_errors[:, None] * np.array([-1.0, 1.0])
+        linear = self.values[:, None] + reach * self.transform.scale[: len(self.values), None]
+        with np.errstate(over="ignore"):
+            return np.where(
+                self.transform.positive[: len(self.values), None], self.values[:, None] * np.exp(reach), linear
+            )
+
+    @property
     def std_errors(self) -> Float[np.ndarray, " parameters"]:
         """Standard errors; NaN where the data say nothing."""
         return np.where(self.uncertainty.determined, np.sqrt(np.diag(self.covariance)), np.nan)
@@ -322,12 +344,12 @@ class Calibrator:
         found = self._uncertainty()
         errors = np.where(found.determined, found.std_errors, np.inf)
         step = np.where(found.determined, -found.values, 0.0)
-        if np.all(np.abs(step) <= SETTLED * errors):
-            self.minimiser.progress = dataclasses.replace(progress, settled=True)
+        wanted = (*progress.wanted, tuple(step.tolist()))
+        part = 1 / (1 + len(turns(np.array(wanted) / errors)))
+        settled = bool(np.all(np.abs(part * step) <= SETTLED * errors))
+        if settled or progress.corrections >= MOST_CORRECTIONS:
+            self.minimiser.progress = dataclasses.replace(progress, wanted=wanted, settled=settled)
             return None
-        if progress.corrections >= MOST_CORRECTIONS:
-            return None
-        part = 1 / max(progress.corrections - 1, 1)
         return self._go_on(step, min(part, LONGEST_STEP / float(np.max(np.abs(step)))))
 
     def _go_on(self, step: Vector, part: float) -> "Calibrator":
@@ -353,10 +375,13 @@ class Calibrator:
         slope = np.asarray(self.transform.slope(coordinates))
         model = self.task.selection.unpack(self.task.model, values[:count])
         uncertainty = everything.first(count)
-        if progress.corrections and not progress.settled:
+        if progress.wanted:
             # Corrections that go to and fro say how well the numbers themselves are known.
-            last = np.asarray(progress.wanted)[-LAST:, :count] * uncertainty.determined
-            uncertainty = dataclasses.replace(uncertainty, covariance=uncertainty.covariance + last.T @ last / LAST)
+            wanted = np.where(uncertainty.determined, np.array(progress.wanted)[:, :count], 0.0)
+            first = turns(wanted / np.where(uncertainty.determined, uncertainty.std_errors, 1.0))[:1]
+            last = wanted[int(first[0]) :] if len(first) else wanted[-1:]
+            scatter = last.T @ last / len(last)
+            uncertainty = dataclasses.replace(uncertainty, covariance=uncertainty.covariance + scatter)
         with np.errstate(over="ignore"):  # the error of a value that ran away may be beyond every number
             covariance = uncertainty.covariance * np.outer(slope[:count], slope[:count])
         late = self.task.late_duty and progress.coordinates[-1] != 0.0

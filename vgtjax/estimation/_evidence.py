@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from ..parts import with_sharp_seat
 from ..plants import AbstractModel
@@ -35,9 +35,7 @@ EVIDENT = 3.0
 """Standard errors by which a delay must differ from zero to be one."""
 SETTLED = 0.2
 """Standard errors: corrections that move nothing by more have settled. The sharp model chatters by about a tenth."""
-MOST_CORRECTIONS = 8
-"""The third and later ones take a half, a third, and so on, of a full step (Robbins and Monro, 1951): where the sharp
-model jumps, full steps would go to and fro, and these come to the middle."""
+MOST_CORRECTIONS = 10
 LONGEST_STEP = 0.5
 """Coordinates by which a correction moves at most."""
 
@@ -66,6 +64,15 @@ class Unknown:
 
 NOTHING = Unknown(duty_delay=False, noise="white", loss="gaussian", numerics=False)
 """The parameters only."""
+
+
+def turns(wanted: Float[np.ndarray, "steps coordinates"]) -> Int[np.ndarray, " turns"]:
+    """Which of all full steps, in standard errors, turn back from the one before.
+
+    Where the sharp model jumps, full steps would go to and fro. A half is taken of those after the first turn, a third
+    after the second, and so on: these come to the middle (Kesten, 1958).
+    """
+    return np.flatnonzero(np.sum(wanted[1:] * wanted[:-1], axis=1) < 0) + 1
 
 
 def observe_traces(

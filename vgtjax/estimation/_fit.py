@@ -46,7 +46,7 @@ class Progress:
 
     A search that has converged may be corrected, in full linear steps, for what it tells of sensors and of numerical
     errors: `corrections` counts these, and `settled` says whether the last one would move anything that matters.
-    `wanted` are the full linear steps from the second on.
+    `found` is where the search ended, `wanted` are the full linear steps from there on.
     """
 
     coordinates: tuple[float, ...]
@@ -60,6 +60,7 @@ class Progress:
     history: tuple[float, ...] = ()
     corrections: int = 0
     settled: bool = False
+    found: tuple[float, ...] = ()
     wanted: tuple[tuple[float, ...], ...] = ()
 
     def corrected(self, coordinates: Iterable[float], wanted: Iterable[float]) -> "Progress":
@@ -67,6 +68,7 @@ class Progress:
         return dataclasses.replace(
             self,
             coordinates=tuple(coordinates),
+            found=self.found if self.corrections else self.coordinates,
             wanted=(*self.wanted, tuple(wanted)) if self.corrections else (),
             iteration=self.iteration + 1,
             accepted=self.accepted + 1,

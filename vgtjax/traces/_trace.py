@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int, PyTree
 from numpy.typing import ArrayLike
@@ -11,6 +12,7 @@ from numpy.typing import ArrayLike
 from .._errors import InputError
 from ._channel import Channel, Samples, as_channel
 from ._drive import Drive, Ramp, Start
+from ._duty import delay_duty
 from ._grid import same_clock, share_time
 from ._signals import SIGNALS
 
@@ -168,6 +170,20 @@ class Trace:
             linear = [channel.time for name, channel in self.channels.items() if not SIGNALS[name].held]
             time = time[(time >= max(t[0] for t in linear)) & (time <= min(t[-1] for t in linear))]
         return self.replace(**{name: Channel(time, np.asarray(self.at(name, time))) for name in self.channels})
+
+    def with_late_duty(self, delay: float) -> "Trace":
+        """The same trace with the duty that reaches a valve `delay` s later than it says (earlier, if negative).
+
+        The duty of every interval of `time` is then its mean over that interval.
+        """
+        duration = jnp.append(jnp.diff(self.time), 0.0)
+        return self.replace(time=self.time, pwm=np.asarray(delay_duty(jnp.asarray(self.at("pwm")), duration, delay)))
+
+    def with_ramped_duty(self) -> "Trace":
+        """The same trace with a duty that was linear between its samples; of every interval of `time` its mean."""
+        duty = self.at("pwm")
+        assert duty is not None, "only a duty can be ramped"
+        return self.replace(time=self.time, pwm=np.append(0.5 * (duty[1:] + duty[:-1]), duty[-1]))
 
     def drive(self) -> Drive:
         """Inputs over the interval that each time begins; the last one has no length."""

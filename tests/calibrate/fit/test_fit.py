@@ -9,7 +9,7 @@ from commands import entries_of, read
 
 import vgtjax
 
-FIELDS = {"value", "unit", "free", "std_error", "initial", "lower", "upper", "at_bound", "identifiable"}
+FIELDS = {"value", "unit", "free", "std_error", "interval", "initial", "lower", "upper", "at_bound", "identifiable"}
 FREE = {"converter.magnetic_force[2]", "diaphragm.preload", "diaphragm.stiffness", "friction.viscous_damping"}
 
 
@@ -39,7 +39,7 @@ def test_every_parameter_of_the_model_is_there_with_every_field(actuator, fitted
     for name, fields in parameters.items():
         assert set(fields) == FIELDS
         size = table[name].size
-        for field in fields.values():
+        for field in (fields[key] for key in FIELDS - {"interval"}):
             assert isinstance(field, list) == (size is not None)
             assert size is None or len(field) == size
         assert fields["unit"] == (table[name].unit if size is None else list(table[name].unit))
@@ -52,9 +52,14 @@ def test_free_and_held_entries_differ_as_they_should(parameters):
             assert fields["value"] != fields["initial"]
             assert fields["std_error"] > 0
             assert fields["identifiable"] is True
+            low, high = fields["interval"]
+            assert low < fields["value"] < high
+            # 1.96 standard errors on either side; of a positive value by its logarithm.
+            assert high - low == pytest.approx(2 * 1.96 * fields["std_error"], rel=0.05)
         else:
             assert fields["value"] == fields["initial"]
             assert fields["std_error"] is None
+            assert fields["interval"] is None
         assert fields["at_bound"] is False
 
 
@@ -167,7 +172,7 @@ def test_what_is_wrong_with_a_fit_is_part_of_its_answer(calibration):
         calibration,
         progress=dataclasses.replace(
             calibration.progress,
-            coordinates=tuple(np.array(calibration.progress.coordinates) + np.array([0.0, 0.0, 0.0, 20.0])),
+            coordinates=tuple(np.array(calibration.progress.coordinates) + np.array([0.0, 0.0, 0.0, 20.0, 0.0])),
         ),
         values=calibration.values * np.exp([0.0, 0.0, 0.0, 20.0]),
         traces=[_failed(calibration.traces[0]), calibration.traces[1]],
