@@ -9,8 +9,19 @@ import tempfile
 
 import click
 
-_CASES = ("forward", "jacobian", "batch", "fit", "cold-start", "population", "tuning", "memory")
-_LONG = ("tuning", "memory")
+_CASES = (
+    "forward",
+    "jacobian",
+    "batch",
+    "fit",
+    "cold-start",
+    "population",
+    "tuning",
+    "robustness",
+    "coverage",
+    "memory",
+)
+_LONG = ("tuning", "coverage", "memory")
 """Only when asked for: ten minutes and more."""
 _PACKAGES = ("jax", "diffrax", "numba", "scipy", "casadi", "cma")
 

@@ -207,7 +207,7 @@ def build_fit_problem(
     sensors = white_sensors(traces, channels) if sensors is None else sensors
     bundles = bundle_traces(model, traces, stepping)
     measured = [_measure(bundle, traces, sensors) for bundle in bundles]
-    count = sum(len(sensor.values) for each in sensors for sensor in each.values())
+    count = sum(int(np.count_nonzero(sensor.trust)) for each in sensors for sensor in each.values())
     offsets = sum(len(each) for each in sensors)
     late_duty = len(transform.scale) > len(selection.entries)
     return FitProblem(model, selection, transform, bundles, measured, count, offsets, late_duty)

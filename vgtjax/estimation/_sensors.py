@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import scipy.linalg
+import scipy.ndimage
 import scipy.signal
 from jaxtyping import Float
 
@@ -18,7 +19,9 @@ OUTLIER = 3.0
 """Deviations beyond which a residual counts by its size instead of its square (Huber, 1964). Of white normal noise that
 costs 0.2 % of the information."""
 FAR_OUT = 5.0
-"""Deviations beyond which a sample is called an outlier: one in two million of normal noise."""
+"""Deviations beyond which a sample may be an outlier that says nothing: one in two million of normal noise."""
+NEIGHBOURS = 10
+"""Samples on either side of which most must be none: what many in a row say is the fault of the model."""
 
 Samples = Float[np.ndarray, " samples"]
 
@@ -29,7 +32,7 @@ class Sensor:
 
     `values` in m or Pa at the channel's valid samples; `deviation` in the same unit of what is new in every sample;
     `memory` is the autoregression `e[k] = sum(memory[i] e[k-1-i]) + new[k]` of its noise, empty for white noise;
-    `trust` multiplies the weight of every sample, one but for outliers.
+    `trust` multiplies the weight of every sample: one, less where residuals are large, zero for outliers.
     """
 
     values: Samples
@@ -45,7 +48,7 @@ class Sensor:
     @property
     def outliers(self) -> float:
         """Share of the samples that are outliers."""
-        return float(np.mean(self.trust < np.sqrt(OUTLIER / FAR_OUT)))
+        return float(np.mean(self.trust == 0))
 
 
 def white_sensor(trace: Trace, channel: str) -> Sensor | None:
@@ -69,9 +72,15 @@ def learn_sensor(sensor: Sensor, residuals: Samples, least: float, *, coloured: 
     memory = _autoregression(centred) if coloured else np.zeros(0)
     new = innovations(centred, memory)
     deviation = max(robust_deviation(new), least)
-    size = np.maximum(np.abs(new) / deviation, OUTLIER)
-    trust = np.sqrt(OUTLIER / size) if robust else np.ones(len(new))
+    trust = _trust(np.abs(new) / deviation) if robust else np.ones(len(new))
     return dataclasses.replace(sensor, deviation=deviation, memory=memory, trust=trust)
+
+
+def _trust(sizes: Samples) -> Samples:
+    """Factors of residuals of these sizes in deviations."""
+    usual = scipy.ndimage.median_filter(sizes, 2 * NEIGHBOURS + 1, mode="nearest")
+    alone = (sizes > FAR_OUT) & (usual < OUTLIER)
+    return np.where(alone, 0.0, np.sqrt(OUTLIER / np.maximum(sizes, OUTLIER)))
 
 
 def innovations(residuals: Samples, memory: Float[np.ndarray, " order"]) -> Samples:

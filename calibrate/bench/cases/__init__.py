@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from ..table import Section
-from . import batch, cold_start, fit, forward, jacobian, population, tuning
+from . import batch, cold_start, coverage, fit, forward, jacobian, population, robustness, tuning
 
 CASES: dict[str, Callable[[], Section]] = {
     "forward": forward.measure,
@@ -13,6 +13,8 @@ CASES: dict[str, Callable[[], Section]] = {
     "cold-start": cold_start.measure,
     "population": population.measure_population,
     "tuning": tuning.measure,
+    "robustness": robustness.measure,
+    "coverage": coverage.measure,
     "memory": population.measure_memory,
 }
 """By the name on the command line, in the order in which they run."""

@@ -42,7 +42,7 @@ def test_noise_behind_a_low_pass_is_whitened():
     assert abs(new[1:] @ new[:-1]) / (new @ new) < 4 / np.sqrt(COUNT)
 
 
-def test_outliers_count_by_their_size_and_spoil_neither_level_nor_memory():
+def test_outliers_count_for_nothing_and_spoil_neither_level_nor_memory():
     rng = np.random.default_rng(5)
     noise = rng.normal(0, SIZE, COUNT)
     far = rng.choice(COUNT, 60, replace=False)
@@ -51,8 +51,16 @@ def test_outliers_count_by_their_size_and_spoil_neither_level_nor_memory():
     assert len(found.memory) == 0
     assert found.level == pytest.approx(SIZE, rel=0.03)
     assert found.outliers == pytest.approx(60 / COUNT, rel=0.1)
-    # Huber: three deviations over thirty, the weight squared.
-    assert np.median(found.trust[far] ** 2) == pytest.approx(0.1, rel=0.1)
+    assert np.all(found.trust[far] == 0)
+
+
+def test_what_many_neighbours_say_is_no_outlier():
+    """A model that misses a transient must hear of it: large residuals in a row count by their size (Huber)."""
+    noise = np.random.default_rng(6).normal(0, SIZE, COUNT)
+    noise[5000:5040] += 30 * SIZE
+    found = learn(noise, coloured=False)
+    assert np.median(found.trust[5000:5040] ** 2) == pytest.approx(0.1, rel=0.1)  # three deviations over thirty
+    assert found.outliers == 0
 
 
 def test_what_is_not_asked_for_is_not_learned():

@@ -1,0 +1,123 @@
+"""Bench campaigns of actuators with known parameters, by the plant of the benchmarks: no simulator of ours, nothing
+smoothed, steps of 10 us. For measuring how honest the intervals of a fit are."""
+
+import dataclasses
+
+import numpy as np
+import scipy.signal
+from jaxtyping import Float
+
+import vgtjax
+
+from . import numba_plant
+
+SPREAD = {
+    "converter.membrane_stiffness": 0.08,
+    "converter.return_spring_stiffness": 0.08,
+    "converter.plunger_damping": 0.10,
+    "converter.reservoir_orifice_slope": 0.08,
+    "converter.reservoir_orifice_saturation": 0.04,
+    "converter.atmosphere_orifice[0]": 0.10,
+    "converter.atmosphere_orifice[1]": 0.10,
+    "converter.atmosphere_orifice[2]": 0.10,
+    "chamber.volume": 0.05,
+    "diaphragm.mass": 0.06,
+    "diaphragm.preload": 0.06,
+    "diaphragm.stiffness": 0.05,
+    "diaphragm.travel": 0.01,
+    "friction.static_force": 0.12,
+    "friction.coulomb_force": 0.12,
+    "friction.bristle_stiffness": 0.15,
+    "friction.bristle_damping": 0.15,
+    "friction.viscous_damping": 0.12,
+    "friction.stribeck_velocity": 0.20,
+}
+"""Of the logarithm of what differs from unit to unit; uniform over 1.7 of it on either side."""
+NOISE = {"x_d": 8e-6, "p_act": 60.0}
+"""m and Pa."""
+RATE = 1e-3
+"""s between samples."""
+STEP = 1e-5
+"""s."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Fault:
+    """What is wrong with a campaign.
+
+    `delay` in s of the duty beside its record, the share of the position's samples that are `outliers` by thirty
+    deviations, and the `low_pass` in Hz behind which the noise of the position is (not the signal).
+    """
+
+    name: str
+    delay: float = 0.0
+    outliers: float = 0.0
+    low_pass: float | None = None
+
+
+FAULTS = (
+    Fault("nothing"),
+    Fault("duty 4 ms late", delay=0.004),
+    Fault("0.3 % outliers of 30 deviations", outliers=0.003),
+    Fault("noise of the position behind 40 Hz", low_pass=40.0),
+)
+
+
+def draw_unit(rng: np.random.Generator) -> vgtjax.Actuator:
+    """An actuator of the series: its friction is passive, and its magnetic force differs in scale and bend."""
+    nominal = vgtjax.Actuator()
+    selection = vgtjax.Selection(tuple(SPREAD))
+    factors = np.exp(np.array(list(SPREAD.values())) * rng.uniform(-1.7, 1.7, len(SPREAD)))
+    values = dict(zip(SPREAD, np.asarray(selection.pack(nominal)) * factors, strict=True))
+    stiction, sliding = "friction.static_force", "friction.coulomb_force"
+    values[stiction] = max(values[stiction], 1.05 * values[sliding])
+    least = values["friction.bristle_damping"] * (values[stiction] / values[sliding] - 1)
+    values["friction.viscous_damping"] = max(values["friction.viscous_damping"], 1.05 * least)
+    unit = selection.unpack(nominal, np.array(list(values.values())))
+    scale, bend = 1 + 0.04 * rng.uniform(-1, 1), 1 + 0.03 * rng.uniform(-1, 1)
+    pull = np.asarray(vgtjax.get_parameter(nominal, "converter.magnetic_force")) * scale * bend ** np.arange(5)
+    return vgtjax.replace_parameters(unit, {"converter.magnetic_force": pull})
+
+
+def record(unit: vgtjax.Actuator, rng: np.random.Generator, fault: Fault) -> list[vgtjax.Trace]:
+    """Two steps, random levels and a staircase, 31 s at 1 kHz, with noisy sensors off by constants."""
+    return [_record(unit, name, duty, rng, fault) for name, duty in _duties(rng)]
+
+
+def _duties(rng: np.random.Generator) -> list[tuple[str, Float[np.ndarray, " time"]]]:
+    steps = [(f"step_{level:.0f}", np.repeat([0.0, level, 0.0], [200, 2000, 1800])) for level in (80.0, 100.0)]
+    holds = rng.integers(120, 900, 100)
+    levels = np.repeat([0.0, *np.round(rng.uniform(15, 95, 100), 1)], [150, *holds])[:10_000]
+    staircase = np.repeat([0.0, 20, 35, 50, 60, 70, 60, 50, 35, 20, 0], 1200)
+    return [*steps, ("levels", levels), ("staircase", staircase)]
+
+
+def _record(
+    unit: vgtjax.Actuator, name: str, duty: Float[np.ndarray, " time"], rng: np.random.Generator, fault: Fault
+) -> vgtjax.Trace:
+    time, late = np.arange(len(duty)) * RATE, round(fault.delay / RATE)
+    applied = np.concatenate([np.full(late, duty[0]), duty[: len(duty) - late]])
+    phases = rng.uniform(0, 2 * np.pi, 2)
+    supply = 2e4 + 150 * np.sin(2 * np.pi * 12.3 * time + phases[0]) + 300 * np.sin(0.1 * np.pi * time + phases[1])
+    x_d, p_act = np.empty((2, len(duty)))
+    row = numba_plant.constants(numba_plant.pack(unit))
+    numba_plant.run(row, time, applied, supply, STEP, x_d, p_act)
+    noise = _position_noise(rng, len(duty), fault)
+    return vgtjax.Trace(
+        time,
+        pwm=duty,
+        p_res=supply + rng.normal(0, NOISE["p_act"], len(duty)),
+        x_d=x_d + rng.normal(0, NOISE["x_d"]) + noise,
+        p_act=p_act + rng.normal(0, NOISE["p_act"]) + rng.normal(0, NOISE["p_act"], len(duty)),
+        name=name,
+    )
+
+
+def _position_noise(rng: np.random.Generator, count: int, fault: Fault) -> Float[np.ndarray, " time"]:
+    noise = rng.normal(0, NOISE["x_d"], count)
+    if fault.low_pass is not None:
+        keep = np.exp(-2 * np.pi * fault.low_pass * RATE)
+        noise = scipy.signal.lfilter([1 - keep], [1, -keep], noise)
+        noise *= NOISE["x_d"] / np.std(noise)
+    far = rng.random(count) < fault.outliers
+    return noise + far * 30 * NOISE["x_d"] * rng.choice([-1, 1], count)
