@@ -83,7 +83,13 @@ def _population(
         pairs = [(each.parameters, each.value) for each in table.correlation]
         with stated(OF_A_POPULATION):
             population = spread_population(
-                models[None], table.relative, spreads=spreads, vary=table.vary, fixed=table.fixed, correlations=pairs
+                models[None],
+                table.relative,
+                spreads=spreads,
+                vary=table.vary,
+                fixed=table.fixed,
+                correlations=pairs,
+                passive=table.passive,
             )
         notes = []
         if not table.parameters and "relative" not in table.model_fields_set:
@@ -95,7 +101,7 @@ def _population(
             notes.append("sensitivity indices need independent quantities, so the stated correlations are left out")
         return (population.independent() if levels else population), tuple(notes)
     assert parameters is not None
-    named = table.model_fields_set - {"units"}
+    named = table.model_fields_set - {"units", "passive"}
     if named:
         raise InputError(
             f"a population of fitted units has their spread, but [population] states {', '.join(sorted(named))} too; "
@@ -103,7 +109,7 @@ def _population(
         )
     entries = [fitted_entries(file) for file in unit_files(parameters).values()]
     common = [entry for entry in entries[0] if all(entry in other for other in entries)]
-    population = fitted_population(list(models.values()), common)
+    population = dataclasses.replace(fitted_population(list(models.values()), common), passive=table.passive)
     doubts = _unconverged(parameters)
     if not levels:
         return population, doubts

@@ -4,13 +4,15 @@ import itertools
 from typing import Any, NamedTuple
 
 from vgtjax.experiments import Output
-from vgtjax.population import Sample
+from vgtjax.population import Population, Sample
 
 from ..output.files import finite
 from .job import PopulationJob
 
 NAMED = 100
 """Failed samples that a summary names with their values; more of them say no more."""
+AT_ONCE = 65536
+"""Samples whose friction is looked at together."""
 
 
 class Scaled(NamedTuple):
@@ -39,6 +41,12 @@ def describe_failed(job: PopulationJob, sample: Sample, failed: dict[int, str]) 
         by_name = {entry: finite(value) for entry, value in zip(entries, values, strict=True)}
         named.append({"sample": row, "cause": cause, "values": by_name})
     return {"count": len(failed), "samples": named}
+
+
+def count_active(population: Population, sample: Sample) -> int:
+    """Samples whose friction, as drawn, could give out energy."""
+    begins = range(0, sample.rows, AT_ONCE)
+    return sum(int(population.active(sample.points(i, min(i + AT_ONCE, sample.rows))).sum()) for i in begins)
 
 
 def describe_quantities(job: PopulationJob) -> dict[str, Any]:

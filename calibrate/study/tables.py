@@ -79,6 +79,8 @@ class PopulationTable(Table):
     relative: Positive = 0.02
     parameters: dict[str, Spread] = {}
     correlation: list[Correlation] = []
+    passive: bool = True
+    """Whether viscous damping is raised where friction could give out energy."""
 
 
 class ExperimentsTable(Table):

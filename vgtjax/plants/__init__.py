@@ -7,5 +7,5 @@ from ._knots import on_given_knots as on_given_knots
 from ._mechanical import MechanicalActuator as MechanicalActuator
 from ._plant import AbstractPlant as AbstractPlant, Plant as Plant, PlantState as PlantState
 from ._pneumatic import PneumaticActuator as PneumaticActuator
-from ._rod import Rod as Rod, RodState as RodState
+from ._rod import AbstractRodModel as AbstractRodModel, Rod as Rod, RodState as RodState
 from .reduced import *

@@ -61,7 +61,7 @@ def fitted_levels(population: Population, models: Sequence[AbstractModel]) -> Po
         _margin(value, spread, bool(log), end)
         for value, spread, log, end in zip(nominal, deviation, positive, ends, strict=True)
     )
-    return Population(population.model, factors, margins)
+    return Population(population.model, factors, margins, passive=population.passive)
 
 
 def _level(nominal: AbstractModel, model: AbstractModel, name: str, table: dict) -> float:

@@ -4,19 +4,24 @@ import dataclasses
 import math
 from typing import Any
 
+import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
 import scipy.special
 import scipy.stats
-from jaxtyping import Float
+from jaxtyping import Array, Bool, Float
 
 from .._errors import InputError
 from ..parameters import parameter_table, table_row
-from ..plants import AbstractModel
+from ..plants import AbstractModel, AbstractRodModel
 from ._factors import Factors, is_curve
 
 Margin = Any
 """A frozen distribution of `scipy.stats`: has `ppf`, `mean`, `std`."""
 Rows = Float[np.ndarray, "rows factors"]
+VISCOUS = "friction.viscous_damping"
+"""What is raised until friction is passive."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -26,6 +31,9 @@ class Population:
     `margins` are in the order of `factors.entries` and in the units of the table. `correlation` is that of the
     normal scores, `(factors, factors)`; it may be singular, as it is where few units were measured.
 
+    With `passive`, no member has friction that can give out energy: where the drawn viscous damping is too small for
+    that, a member has the least that is large enough.
+
     **Raises:** `InputError` where sizes differ, or the correlation is none.
     """
 
@@ -33,6 +41,7 @@ class Population:
     factors: Factors
     margins: tuple[Margin, ...]
     correlation: Float[np.ndarray, "factors factors"] | None = None
+    passive: bool = True
 
     def __post_init__(self) -> None:
         if len(self.margins) != len(self.factors.entries):
@@ -60,6 +69,25 @@ class Population:
 
     def values(self, points: Rows) -> Rows:
         """Parameter values of points of the open unit cube; each row by itself, so that slices give the same."""
+        drawn = self._drawn(points)
+        if not self.passive or VISCOUS not in self.factors.entries:
+            return drawn
+        raised = drawn.copy()
+        # A little more than the least: rounding may not put it back outside.
+        raised[:, self.factors.entries.index(VISCOUS)] += (1 + 1e-9) * np.maximum(-self._passivity(drawn), 0.0)
+        return raised
+
+    def active(self, points: Rows) -> Bool[np.ndarray, " rows"]:
+        """Whether friction as drawn, before anything is raised, can give out energy."""
+        return self._passivity(self._drawn(points)) < 0
+
+    def _passivity(self, values: Rows) -> Float[np.ndarray, " rows"]:
+        """Viscous damping in N s/m beyond the least of passive friction; infinite where friction is always passive."""
+        if not isinstance(self.model, AbstractRodModel):
+            return np.full(len(values), np.inf)
+        return np.asarray(_passivity(self.model, self.factors, jnp.asarray(values)))
+
+    def _drawn(self, points: Rows) -> Rows:
         if self.correlation is not None:
             scores, factor = scipy.special.ndtri(points), _factor(np.asarray(self.correlation))
             # Term by term: a matrix product rounds differently with the number of rows.
@@ -73,6 +101,17 @@ class Population:
     def independent(self) -> "Population":
         """The same distributions without their correlation, which variance-based indices need."""
         return dataclasses.replace(self, correlation=None)
+
+
+@eqx.filter_jit
+def _passivity(
+    model: AbstractRodModel, factors: Factors, values: Float[Array, "rows factors"]
+) -> Float[Array, " rows"]:
+    def margin(row: Array) -> Array:
+        found = factors.unpack(model, row).friction.passivity_margin()
+        return jnp.asarray(jnp.inf if found is None else found)
+
+    return jax.vmap(margin)(values)
 
 
 def _check_correlation(correlation: np.ndarray, size: int) -> None:

@@ -46,6 +46,7 @@ def spread_population(
     vary: Sequence[str] | None = None,
     fixed: Sequence[str] = (),
     correlations: Sequence[tuple[Sequence[str], float]] = (),
+    passive: bool = True,
 ) -> Population:
     """The population that tolerances describe around a nominal actuator.
 
@@ -56,6 +57,7 @@ def spread_population(
     - `spreads`: of single quantities, by name; these vary beside what `vary` names.
     - `vary`, `fixed`: names or patterns; by default all varies but for `NOT_VARIED`, and what is zero or infinite.
     - `correlations`: names of two quantities or more, and the correlation of the normal scores of each pair of them.
+    - `passive`: whether members have friction that can't give out energy, see [`Population`][].
 
     **Raises:** `InputError` for an unknown name, a distribution that is incomplete or leaves the domain, or
     correlations that contradict each other.
@@ -68,7 +70,7 @@ def spread_population(
         _margin(entry, spreads.get(entry, Spread()), value, relative, domain(model, entry)[0])
         for entry, value in zip(factors.entries, nominal, strict=True)
     )
-    return Population(model, factors, margins, _correlation(factors, correlations))
+    return Population(model, factors, margins, _correlation(factors, correlations), passive)
 
 
 def _chosen(

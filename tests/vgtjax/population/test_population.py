@@ -1,5 +1,6 @@
 """Populations: what varies, by which distribution and together with what, and what fitted units say about it."""
 
+import dataclasses
 import math
 
 import jax
@@ -19,6 +20,7 @@ from vgtjax.population import (
     fitted_levels,
     fitted_population,
     lognormal,
+    make_sample,
     normal,
     spread_population,
     triangular,
@@ -391,3 +393,20 @@ def test_a_level_is_the_nearest_multiple():
 def test_two_units_are_no_population(fleet):
     with pytest.raises(InputError, match="needs three fitted units or more, but there are 2; fit more"):
         fitted_population(fleet[:2], ENTRIES)
+
+
+def test_no_member_has_friction_that_gives_out_energy():
+    """Viscous damping is raised to the least of passive friction, and nothing else is touched."""
+    wide = spread_population(ACTUATOR, 0.5, vary=["friction.*"])
+    loose = dataclasses.replace(wide, passive=False)
+    points = make_sample(wide.dimensions, 512, "sobol", 3).points(0, 512)
+    values, drawn, active = wide.values(points), loose.values(points), wide.active(points)
+    assert 20 < active.sum() < 492
+    at = wide.factors.entries.index("friction.viscous_damping")
+    np.testing.assert_array_equal(np.delete(values, at, axis=1), np.delete(drawn, at, axis=1))
+    np.testing.assert_array_equal(values[~active], drawn[~active])
+    for row in values[active][:8]:
+        friction = wide.factors.unpack(ACTUATOR, row).friction
+        # On the bound, but for rounding and the billionth that keeps it inside.
+        assert 0 <= float(friction.passivity_margin()) < 1e-6 * float(friction.viscous_damping)
+    assert not spread_population(ACTUATOR, 0.5, vary=["diaphragm.mass"]).active(points[:, :1]).any()
