@@ -9,9 +9,13 @@ import numpy as np
 from .._errors import InputError
 from ..estimation import Calibration, Calibrator, Progress, Task, Unknown, plan_task, start_calibration
 from ..parameters import Bounds, build_transform, parameter_table
-from ..plants import AbstractModel
+from ..parts import NoVaneForce
+from ..plants import AbstractModel, AbstractRodModel
 from ..traces import Trace
 from ._axis import better_start, moves_at_start
+
+GASLESS = 1000.0
+"""Pa gauge at the turbine below which exhaust gas does nothing that a position sensor could see."""
 
 
 def fit(
@@ -75,7 +79,22 @@ def start_fit(task: Task, resume: Progress | None = None) -> Calibrator:
                 f"{trace.name}: it begins at {moving[0]:.2g} m/s, but a simulation begins at rest; "
                 f"window = [{moving[1]:.3f}, {trace.time[-1]:.3f}] leaves that out"
             )
+    notes += _unheard_gas(task)
     begin = better_start(task)
     if begin is not None:
         notes.append("the search begins at what a regression of force and position tells")
     return dataclasses.replace(start_calibration(task, begin), notes=tuple(notes))
+
+
+def _unheard_gas(task: Task) -> list[str]:
+    """That a trace has exhaust gas and the model no force of it, if so."""
+    if not isinstance(task.model, AbstractRodModel) or not isinstance(task.model.vane_force, NoVaneForce):
+        return []
+    gassed = {trace.name: float(np.max(trace.p_trb)) for trace in task.fit if trace.p_trb is not None}
+    name, pressure = max(gassed.items(), key=lambda pair: pair[1], default=("", 0.0))
+    if pressure <= GASLESS:
+        return []
+    return [
+        f"the turbine pressure of {name} reaches {pressure:.4g} Pa gauge, but the model has no vane force; choose one, "
+        "or what exhaust gas does is read as friction and springs"
+    ]

@@ -19,6 +19,7 @@ from vgtjax.estimation import (
     plan_task,
     start_calibration,
 )
+from vgtjax.identification import plan_fit, start_fit
 from vgtjax.parameters import select
 from vgtjax.parts import with_sharp_seat
 from vgtjax.traces import delay_duty
@@ -149,3 +150,12 @@ def test_an_interrupted_fit_goes_on_among_its_corrections(plain):
     assert saved.corrections == 1
     resumed = start_calibration(plain.task, saved).run()
     np.testing.assert_array_equal(resumed.progress.coordinates, plain.progress.coordinates)
+
+
+def test_exhaust_gas_that_no_vane_force_answers_is_named():
+    trace = recorded(5)
+    gassed = trace.replace(p_trb=np.full(len(trace.time), 1.5e5), name="hot")
+    for traces, count in (([trace], 0), ([trace, gassed], 1)):
+        notes = start_fit(plan_fit(vgtjax.Actuator(), traces, free=FREE)).notes
+        assert len(notes) == count
+    assert notes[0].startswith("the turbine pressure of hot reaches 1.5e+05 Pa gauge, but the model has no vane force")
