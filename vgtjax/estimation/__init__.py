@@ -4,15 +4,11 @@ from ._bundle import CHANNELS as CHANNELS, SEGMENT as SEGMENT, Bundle as Bundle,
 from ._calibration import (
     RUNAWAY as RUNAWAY,
     Calibration as Calibration,
-    Calibrator as Calibrator,
     Comparison as Comparison,
-    Task as Task,
     TraceResult as TraceResult,
-    calibrate as calibrate,
     compare as compare,
-    plan_task as plan_task,
-    start_calibration as start_calibration,
 )
+from ._calibrator import Calibrator as Calibrator, calibrate as calibrate, start_calibration as start_calibration
 from ._evidence import Unknown as Unknown
 from ._fit import CHI2_TOLERANCE as CHI2_TOLERANCE, LevenbergMarquardt as LevenbergMarquardt, Progress as Progress
 from ._least_squares import (
@@ -30,3 +26,4 @@ from ._residuals import FitProblem as FitProblem, build_fit_problem as build_fit
 from ._seminormal import SeminormalEquations as SeminormalEquations
 from ._sensitivities import jacobian as jacobian, observe as observe, observe_with_jacobian as observe_with_jacobian
 from ._sensors import Sensor as Sensor
+from ._task import Task as Task, plan_task as plan_task

@@ -1,118 +1,27 @@
-"""A calibration from start to finish: which parameters, which traces, and what came of them."""
+"""What came of a calibration: values, errors, and how every trace is met."""
 
 import dataclasses
-from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from .._errors import InputError
 from .._printing import Cells, Printed
-from .._types import Vector
-from ..parameters import (
-    Bounds,
-    Selection,
-    Transform,
-    bounds_by_entry,
-    build_transform,
-    parameter_table,
-    replace_parameters,
-    select,
-    table_row,
-)
-from ..plants import AbstractModel, MechanicalActuator
-from ..simulation import FixedStep, model_dtype
+from ..parameters import Transform, parameter_table, table_row
+from ..plants import AbstractModel
 from ..traces import SIGNALS, Trace
 from ._bundle import CHANNELS
-from ._evidence import (
-    DELAY_SCALE,
-    EVIDENT,
-    LONGEST_DELAY,
-    LONGEST_STEP,
-    MOST_CORRECTIONS,
-    NOTHING,
-    SETTLED,
-    Unknown,
-    learn_sensors,
-    observe_traces,
-    turns,
-)
-from ._fit import LevenbergMarquardt, Progress
-from ._least_squares import LeastSquares, estimate_uncertainty
-from ._residuals import Sensors, build_fit_problem, white_sensors
+from ._evidence import observe_traces
+from ._fit import Progress
+from ._least_squares import LeastSquares
+from ._residuals import Sensors, white_sensors
 from ._sensors import Sensor
+from ._task import Task
 
 RUNAWAY = 1e5
 """Factor by which a positive value may leave its start. In fits of twenty actuators none moves by more than 10^1.7;
 from a hopeless start a fit goes to where nothing changes any more, converges there, and leaves a mass of 1e88 kg."""
-
-
 NORMAL_95 = 1.959964
 """Standard errors on either side that hold 95 % of a normal distribution."""
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Task:
-    """What to calibrate: a model with its start values, the free entries, and the traces.
-
-    `bounds` are by entry, in the units of the table; `channels` the measured signals to fit; `unknown` is what the fit
-    finds out besides.
-    """
-
-    model: AbstractModel
-    selection: Selection
-    fit: Sequence[Trace]
-    validate: Sequence[Trace] = ()
-    bounds: Bounds = dataclasses.field(default_factory=dict)
-    channels: Sequence[str] = CHANNELS
-    stepping: FixedStep = dataclasses.field(default_factory=FixedStep)
-    unknown: Unknown = NOTHING
-
-    @property
-    def late_duty(self) -> bool:
-        """Whether the duty may be late."""
-        return bool(self.unknown.duty_delay) and "pwm" in self.model.needs
-
-
-def plan_task(
-    model: AbstractModel,
-    fit: Sequence[Trace],
-    validate: Sequence[Trace] = (),
-    *,
-    free: Sequence[str] | None = None,
-    fixed: Sequence[str] = (),
-    values: dict[str, Any] | None = None,
-    bounds: Bounds | None = None,
-    channels: Sequence[str] | None = None,
-    unknown: Unknown = NOTHING,
-) -> Task:
-    """Puts a task together from names.
-
-    **Arguments:**
-
-    - `free`, `fixed`: names or fnmatch patterns; all that is not held by default, and `fixed` beats `free`.
-    - `values`: start values by name, in the units of the table.
-    - `bounds`: `(lower, upper)` by name or entry, either `None`.
-    - `channels`: measured signals to fit; by default those that are no input of the model.
-    - `unknown`: what the fit finds out besides the parameters; nothing by default.
-
-    **Raises:** `InputError` for unknown names, and when no trace is to be fitted.
-    """
-    if not fit:
-        raise InputError("a fit needs at least one trace, but there is none; give one", "traces")
-    model = replace_parameters(model, values or {})
-    if channels is None:
-        channels = ("x_d",) if isinstance(model, MechanicalActuator) else CHANNELS
-    return Task(
-        model,
-        select(model, free, fixed),
-        fit,
-        validate,
-        bounds_by_entry(model, bounds or {}),
-        channels,
-        unknown=unknown,
-    )
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -269,7 +178,7 @@ class Calibration(Printed):
     def ran_away(self) -> tuple[str, ...]:
         """Entries whose positive value ended more than a factor `RUNAWAY` from its start, and on no bound."""
         count = len(self.values)
-        start = np.asarray(self.transform.to_coordinates(_first_guess(self.task)))[:count]
+        start = np.asarray(self.transform.to_coordinates(self.task.first_guess))[:count]
         # Coordinates are logarithms, finite where a value has left the range of floating point.
         moved = np.abs(np.asarray(self.progress.coordinates)[:count] - start)
         away = self.transform.positive[:count] & (moved > np.log(RUNAWAY)) & ~self.at_bound
@@ -300,163 +209,6 @@ class Calibration(Printed):
     def std_errors(self) -> Float[np.ndarray, " parameters"]:
         """Standard errors; NaN where the data say nothing."""
         return np.where(self.uncertainty.determined, np.sqrt(np.diag(self.covariance)), np.nan)
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Calibrator:
-    """A calibration under way; `notes` say what was done with its start.
-
-    `minimiser` searches with what is known of the `sensors`; where it ends, `correct` learns more of them.
-    """
-
-    task: Task
-    sensors: Sensors
-    minimiser: LevenbergMarquardt
-    notes: tuple[str, ...] = ()
-
-    @property
-    def transform(self) -> Transform:
-        """The map between values and the coordinates of the search."""
-        return self.minimiser.problem.transform
-
-    def undetermined(self) -> list[str]:
-        """Free entries that the traces do not determine at the current values."""
-        known = self._uncertainty().determined.tolist()
-        return [entry for entry, is_known in zip(self.task.selection.entries, known, strict=False) if not is_known]
-
-    def run(self, report: Callable[[Progress], None] = lambda progress: None) -> Calibration:
-        """Steps on to the end, calling `report` after every step."""
-        while not self.minimiser.progress.finished:
-            report(self.minimiser.step())
-        calibrator = self
-        while (following := calibrator.correct()) is not None:
-            calibrator = following
-            report(calibrator.minimiser.progress)
-        return calibrator.finish()
-
-    def correct(self) -> "Calibrator | None":
-        """The next correction of a search that has converged, or `None` where there is none, or none that matters."""
-        progress = self.minimiser.progress
-        if not (self.task.unknown.anything and progress.converged) or progress.settled:
-            return None
-        if not progress.corrections:
-            return self._go_on(np.zeros(len(progress.coordinates)), 1.0)
-        found = self._uncertainty()
-        errors = np.where(found.determined, found.std_errors, np.inf)
-        step = np.where(found.determined, -found.values, 0.0)
-        wanted = (*progress.wanted, tuple(step.tolist()))
-        part = 1 / (1 + len(turns(np.array(wanted) / errors)))
-        settled = bool(np.all(np.abs(part * step) <= SETTLED * errors))
-        if settled or progress.corrections >= MOST_CORRECTIONS:
-            self.minimiser.progress = dataclasses.replace(progress, wanted=wanted, settled=settled)
-            return None
-        return self._go_on(step, min(part, LONGEST_STEP / float(np.max(np.abs(step)))))
-
-    def _go_on(self, step: Vector, part: float) -> "Calibrator":
-        """Corrected after a part of a step, without a delay of the duty that may as well be none."""
-        progress = self.minimiser.progress
-        coordinates = np.array(self.transform.clip(np.asarray(progress.coordinates) + part * step))
-        if self.task.late_duty and self.task.unknown.duty_delay is not True:
-            error = np.nan_to_num(self._uncertainty().std_errors[-1])
-            coordinates[-1] *= abs(coordinates[-1]) > EVIDENT * error
-        corrected = progress.corrected(coordinates.tolist(), step.tolist())
-        return dataclasses.replace(start_calibration(self.task, corrected), notes=self.notes)
-
-    def _uncertainty(self) -> LeastSquares:
-        problem = self.minimiser.problem
-        return estimate_uncertainty(*self.minimiser.linearisation(), problem.count - problem.offsets)
-
-    def finish(self) -> Calibration:
-        """What came of it: values, covariance, and every trace simulated with them."""
-        problem, progress = self.minimiser.problem, self.minimiser.progress
-        everything, count = self._uncertainty(), len(self.task.selection.entries)
-        coordinates = np.asarray(progress.coordinates)
-        values = np.asarray(self.transform.to_physical(coordinates))
-        slope = np.asarray(self.transform.slope(coordinates))
-        model = self.task.selection.unpack(self.task.model, values[:count])
-        uncertainty = everything.first(count)
-        if progress.wanted:
-            # Corrections that go to and fro say how well the numbers themselves are known.
-            wanted = np.where(uncertainty.determined, np.array(progress.wanted)[:, :count], 0.0)
-            first = turns(wanted / np.where(uncertainty.determined, uncertainty.std_errors, 1.0))[:1]
-            last = wanted[int(first[0]) :] if len(first) else wanted[-1:]
-            scatter = last.T @ last / len(last)
-            uncertainty = dataclasses.replace(uncertainty, covariance=uncertainty.covariance + scatter)
-        with np.errstate(over="ignore"):  # the error of a value that ran away may be beyond every number
-            covariance = uncertainty.covariance * np.outer(slope[:count], slope[:count])
-        late = self.task.late_duty and progress.coordinates[-1] != 0.0
-        delay = float(values[-1]) if late else 0.0
-        return Calibration(
-            model,
-            self.task,
-            self.transform,
-            progress,
-            values[:count],
-            covariance,
-            uncertainty,
-            compare(self.task, model, delay, self.sensors),
-            problem.count,
-            self.sensors,
-            delay,
-            float(slope[-1] * everything.std_errors[-1]) if late else None,
-            self.notes,
-        )
-
-
-def start_calibration(task: Task, resume: Progress | None = None) -> Calibrator:
-    """Compiles a task and evaluates its start.
-
-    **Arguments:** `resume`: the last progress of the same task, interrupted.
-
-    **Raises:** `InputError` for start values outside their bounds; `SimulationError` when the start fails.
-    """
-    if model_dtype(task.model) != np.float64:
-        raise InputError(
-            "a fit needs double precision, but the model's parameters are single; call vgtjax.configure() before "
-            "anything else, or set jax_enable_x64"
-        )
-    start = np.asarray(task.selection.pack(task.model))
-    transform = build_transform(parameter_table(task.model), task.selection.entries, start, task.bounds)
-    progress = Progress(()) if resume is None else resume
-    if task.late_duty:
-        refused = progress.corrections > 0 and progress.coordinates[-1] == 0.0
-        longest = 0.0 if refused else LONGEST_DELAY
-        transform = transform.extended(DELAY_SCALE, -longest, longest)
-    sensors = _sensors_at(task, transform, progress)
-    problem = build_fit_problem(
-        task.model,
-        task.selection,
-        transform,
-        task.fit,
-        channels=task.channels,
-        sensors=sensors,
-        stepping=task.stepping,
-    )
-    begin = np.asarray(transform.to_coordinates(_first_guess(task))) if resume is None else resume
-    return Calibrator(task, sensors, LevenbergMarquardt(problem, begin))
-
-
-def _first_guess(task: Task) -> Float[np.ndarray, " coordinates"]:
-    """Start values, and a duty that is not late where it may be."""
-    return np.append(np.asarray(task.selection.pack(task.model)), np.zeros(int(task.late_duty)))
-
-
-def _sensors_at(task: Task, transform: Transform, progress: Progress) -> Sensors:
-    """What is known of the sensors: at first what their signals show, then what is left over."""
-    if not progress.corrections:
-        return white_sensors(task.fit, task.channels)
-    count, values = len(task.selection.entries), np.asarray(transform.to_physical(np.asarray(progress.coordinates)))
-    model = task.selection.unpack(task.model, values[:count])
-    delay = float(values[-1]) if task.late_duty else None
-    return learn_sensors(model, delay, task.fit, task.channels, task.stepping, task.unknown)
-
-
-def calibrate(task: Task, report: Callable[[Progress], None] = lambda progress: None) -> Calibration:
-    """Runs a task to its end, calling `report` after every step.
-
-    **Raises:** as [`start_calibration`][].
-    """
-    return start_calibration(task).run(report)
 
 
 def compare(task: Task, model: AbstractModel, delay: float = 0.0, sensors: Sensors | None = None) -> list[TraceResult]:
