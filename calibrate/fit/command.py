@@ -13,7 +13,7 @@ from ..output.files import REPORT, SUMMARY, finite, read_json, write_json, write
 from ..output.sections import sensor_summary, trace_summary
 from ..resumable import ProgressFile, run_units
 from ..study.models import passivity_note
-from ..study.parameter_file import calibrated, nuisance, to_json
+from ..study.parameter_file import calibrated, covariance, nuisance, to_json
 from ..study.units import Job, Unit, prepare
 from .report import found_besides, render, render_overview
 
@@ -61,7 +61,10 @@ def _fit_unit(job: Job, unit: Unit, task: Task, folder: pathlib.Path) -> None:
     if note is not None:
         console.print(f"warning: {note}")
     table = calibrated(calibration)
-    write_json(folder / "parameters.json", to_json(job.study, table, nuisance(calibration)))
+    write_json(
+        folder / "parameters.json",
+        to_json(job.study, table, nuisance=nuisance(calibration), covariance=covariance(calibration)),
+    )
     write_json(folder / SUMMARY, _summary(calibration, seconds, undetermined, job))
     write_text(folder / REPORT, render(job, unit.name, calibration, table, seconds, undetermined))
     ProgressFile.remove_from(folder)

@@ -11,7 +11,7 @@ from vgtjax.population import Population, Spread, fitted_levels, fitted_populati
 
 from ..output.files import read_json
 from ..study.models import build_model, start_model, values_of
-from ..study.parameter_file import fitted_entries, load_values, unit_files
+from ..study.parameter_file import fit_covariance, fitted_entries, load_values, unit_files
 from ..study.places import OF_A_POPULATION, stated
 from ..study.tables import Study
 
@@ -107,10 +107,21 @@ def _population(
             f"a population of fitted units has their spread, but [population] states {', '.join(sorted(named))} too; "
             "drop that, or give the parameters of one actuator"
         )
-    entries = [fitted_entries(file) for file in unit_files(parameters).values()]
+    files = unit_files(parameters).values()
+    entries = [fitted_entries(file) for file in files]
     common = [entry for entry in entries[0] if all(entry in other for other in entries)]
-    population = dataclasses.replace(fitted_population(list(models.values()), common), passive=table.passive)
+    errors = [fit_covariance(file, common) for file in files]
+    covariances = [each for each in errors if each is not None]
+    stated_by_all = len(covariances) == len(errors)
+    population = fitted_population(list(models.values()), common, covariances if stated_by_all else None)
+    population = dataclasses.replace(population, passive=table.passive)
     doubts = _unconverged(parameters)
+    if not stated_by_all:
+        doubts = (
+            *doubts,
+            "the fitted units do not state the covariance of their errors, so errors of the fits count as spread; fit "
+            "them again",
+        )
     if not levels:
         return population, doubts
     note = (

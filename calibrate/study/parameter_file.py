@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 import vgtjax
 from vgtjax import InputError
@@ -105,8 +106,18 @@ def nuisance(calibration: Calibration) -> dict[str, Any]:
     return {name: {**late, "offset": finite(result.offset)} for name, result in fitted.items()}
 
 
-def to_json(study: Study, found: list[Entry], nuisance: dict[str, Any] | None = None) -> dict[str, Any]:
-    """The content of `parameters.json`; vector-valued parameters have lists in every field."""
+def covariance(calibration: Calibration) -> dict[str, Any]:
+    """Covariance of a fit's errors in the units of the table; `None` for what the traces do not determine."""
+    known = calibration.uncertainty.determined
+    matrix = np.where(known & known[:, None], calibration.covariance, np.nan)
+    return {"entries": list(calibration.task.selection.entries), "matrix": finite(matrix)}
+
+
+def to_json(study: Study, found: list[Entry], **more: dict[str, Any]) -> dict[str, Any]:
+    """The content of `parameters.json`; vector-valued parameters have lists in every field.
+
+    **Arguments:** `more`: other tables of the file, by name.
+    """
     parameters: dict[str, Any] = {}
     for entry in found:
         # JSON has no infinity: a `diaphragm.travel` without end is null.
@@ -118,7 +129,6 @@ def to_json(study: Study, found: list[Entry], nuisance: dict[str, Any] | None = 
                 vector[field].append(fields[field])
         else:
             parameters[name] = fields
-    more = {} if nuisance is None else {"nuisance": nuisance}
     names = {"model": study.model, "components": study.components.names()}
     return {"schema": SCHEMA, **names, "parameters": parameters, **more}
 
@@ -196,6 +206,18 @@ def load_values(path: pathlib.Path, unit: str | None, study: Study, model: vgtja
 def unit_files(folder: pathlib.Path) -> dict[str, pathlib.Path]:
     """`parameters.json` of every unit below the folder of a fit, by unit."""
     return {path.parent.name: path for path in sorted(folder.glob("*/parameters.json"))}
+
+
+def fit_covariance(path: pathlib.Path, entries: Sequence[str]) -> Float[np.ndarray, "entries entries"] | None:
+    """Covariance of the errors of some entries of a `parameters.json`; `None` for a file that does not say it.
+
+    NaN for what the traces did not determine.
+    """
+    table = read_json(path).get("covariance")
+    if table is None:
+        return None
+    at = [table["entries"].index(entry) for entry in entries]
+    return np.array(table["matrix"], dtype=float)[np.ix_(at, at)]
 
 
 def fitted_entries(path: pathlib.Path) -> list[str]:

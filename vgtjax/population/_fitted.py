@@ -10,19 +10,26 @@ from .._errors import InputError
 from ..parameters import Selection, get_parameter, parameter_table
 from ..plants import AbstractModel
 from ._factors import Factors, is_curve
+from ._hierarchical import separate
 from ._population import Margin, Population, domain, lognormal, normal
 
 SMALLEST = 1e-12
 """Relative spread below which a quantity is the same in all units."""
 
 
-def fitted_population(models: Sequence[AbstractModel], entries: Sequence[str]) -> Population:
+def fitted_population(
+    models: Sequence[AbstractModel],
+    entries: Sequence[str],
+    covariances: Sequence[Float[np.ndarray, "entries entries"]] | None = None,
+) -> Population:
     """The population that fitted units are a sample of.
 
-    Positive quantities are lognormal, others normal, around the units' mean (geometric for positive ones). Spread and
-    correlation are those of the units, with the errors of the fits in them.
+    Positive quantities are lognormal, others normal, around the units' mean (geometric for positive ones). With the
+    `covariances` of the fits, spread and correlation are those of the units themselves (a hierarchical normal model);
+    without, the errors of the fits are in them.
 
-    **Arguments:** `models`: the units, alike but for their values; `entries`: what was fitted, entry by entry.
+    **Arguments:** `models`: the units, alike but for their values; `entries`: what was fitted, entry by entry;
+    `covariances`: of each unit's errors in the units of the table, NaN for what its traces do not determine.
 
     **Raises:** `InputError` for fewer than three units.
     """
@@ -32,9 +39,13 @@ def fitted_population(models: Sequence[AbstractModel], entries: Sequence[str]) -
     units = np.stack([np.asarray(selection.pack(model)) for model in models])
     ends = [domain(models[0], entry) for entry in entries]
     positive = np.array([low == 0.0 for low, _ in ends]) & np.all(units > 0, axis=0)
-    mean, deviation, scores = _moments(units, positive)
+    if covariances is None:
+        mean, deviation, scores = _moments(units, positive)
+        correlation = scores.T @ scores / (len(units) - 1)
+    else:
+        mean, deviation, correlation = _without_errors(units, positive, np.stack(covariances))
     chosen = np.flatnonzero(deviation > SMALLEST * np.where(positive, 1.0, np.abs(mean))).tolist()
-    correlation = scores[:, chosen].T @ scores[:, chosen] / (len(units) - 1)
+    correlation = correlation[np.ix_(chosen, chosen)]
     np.fill_diagonal(correlation, 1.0)
     return Population(
         selection.unpack(models[0], jnp.asarray(mean)),
@@ -80,6 +91,31 @@ def _moments(
     centre, deviation = scores.mean(axis=0), scores.std(axis=0, ddof=1)
     mean = np.where(positive, np.exp(np.where(positive, centre, 0.0)), centre)
     return mean, deviation, (scores - centre) / np.where(deviation > 0, deviation, 1.0)
+
+
+def _without_errors(
+    units: Float[np.ndarray, "units factors"],
+    positive: np.ndarray,
+    covariances: Float[np.ndarray, "units factors factors"],
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Mean, deviation and correlation of what the units would be found as without errors; as `_moments` has them."""
+    scores = np.where(positive, np.log(np.where(positive, units, 1.0)), units)
+    slopes = np.where(positive, units, 1.0)
+    relative = covariances / slopes[:, :, None] / slopes[:, None, :]
+    precisions = np.zeros_like(relative)
+    for precision, errors in zip(precisions, relative, strict=True):
+        known = np.flatnonzero(np.isfinite(np.diag(errors)))
+        block = np.ix_(known, known)
+        precision[block] = np.linalg.pinv(errors[block], hermitian=True)
+    centre, covariance = separate(scores, precisions)
+    deviation = np.sqrt(np.diag(covariance))
+    mean = np.where(positive, np.exp(np.where(positive, centre, 0.0)), centre)
+    # What no unit determines stays where the fits left it, and does not spread.
+    told = np.einsum("uii->i", precisions) > 0
+    mean = np.where(told, mean, _moments(units, positive)[0])
+    deviation = np.where(told, deviation, 0.0)
+    sizes = np.where(deviation > 0, deviation, 1.0)
+    return mean, deviation, covariance / sizes / sizes[:, None]
 
 
 def _margin(mean: float, deviation: float, positive: bool, ends: tuple[float, float]) -> Margin:

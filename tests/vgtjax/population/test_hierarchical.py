@@ -1,0 +1,91 @@
+"""The spread of units, freed of the errors with which each was found."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import vgtjax
+from vgtjax import Selection
+from vgtjax.population import fitted_population
+
+ENTRIES = ("diaphragm.mass", "diaphragm.preload", "diaphragm.stiffness", "friction.static_force")
+MEAN = np.array([0.63, 49.0, 12000.0, 3.2])
+SPREAD = np.array([0.06, 0.04, 0.05, 0.0])
+"""Of the logarithm; of the preload relative. Static friction is the same in all units."""
+COUNT = 60
+PAIRED = np.eye(4)
+PAIRED[0, 2] = PAIRED[2, 0] = 0.6
+
+
+@pytest.fixture(scope="module")
+def found():
+    """Units, what fits found of them, and the covariance of the fits' errors: some larger than the spread."""
+    rng = np.random.default_rng(11)
+    relative = rng.multivariate_normal(np.zeros(4), PAIRED * SPREAD * SPREAD[:, None], COUNT)
+    units = MEAN * np.where(np.arange(4) == 1, 1 + relative, np.exp(relative))
+    estimates, covariances = [], []
+    for unit in units:
+        mixing = rng.normal(size=(4, 4)) * np.array([0.04, 0.01, 0.01, 0.08])[:, None] * rng.uniform(0.3, 1.5)
+        errors = mixing @ mixing.T + 1e-8 * np.eye(4)
+        off = rng.multivariate_normal(np.zeros(4), errors)
+        estimate = unit * np.where(np.arange(4) == 1, 1 + off, np.exp(off))
+        estimates.append(estimate)
+        covariances.append(errors * estimate * estimate[:, None])
+    return units, np.array(estimates), covariances
+
+
+def population(estimates, covariances=None):
+    selection = Selection(ENTRIES)
+    models = [selection.unpack(vgtjax.Actuator(), jnp.asarray(estimate)) for estimate in estimates]
+    return fitted_population(models, ENTRIES, covariances)
+
+
+def deviations(population):
+    """Relative ones, in the order of the entries; zero for what does not vary."""
+    known = dict(zip(population.factors.entries, population.deviations / population.nominal, strict=True))
+    return np.array([known.get(entry, 0.0) for entry in ENTRIES])
+
+
+def test_spread_and_correlation_are_those_of_the_units(found):
+    units, estimates, covariances = found
+    freed, naive = population(estimates, covariances), population(estimates)
+    truth = np.std(units, axis=0, ddof=1) / MEAN
+    # Errors as large as the spread cost information: a third of its own for the mass, a tenth for what is well known.
+    np.testing.assert_allclose(deviations(freed)[:3], truth[:3], rtol=0.3)
+    np.testing.assert_allclose(deviations(freed)[1:3], truth[1:3], rtol=0.1)
+    assert deviations(naive)[0] > 1.5 * truth[0]
+    assert deviations(freed)[3] < 0.3 * deviations(naive)[3]
+    at = [freed.factors.entries.index(entry) for entry in (ENTRIES[0], ENTRIES[2])]
+    assert freed.correlation[tuple(at)] == pytest.approx(0.6, abs=0.3)
+    assert np.all(np.linalg.eigvalsh(freed.correlation) > -1e-9)
+
+
+def test_without_errors_it_is_the_plain_spread(found):
+    units, *_ = found
+    exact = [1e-14 * np.diag(unit**2) for unit in units]
+    freed, naive = population(units, exact), population(units)
+    # Iterations end a little short of a spread of zero.
+    np.testing.assert_allclose(deviations(freed)[:3], deviations(naive)[:3], rtol=1e-3)
+    assert deviations(freed)[3] < 1e-4
+
+
+def test_what_a_unit_does_not_determine_has_no_say(found):
+    """A value of 1e3 kg that nothing determined moves neither mean nor spread of the others."""
+    _, estimates, covariances = found
+    wild, blind = estimates.copy(), [covariance.copy() for covariance in covariances]
+    wild[5, 0] = 1e3
+    blind[5][0], blind[5][:, 0] = np.nan, np.nan
+    others = [index for index in range(COUNT) if index != 5]
+    without = population(estimates[others], [covariances[index] for index in others])
+    for given, rtol in ((population(wild, blind), 0.05),):
+        np.testing.assert_allclose(deviations(given)[:3], deviations(without)[:3], rtol=rtol)  # 59 units beside 60
+
+
+def test_what_no_unit_determines_does_not_spread(found):
+    _, estimates, covariances = found
+    blind = [covariance.copy() for covariance in covariances]
+    for covariance in blind:
+        covariance[0], covariance[:, 0] = np.nan, np.nan
+    freed = population(estimates, blind)
+    assert "diaphragm.mass" not in freed.factors.entries
+    assert float(freed.model.diaphragm.mass) == pytest.approx(np.exp(np.log(estimates[:, 0]).mean()), rel=1e-9)
