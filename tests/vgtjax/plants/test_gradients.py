@@ -5,7 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from support import duty_trace
+from support import duty_trace, forward_mode
 
 import vgtjax
 from vgtjax import FixedStep, jacobian, parameter_table, select, simulate
@@ -62,8 +62,7 @@ def test_forward_mode_is_the_central_difference(entry, derivatives, differences)
 @pytest.fixture(scope="module")
 def forward():
     """Plain forward mode along the steps that a simulation takes by default: `(2, time, parameters)`."""
-    along = jax.jit(jax.jacfwd(lambda theta: observed(theta, FixedStep(), diffrax.ForwardMode())))
-    return np.asarray(along(EVERY.pack(ACTUATOR)))
+    return forward_mode(lambda theta: observed(theta, FixedStep(), diffrax.ForwardMode()), EVERY.pack(ACTUATOR))
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from support import duty_trace, rms
+from support import duty_trace, forward_mode, rms
 
 import vgtjax
 from vgtjax import Actuator, AdaptiveStep, Converter, FixedStep, jacobian, select, simulate
@@ -113,7 +113,7 @@ def test_reverse_mode_along_a_trace():
 
     theta = selection.pack(model)
     reverse = jax.jit(jax.grad(lambda t: value(t, diffrax.RecursiveCheckpointAdjoint())))(theta)
-    forward = jax.jit(jax.jacfwd(lambda t: value(t, diffrax.ForwardMode())))(theta)
+    forward = forward_mode(lambda t: value(t, diffrax.ForwardMode()), theta)
     np.testing.assert_allclose(reverse, forward, rtol=1e-9)
 
 
