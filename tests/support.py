@@ -2,6 +2,8 @@
 
 import pathlib
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
 import vgtjax
@@ -27,6 +29,17 @@ def duty_trace(*levels: tuple[float, float], interval: float = 1e-3, **signals: 
     time = np.arange(len(pwm)) * interval
     filled = {name: np.full_like(time, value) for name, value in signals.items()}
     return vgtjax.Trace(time=time, pwm=pwm, **filled)
+
+
+def forward_mode(function, theta) -> np.ndarray:
+    """`jax.jacfwd`, one direction after the other, which compiles in half the time."""
+    theta = jnp.asarray(theta)
+
+    def along(direction):
+        return jax.jvp(function, (theta,), (direction,))[1]
+
+    columns = jax.jit(lambda directions: jax.lax.map(along, directions))(jnp.eye(len(theta)))
+    return np.moveaxis(np.asarray(columns), 0, -1)
 
 
 def rms(values: np.ndarray) -> float:

@@ -10,6 +10,7 @@ from support import duty_trace
 
 import vgtjax
 from vgtjax import simulate
+from vgtjax._lanes import replicate
 from vgtjax.estimation import (
     CHI2_TOLERANCE,
     RUNAWAY,
@@ -178,7 +179,7 @@ def test_a_trial_whose_simulation_fails_is_rejected_and_shortened():
     broken = float(transform.to_coordinates(jnp.asarray([1e-6]))[0])
     assert not np.any(np.isfinite(problem.residuals(jnp.asarray([broken]))))  # never zero, never NaN
     minimiser = LevenbergMarquardt(problem, np.asarray(transform.to_coordinates(jnp.asarray([3.2e-5]))))
-    minimiser._state = dataclasses.replace(minimiser._state, y_eval=jnp.asarray([broken]))
+    minimiser._state = dataclasses.replace(minimiser._state, y_eval=replicate(jnp.asarray([broken])))
     progress = minimiser.step()
     assert progress.failed == 1
     assert progress.rejected_in_a_row == 1
@@ -244,21 +245,9 @@ def test_a_fit_without_traces_is_refused():
         plan_task(vgtjax.Actuator(), [])
 
 
-def test_a_second_fit_of_equal_shapes_compiles_nothing(caplog):
-    """What a fleet gains: one compilation for twenty actuators."""
-    free = ["diaphragm.preload", "chamber.volume"]
-    first, second = (plan_task(vgtjax.Actuator(), [bench(seed)], free=free) for seed in (1, 2))
-    start_calibration(first).minimiser.step()
-    with jax.log_compiles():
-        start_calibration(second).minimiser.step()
-        assert not [record for record in caplog.records if "_step" in record.getMessage()]
-        start_calibration(plan_task(vgtjax.Actuator(), [bench(3)], free=["diaphragm.stiffness"])).minimiser.step()
-    assert [record for record in caplog.records if "_step" in record.getMessage()], "the log tells of compilations"
-
-
 def test_a_fit_that_kinks_hold_up_stops(monkeypatch):
     """Trials that gain next to nothing together end a fit, but only after it has found its feet."""
-    stuck = start_calibration(plan_task(vgtjax.Actuator(), [bench(1)], free=["diaphragm.stiffness"])).minimiser
+    stuck = start_calibration(plan_task(vgtjax.Actuator(), [bench(1)], free=["chamber.volume"])).minimiser
     while not stuck.progress.converged:
         stuck.step()
     near = dataclasses.replace(
@@ -272,3 +261,15 @@ def test_a_fit_that_kinks_hold_up_stops(monkeypatch):
     assert "the last 6 trials together lowered chi^2 by less than 0.1" in ended.verdict
     fresh = LevenbergMarquardt(stuck.problem, dataclasses.replace(near, accepted=0))
     assert not fresh.step().stalled
+
+
+def test_a_second_fit_of_equal_shapes_compiles_nothing(caplog):
+    """What a fleet gains: one compilation for twenty actuators."""
+    first, second = (plan_task(vgtjax.Actuator(), [bench(seed)], free=FREE) for seed in (1, 2))
+    start_calibration(first).minimiser.step()
+    with jax.log_compiles():
+        start_calibration(second).minimiser.step()
+        assert not [record for record in caplog.records if "_step" in record.getMessage()]
+        jax.clear_caches()  # what other tests compiled too, so this one is the last
+        start_calibration(second).minimiser.step()
+    assert [record for record in caplog.records if "_step" in record.getMessage()], "the log tells of compilations"

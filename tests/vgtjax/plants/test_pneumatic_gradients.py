@@ -5,7 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from support import duty_trace, rms
+from support import duty_trace, forward_mode, rms
 
 import vgtjax
 from vgtjax import Actuator, AdaptiveStep, Converter, FixedStep, jacobian, select, simulate
@@ -83,7 +83,9 @@ def test_every_step_reverses(name):
     rng = np.random.default_rng(1)
     ahead, back = like(size, rng), like(jax.tree.map(lambda leaf: 1 / leaf, size[0]), rng)
 
-    def products(inputs, state):
+    def products(given):
+        inputs, state = given
+
         def advance(state, theta):
             return plan.advance(selection.unpack(model, theta), state, inputs)[0]
 
@@ -91,7 +93,8 @@ def test_every_step_reverses(name):
         pulled = jax.vjp(advance, state, theta)[1](back)
         return dot(back, pushed), dot(pulled, ahead)
 
-    forward, reverse = jax.jit(jax.vmap(products))(drive, states)
+    # One sample after the other compiles twice as fast as all side by side.
+    forward, reverse = jax.jit(lambda given: jax.lax.map(products, given))((drive, states))
     np.testing.assert_allclose(reverse, forward, rtol=1e-9, atol=1e-9)
 
 
@@ -110,7 +113,7 @@ def test_reverse_mode_along_a_trace():
 
     theta = selection.pack(model)
     reverse = jax.jit(jax.grad(lambda t: value(t, diffrax.RecursiveCheckpointAdjoint())))(theta)
-    forward = jax.jit(jax.jacfwd(lambda t: value(t, diffrax.ForwardMode())))(theta)
+    forward = forward_mode(lambda t: value(t, diffrax.ForwardMode()), theta)
     np.testing.assert_allclose(reverse, forward, rtol=1e-9)
 
 
