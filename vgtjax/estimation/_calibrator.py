@@ -5,11 +5,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .._errors import InputError
+from .._errors import InputError, SimulationError
 from .._types import Vector
 from ..parameters import Transform, build_transform, parameter_table
 from ..simulation import model_dtype
-from ._calibration import Calibration, compare
+from ._calibration import RUNAWAY, Calibration, compare
 from ._evidence import (
     DELAY_SCALE,
     EVIDENT,
@@ -17,6 +17,7 @@ from ._evidence import (
     LONGEST_STEP,
     MOST_CORRECTIONS,
     SETTLED,
+    SHORTEST,
     learn_sensors,
     turns,
 )
@@ -61,7 +62,7 @@ class Calibrator:
     def correct(self) -> "Calibrator | None":
         """The next correction of a search that has converged, or `None` where there is none, or none that matters."""
         progress = self.minimiser.progress
-        if not (self.task.unknown.anything and progress.converged) or progress.settled:
+        if not (self.task.unknown.anything and progress.converged) or progress.settled or self._ran_away():
             return None
         if not progress.corrections:
             return self._go_on(np.zeros(len(progress.coordinates)), 1.0)
@@ -74,7 +75,20 @@ class Calibrator:
         if settled or progress.corrections >= MOST_CORRECTIONS:
             self.minimiser.progress = dataclasses.replace(progress, wanted=wanted, settled=settled)
             return None
-        return self._go_on(step, min(part, LONGEST_STEP / float(np.max(np.abs(step)))))
+        part = min(part, LONGEST_STEP / float(np.max(np.abs(step))))
+        while part > SHORTEST:
+            try:
+                return self._go_on(step, part)
+            except SimulationError:
+                part /= 4
+        return None
+
+    def _ran_away(self) -> bool:
+        """Whether the search ended where no correction is worth its while."""
+        transform, count = self.transform, len(self.task.selection.entries)
+        start = np.asarray(transform.to_coordinates(self.task.first_guess))
+        moved = np.abs(np.asarray(self.minimiser.progress.coordinates) - start)
+        return bool(np.any((moved > np.log(RUNAWAY))[:count] & transform.positive[:count]))
 
     def _go_on(self, step: Vector, part: float) -> "Calibrator":
         """Corrected after a part of a step, without a delay of the duty that may as well be none."""

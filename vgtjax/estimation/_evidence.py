@@ -14,6 +14,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float, Int
 
+from .._errors import SimulationError
 from ..parts import with_sharp_seat
 from ..plants import AbstractModel
 from ..simulation import FixedStep
@@ -36,6 +37,8 @@ EVIDENT = 3.0
 SETTLED = 0.2
 """Standard errors: corrections that move nothing by more have settled. The sharp model chatters by about a tenth."""
 MOST_CORRECTIONS = 10
+SHORTEST = 1 / 64
+"""Part of a correction below which no simulation that succeeds is looked for."""
 LONGEST_STEP = 0.5
 """Coordinates by which a correction moves at most."""
 
@@ -97,8 +100,13 @@ def learn_sensors(
     stepping: FixedStep,
     unknown: Unknown,
 ) -> Sensors:
-    """What a fit that ended at a model and a delay tells of the sensors, and of its numerical errors."""
+    """What a fit that ended at a model and a delay tells of the sensors, and of its numerical errors.
+
+    **Raises:** `SimulationError` where the smooth model can't be simulated.
+    """
     smooth = observe_traces(model, traces, stepping, delay)
+    if not all(np.all(np.isfinite(observed)) for observed in smooth):
+        raise SimulationError("the simulation with corrected values fails; check the inputs of the traces")
     sharp = observe_traces(with_sharp_seat(model), traces, _fine(stepping), delay) if unknown.numerics else smooth
     sensors = white_sensors(traces, channels)
 

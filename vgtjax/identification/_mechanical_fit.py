@@ -252,7 +252,7 @@ def _determined(
     errors = np.sqrt(np.diag(covariance(whole, motions, ~free)))
     factor = error_factor(columns[:, free], errors[free])
     good = determined_within(columns * relative, factor, limits.ERROR_RESPONSE)
-    good &= free & ~(calibration.at_bound & calibration.transform.positive)
+    good &= free & np.isfinite(errors) & ~(calibration.at_bound & calibration.transform.positive)
     own = np.where(free, errors * relative, 0.0)
     if np.array_equal(good, free) and np.max(own, initial=0.0) > limits.ERROR_RESPONSE:
         # Correlated residuals blur one parameter more than the median of all.

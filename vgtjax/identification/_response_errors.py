@@ -33,8 +33,10 @@ def covariance(
             shift = columns.T @ (per_newton * (owner == number)) * motion.force_error
             shifts = shifts + np.outer(shift, shift)
     worst = [bread @ (noise + shifts) @ bread for noise in (white, clustered)]
-    larger = np.maximum(np.diag(worst[0]), np.diag(worst[1]))
-    grow = np.sqrt(larger / np.maximum(np.diag(worst[0]), 1e-300))
+    usual = np.diag(worst[0])
+    # A sum of squares below zero is rounding of columns without end, which tell nothing.
+    larger = np.where(usual >= 0, np.maximum(usual, np.diag(worst[1])), np.nan)
+    grow = np.sqrt(larger / np.maximum(usual, 1e-300))
     return worst[0] * np.outer(grow, grow)
 
 

@@ -106,6 +106,7 @@ def test_a_folder_of_a_fit_without_units_will_do(fitted, small, tmp_path):
 def test_a_travel_without_end_is_null(fitted, small, tmp_path):
     content = read(fitted.out / "parameters.json")
     content["parameters"]["diaphragm.travel"]["value"] = None
+    content["parameters"]["diaphragm.preload"]["value"] = 60.0  # N
     (tmp_path / "p.json").write_text(json.dumps(content))
     outcome = run_command("simulate", small, "--parameters", tmp_path / "p.json", "--out", tmp_path / "out")
     assert outcome.status == 0

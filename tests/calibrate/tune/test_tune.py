@@ -66,7 +66,7 @@ def test_gains_have_the_form_of_parameters(done):
     assert list(gains["parameters"]) == ["proportional_gain", "integral_gain", "tracking_time"]
     row = gains["parameters"]["proportional_gain"]
     assert set(row) == {
-        "value", "unit", "free", "std_error", "initial", "lower", "upper", "at_bound", "identifiable"
+        "value", "unit", "free", "std_error", "interval", "initial", "lower", "upper", "at_bound", "identifiable"
     }  # fmt: skip
     assert row["unit"] == "%/m"
     assert row["initial"] == 6000.0

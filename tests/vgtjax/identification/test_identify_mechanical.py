@@ -233,7 +233,7 @@ def test_a_fit_that_ends_in_chaos_tells_nothing(real):
     time = np.arange(0, 24, 1e-2)
     duty = 80 * (1 - np.abs(2 * time / 24 - 1))
     loop = bench(real, 2, vgtjax.Trace(time=time, pwm=duty, p_res=np.full_like(time, 2e4)))
-    light = vgtjax.replace_parameters(vgtjax.Actuator(), {"diaphragm.mass": 0.2, "friction.bristle_damping": 3000.0})
+    light = vgtjax.replace_parameters(vgtjax.Actuator(), {"diaphragm.mass": 0.05, "friction.bristle_damping": 2e4})
     result = mechanical_fit(light, [loop])
     assert (result.values, result.limitations) == ({}, (NO_DERIVATIVES,))
 
