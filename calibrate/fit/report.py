@@ -66,6 +66,11 @@ def found_besides(calibration: Calibration) -> list[str]:
             f"corrections for sensors and numerical errors moved values by at most {largest:.1f} standard errors, and "
             f"{state}"
         )
+    elif calibration.task.unknown.anything:
+        sentences.append(
+            "no corrections were made for sensors and numerical errors, because the search did not converge, values "
+            "ran away, or a simulation failed; errors don't count them"
+        )
     return sentences
 
 

@@ -65,7 +65,7 @@ class Calibrator:
         if not (self.task.unknown.anything and progress.converged) or progress.settled or self._ran_away():
             return None
         if not progress.corrections:
-            return self._go_on(np.zeros(len(progress.coordinates)), 1.0)
+            return self._try(np.zeros(len(progress.coordinates)), 1.0)
         found = self._uncertainty()
         errors = np.where(found.determined, found.std_errors, np.inf)
         step = np.where(found.determined, -found.values, 0.0)
@@ -75,7 +75,10 @@ class Calibrator:
         if settled or progress.corrections >= MOST_CORRECTIONS:
             self.minimiser.progress = dataclasses.replace(progress, wanted=wanted, settled=settled)
             return None
-        part = min(part, LONGEST_STEP / float(np.max(np.abs(step))))
+        return self._try(step, min(part, LONGEST_STEP / float(np.max(np.abs(step)))))
+
+    def _try(self, step: Vector, part: float) -> "Calibrator | None":
+        """Corrected after a part of a step, or less of it where a simulation fails; `None` where all of them do."""
         while part > SHORTEST:
             try:
                 return self._go_on(step, part)

@@ -102,12 +102,16 @@ def learn_sensors(
 ) -> Sensors:
     """What a fit that ended at a model and a delay tells of the sensors, and of its numerical errors.
 
-    **Raises:** `SimulationError` where the smooth model can't be simulated.
+    **Raises:** `SimulationError` where the model, smooth or sharp, can't be simulated.
     """
     smooth = observe_traces(model, traces, stepping, delay)
-    if not all(np.all(np.isfinite(observed)) for observed in smooth):
-        raise SimulationError("the simulation with corrected values fails; check the inputs of the traces")
     sharp = observe_traces(with_sharp_seat(model), traces, _fine(stepping), delay) if unknown.numerics else smooth
+    for trace, *observed in zip(traces, smooth, sharp, strict=True):
+        if not np.all(np.isfinite(observed)):
+            raise SimulationError(
+                f"the simulation of trace '{trace.name}' with corrected values left the finite numbers; check its "
+                "inputs and the start values"
+            )
     sensors = white_sensors(traces, channels)
 
     def learn(index: int, channel: str, sensor: Sensor) -> Sensor:
@@ -123,7 +127,7 @@ def _fine(stepping: FixedStep) -> FixedStep:
 
 def _learn(sensor: Sensor, smooth: Samples, sharp: Samples, unknown: Unknown) -> Sensor:
     """A sensor by what is left of its values, less the numerical errors of the smooth simulation."""
-    defect = np.nan_to_num(sharp - smooth, nan=0.0, posinf=0.0, neginf=0.0)
+    defect = sharp - smooth
     largest = LARGEST_DEFECT * sensor.deviation
     corrected = dataclasses.replace(sensor, values=sensor.values - np.clip(defect, -largest, largest))
     coloured, robust = unknown.noise != "white", unknown.loss != "gaussian"

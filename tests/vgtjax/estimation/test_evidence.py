@@ -159,3 +159,13 @@ def test_exhaust_gas_that_no_vane_force_answers_is_named():
         notes = start_fit(plan_fit(vgtjax.Actuator(), traces, free=FREE)).notes
         assert len(notes) == count
     assert notes[0].startswith("the turbine pressure of hot reaches 1.5e+05 Pa gauge, but the model has no vane force")
+
+
+def test_a_sharp_simulation_that_fails_is_no_correction(plain, monkeypatch):
+    """The search's own values stand then, uncorrected, and nothing is taken for a defect of zero."""
+    broken = lambda model: vgtjax.replace_parameters(model, {"chamber.volume": 1e-6})  # noqa: E731
+    monkeypatch.setattr("vgtjax.estimation._evidence.with_sharp_seat", broken)
+    run = start_calibration(plain.task).run()
+    assert run.progress.converged
+    assert (run.progress.corrections, run.progress.settled) == (0, False)
+    np.testing.assert_array_equal(run.progress.coordinates, plain.progress.found)
