@@ -6,7 +6,7 @@ The report is written last, so a folder with a report is finished.
 import dataclasses
 import pathlib
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Generic, TypeVar
 
 import numpy as np
@@ -20,6 +20,8 @@ from .study.units import Job, Unit
 
 Summaries = dict[str | None, dict[str, Any]]
 """Contents of `summary.json` by unit."""
+Folders = Sequence[tuple[Unit, pathlib.Path]]
+"""Units, each with its folder."""
 P = TypeVar("P", bound=Any)
 """A dataclass of numbers and tuples that says where a computation stands, among them its `iteration`."""
 
@@ -46,22 +48,24 @@ def run_units(
     job: Job,
     out: pathlib.Path,
     command: str,
-    compute: Callable[[Unit, pathlib.Path], None],
+    compute: Callable[[Folders], None],
     overview: Callable[[Summaries], str],
 ) -> Summaries:
-    """Runs a command unit by unit, those that an earlier run has left; with several, a summary and a report on top.
+    """Runs a command for the units that an earlier run has left; with several, a summary and a report on top.
 
-    **Arguments:** `compute`: writes the `summary.json` of a unit into its folder, and a report if it comes that far;
-    `overview`: the report on top.
+    **Arguments:** `compute`: writes the `summary.json` of every unit into its folder, and a report where it comes that
+    far; `overview`: the report on top.
     """
 
     def compute_all() -> None:
+        left = []
         for unit, folder in unit_folders(job, out):
             if (folder / REPORT).exists():
                 console.print(f"{unit.name}: {folder} holds its results")
             else:
                 say_notes(trace for _, trace in unit.traces)
-                compute(unit, folder)
+                left.append((unit, folder))
+        compute(left)
         if job.units[0].name is not None:
             write_json(out / SUMMARY, {"units": summaries()})
             write_text(out / REPORT, overview(summaries()))

@@ -1,17 +1,17 @@
 """The command `fit`: calibrates every unit of a study, resumably, and reports."""
 
+import dataclasses
 import pathlib
-import time
 from typing import Any
 
 from vgtjax import Calibration, SimulationError
-from vgtjax.estimation import Progress, Task, Unknown
-from vgtjax.identification import plan_fit, start_fit
+from vgtjax.estimation import Progress, Steps, Task, Unknown, run_alone, run_together
+from vgtjax.identification import plan_fit, starting_fit
 
 from ..output.console import console
 from ..output.files import REPORT, SUMMARY, finite, read_json, write_json, write_text
 from ..output.sections import sensor_summary, trace_summary
-from ..resumable import ProgressFile, run_units
+from ..resumable import Folders, ProgressFile, run_units
 from ..study.models import passivity_note
 from ..study.parameter_file import calibrated, covariance, nuisance, to_json
 from ..study.units import Job, Unit, prepare
@@ -26,12 +26,13 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
     **Raises:** `SimulationError` when a unit failed or did not converge, after everything else is written.
     """
     job = prepare(study, parameters, to_fit=True)
-    tasks = {unit.name: _plan(job, unit) for unit in job.units}
+    for unit in job.units:
+        _plan(job, unit)  # mistakes of any unit are found before the first one is fitted
     summaries = run_units(
         job,
         out,
         "fit",
-        lambda unit, folder: _fit_unit(job, unit, tasks[unit.name], folder),
+        lambda folders: _fit_units(job, folders),
         lambda summaries: render_overview(job, summaries, _population(job, out)),
     )
     bad = {name: summary for name, summary in summaries.items() if not summary["converged"]}
@@ -48,59 +49,83 @@ def _plan(job: Job, unit: Unit) -> Task:
     return plan_fit(unit.model, unit.used("fit"), unit.used("validate"), **wanted)
 
 
-def _fit_unit(job: Job, unit: Unit, task: Task, folder: pathlib.Path) -> None:
-    """Fits one unit and writes its files, the report last; what can't be simulated leaves a summary that says so."""
-    began = time.monotonic()
-    try:
-        calibration, seconds, undetermined = _fit(unit, task, folder)
-    except SimulationError as error:
-        failure = {"converged": False, "error": str(error), "iterations": 0, "traces": {}}
-        write_json(folder / SUMMARY, {**failure, **job.account(time.monotonic() - began)})
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Fitted:
+    """A fit that came to its end, the seconds it took, and what its traces did not determine at the start."""
+
+    calibration: Calibration
+    seconds: float
+    undetermined: list[str]
+
+
+def _fit_units(job: Job, folders: Folders) -> None:
+    """Fits the units that are left, side by side if the study has several, and writes the files of each as it ends."""
+    if len(job.units) == 1:
+        for unit, folder in folders:
+            _write(job, unit, folder, _outcome_alone(_fitting(job, unit, folder)))
         return
+    names = {unit.name: (unit, folder) for unit, folder in folders}
+    fits = {name: _fitting(job, *place) for name, place in names.items()}
+    with console.status(f"{len(fits)} fits side by side"):
+        run_together(fits, lambda name, outcome: _write(job, *names[name], outcome))
+
+
+def _outcome_alone(fit: Steps[_Fitted]) -> _Fitted | SimulationError:
+    try:
+        return run_alone(fit)
+    except SimulationError as error:
+        return error
+
+
+def _fitting(job: Job, unit: Unit, folder: pathlib.Path) -> Steps[_Fitted]:
+    """The fit of one unit, which keeps its progress on disk and says what it does."""
+    who = "" if unit.name is None else f"{unit.name}: "
+    saved = ProgressFile(folder, Progress, f"{who}the fit")
+    calibrator = yield from starting_fit(_plan(job, unit), saved.progress)
+    resumed = saved.progress is not None
+    undetermined = list(saved.facts.get("undetermined", ())) if resumed else calibrator.undetermined()
+    for note in calibrator.notes:
+        console.print(f"note: {who}{note}")
+    if undetermined:
+        console.print(f"warning: {who}these traces do not determine {', '.join(undetermined)}; hold or excite them")
+
+    def show(progress: Progress) -> None:
+        kind = "  rejected" if progress.rejected_in_a_row else "  corrected" if progress.corrections else ""
+        console.print(
+            f"{who}{progress.iteration:6d} {2 * progress.cost:12.6g} {1 / progress.step_size:10.3g} "
+            f"{saved.seconds:8.1f}{kind}"
+        )
+
+    def report(progress: Progress) -> None:
+        saved.save(progress, undetermined=undetermined)
+        show(progress)
+
+    console.print(f"{who}{'step':>6} {'chi^2/N':>12} {'damping':>10} {'seconds':>8}")
+    show(calibrator.minimiser.progress)
+    calibration = yield from calibrator.steps(report)
+    for sentence in found_besides(calibration):
+        console.print(f"{who}found: {sentence}")
+    return _Fitted(calibration, saved.seconds, undetermined)
+
+
+def _write(job: Job, unit: Unit, folder: pathlib.Path, outcome: _Fitted | SimulationError) -> None:
+    """The files of one unit, the report last; what can't be simulated leaves a summary that says so."""
+    if isinstance(outcome, SimulationError):
+        failure = {"converged": False, "error": str(outcome), "iterations": 0, "traces": {}}
+        write_json(folder / SUMMARY, {**failure, **job.account(0.0)})
+        return
+    calibration, table = outcome.calibration, calibrated(outcome.calibration)
     note = passivity_note(calibration.model)
     if note is not None:
-        console.print(f"warning: {note}")
-    table = calibrated(calibration)
+        console.print(f"warning: {'' if unit.name is None else f'{unit.name}: '}{note}")
     write_json(
         folder / "parameters.json",
         to_json(job.study, table, nuisance=nuisance(calibration), covariance=covariance(calibration)),
     )
-    write_json(folder / SUMMARY, _summary(calibration, seconds, undetermined, job))
-    write_text(folder / REPORT, render(job, unit.name, calibration, table, seconds, undetermined))
+    write_json(folder / SUMMARY, _summary(calibration, outcome.seconds, outcome.undetermined, job))
+    page = render(job, unit.name, calibration, table, outcome.seconds, outcome.undetermined)
+    write_text(folder / REPORT, page)
     ProgressFile.remove_from(folder)
-
-
-def _fit(unit: Unit, task: Task, folder: pathlib.Path) -> tuple[Calibration, float, list[str]]:
-    """Fits one unit, keeping its progress on disk; also the seconds it took, and what it could not see."""
-    saved, title = ProgressFile(folder, Progress, "the fit"), unit.name or "fit"
-    with console.status(f"{title}: compiling") as status:
-        calibrator = start_fit(task, saved.progress)
-        resumed = saved.progress is not None
-        undetermined = list(saved.facts.get("undetermined", ())) if resumed else calibrator.undetermined()
-        for note in calibrator.notes:
-            console.print(f"note: {note}")
-        if undetermined:
-            console.print(f"warning: these traces do not determine {', '.join(undetermined)}; hold or excite them")
-
-        def show(progress: Progress) -> None:
-            kind = "  rejected" if progress.rejected_in_a_row else "  corrected" if progress.corrections else ""
-            console.print(
-                f"{progress.iteration:6d} {2 * progress.cost:12.6g} {1 / progress.step_size:10.3g} "
-                f"{saved.seconds:8.1f}{kind}"
-            )
-            status.update(f"{title}: step {progress.iteration + 1}")
-
-        def report(progress: Progress) -> None:
-            saved.save(progress, undetermined=undetermined)
-            show(progress)
-
-        console.print(f"{'step':>6} {'chi^2/N':>12} {'damping':>10} {'seconds':>8}")
-        show(calibrator.minimiser.progress)
-        calibration = calibrator.run(report)
-        for sentence in found_besides(calibration):
-            console.print(f"found: {sentence}")
-        status.update(f"{title}: writing the report")
-        return calibration, saved.seconds, undetermined
 
 
 def _population(job: Job, out: pathlib.Path) -> dict[str, dict[str, Any]]:

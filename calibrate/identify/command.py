@@ -16,7 +16,7 @@ from vgtjax.parameters import move_inside
 from ..output.console import console
 from ..output.files import REPORT, SUMMARY, finite, write_json, write_text
 from ..output.sections import model_sections, trace_summary
-from ..resumable import run_units
+from ..resumable import Folders, run_units
 from ..study.parameter_file import Estimate, by_entry, tabulate, to_json
 from ..study.units import Job, Unit, prepare
 from .report import render, render_overview
@@ -31,12 +31,17 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
     **Raises:** `SimulationError` when nothing could be identified, after everything else is written.
     """
     job = prepare(study, parameters, to_fit=True)
-    compute, overview = functools.partial(_identify_unit, job), functools.partial(render_overview, job)
+    compute, overview = functools.partial(_identify_units, job), functools.partial(render_overview, job)
     summaries = run_units(job, out, "identify", compute, overview)
     empty = [name or "this study" for name, summary in summaries.items() if not summary["identified"]]
     if empty:
         units = ", ".join(empty)
         raise SimulationError(f"the traces of {units} allow no identification; the report says what is missing")
+
+
+def _identify_units(job: Job, folders: Folders) -> None:
+    for unit, folder in folders:
+        _identify_unit(job, unit, folder)
 
 
 def _identify_unit(job: Job, unit: Unit, folder: pathlib.Path) -> None:

@@ -8,9 +8,14 @@ from ._calibration import (
     TraceResult as TraceResult,
     compare as compare,
 )
-from ._calibrator import Calibrator as Calibrator, calibrate as calibrate, start_calibration as start_calibration
+from ._calibrator import (
+    Calibrator as Calibrator,
+    calibrate as calibrate,
+    start_calibration as start_calibration,
+    starting as starting,
+)
+from ._evaluation import Steps as Steps, run_alone as run_alone, run_together as run_together
 from ._evidence import Unknown as Unknown
-from ._fit import CHI2_TOLERANCE as CHI2_TOLERANCE, LevenbergMarquardt as LevenbergMarquardt, Progress as Progress
 from ._least_squares import (
     LeastSquares as LeastSquares,
     clustered_errors as clustered_errors,
@@ -22,8 +27,9 @@ from ._least_squares import (
     least_squares as least_squares,
     robust_deviation as robust_deviation,
 )
+from ._progress import CHI2_TOLERANCE as CHI2_TOLERANCE, Progress as Progress
 from ._residuals import FitProblem as FitProblem, build_fit_problem as build_fit_problem
-from ._seminormal import SeminormalEquations as SeminormalEquations
+from ._search import LevenbergMarquardt as LevenbergMarquardt
 from ._sensitivities import jacobian as jacobian, observe as observe, observe_with_jacobian as observe_with_jacobian
 from ._sensors import Sensor as Sensor
 from ._task import Task as Task, plan_task as plan_task

@@ -32,7 +32,7 @@ class Bundle(eqx.Module):
     """
 
     indices: tuple[int, ...] = eqx.field(static=True)
-    samples: tuple[int, ...] = eqx.field(static=True)
+    samples: Int[np.ndarray, " traces"]
     plan: FixedMarch
     drive: Drive
     start: Start
@@ -40,20 +40,8 @@ class Bundle(eqx.Module):
     lane_trace: Int[np.ndarray, " lanes"]
     lane_segment: Int[np.ndarray, " lanes"]
 
-    @property
-    def segments(self) -> int:
-        """Segments of the longest trace."""
-        return -(-max(self.samples) // SEGMENT)
-
-    def to_lanes(self, per_trace: Sequence[np.ndarray], fill: float = 0.0) -> Float[np.ndarray, "lanes sample"]:
-        """One array a trace, cut into lanes; padding is `fill`."""
-        padded = _stack([np.asarray(values) for values in per_trace], self.segments * SEGMENT, fill)
-        lanes = padded.reshape(self.segments, SEGMENT, -1)[self.lane_segment, :, self.lane_trace]
-        lanes[len(self._owned()) :] = fill
-        return lanes
-
     def from_lanes(self, lanes: Float[np.ndarray, "lanes sample ..."]) -> list[np.ndarray]:
-        """The inverse of `to_lanes`: one array a trace, without padding."""
+        """One array a trace, without padding."""
         owned = self._owned()
         return [
             lanes[owned[self.lane_trace[owned] == i]].reshape(-1, *lanes.shape[2:])[:count]
@@ -79,11 +67,11 @@ class Bundle(eqx.Module):
 
     def first_lane(self, trace: int) -> int:
         """Where the lanes of a trace begin."""
-        return int(np.sum([-(-count // SEGMENT) for count in self.samples[:trace]], dtype=int))
+        return int(np.sum(-(-self.samples[:trace] // SEGMENT)))
 
     def _owned(self) -> Int[np.ndarray, " owned"]:
         """Lanes that belong to a trace; those that only fill up a device follow them."""
-        return np.arange(sum(-(-count // SEGMENT) for count in self.samples))
+        return np.arange(int(np.sum(-(-self.samples // SEGMENT))))
 
 
 def _stack(arrays: Sequence[np.ndarray], length: int, fill: float | None) -> np.ndarray:
@@ -132,7 +120,7 @@ def _bundle(model: AbstractModel, traces: list[Trace], indices: list[int], plan:
     lane_drive = jax.tree.map(to_lanes, drive)
     return Bundle(
         indices=tuple(indices),
-        samples=tuple(samples),
+        samples=np.asarray(samples),
         plan=plan,
         drive=cast(drive, dtype),
         start=cast(start, dtype),

@@ -9,10 +9,11 @@ from .._printing import Cells, Printed
 from ..parameters import Transform, parameter_table, table_row
 from ..plants import AbstractModel
 from ..traces import SIGNALS, Trace
-from ._bundle import CHANNELS
+from ._bundle import CHANNELS, bundle_traces
+from ._evaluation import Steps, run_alone
 from ._evidence import observe_traces
-from ._fit import Progress
 from ._least_squares import LeastSquares
+from ._progress import Progress
 from ._residuals import Sensors, white_sensors
 from ._sensors import Sensor
 from ._task import Task
@@ -155,6 +156,12 @@ class Calibration(Printed):
         if failed := [result.trace.name for result in self.traces if result.failed]:
             names = ", ".join(failed)
             troubles.append(f"the simulation of {names} with the fitted values left the finite numbers")
+        if self.progress.lost:
+            names = ", ".join(self.task.selection.entries[number] for number in self.progress.held)
+            troubles.append(
+                f"fitted values must stay within a factor {RUNAWAY:g} of their start values, but {names} ran away, and "
+                "held at the start value the fit is worse; give bounds or better start values"
+            )
         if away := self.ran_away:
             table, entries = parameter_table(self.model), self.task.selection.entries
             start = np.asarray(self.task.selection.pack(self.task.model))
@@ -171,8 +178,10 @@ class Calibration(Printed):
 
     @property
     def at_bound(self) -> Bool[np.ndarray, " parameters"]:
-        """Which values lie on a bound."""
-        return np.asarray(self.transform.at_bound(np.asarray(self.progress.coordinates)))[: len(self.values)]
+        """Which values lie on a bound; those that ran away and are held lie on none."""
+        at_bound = np.array(self.transform.at_bound(np.asarray(self.progress.coordinates)))[: len(self.values)]
+        at_bound[list(self.progress.held)] = False
+        return at_bound
 
     @property
     def ran_away(self) -> tuple[str, ...]:
@@ -216,12 +225,21 @@ def compare(task: Task, model: AbstractModel, delay: float = 0.0, sensors: Senso
 
     **Arguments:** `delay` of the duty in s; `sensors` of the traces to fit, by default as their signals show them.
     """
-    uses = [("fit", trace) for trace in task.fit] + [("validate", trace) for trace in task.validate]
-    traces = [trace for _, trace in uses]
-    observed = observe_traces(model, traces, task.stepping, delay or None)
-    known = white_sensors(traces, task.channels)
-    known = known if sensors is None else [*sensors, *known[len(sensors) :]]
-    return [_compare_one(trace, use, observed[i], known[i]) for i, (use, trace) in enumerate(uses)]
+    return run_alone(comparing(task, model, delay, sensors))
+
+
+def comparing(
+    task: Task, model: AbstractModel, delay: float = 0.0, sensors: Sensors | None = None
+) -> Steps[list[TraceResult]]:
+    """`compare` as a computation."""
+    results = []
+    for use, traces in (("fit", task.fit), ("validate", task.validate)):
+        bundles = bundle_traces(model, traces, task.stepping)
+        observed = yield from observe_traces(model, traces, bundles, delay or None)
+        known = sensors if use == "fit" and sensors is not None else white_sensors(traces, task.channels)
+        compared = zip(traces, observed, known, strict=True)
+        results += [_compare_one(trace, use, seen, each) for trace, seen, each in compared]
+    return results
 
 
 def _compare_one(trace: Trace, use: str, observed: np.ndarray, sensors: dict[str, Sensor]) -> TraceResult:

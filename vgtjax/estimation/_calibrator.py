@@ -4,27 +4,45 @@ import dataclasses
 from collections.abc import Callable
 
 import numpy as np
+from jaxtyping import Bool
 
 from .._errors import InputError, SimulationError
 from .._types import Vector
 from ..parameters import Transform, build_transform, parameter_table
+from ..parts import with_sharp_seat
 from ..simulation import model_dtype
-from ._calibration import RUNAWAY, Calibration, compare
+from ._calibration import RUNAWAY, Calibration, comparing
+from ._evaluation import Steps, ask, run_alone
 from ._evidence import (
     DELAY_SCALE,
     EVIDENT,
     LONGEST_DELAY,
     LONGEST_STEP,
     MOST_CORRECTIONS,
+    NEARBY,
     SETTLED,
     SHORTEST,
+    by_trace,
     learn_sensors,
+    observe_traces,
+    sharp_bundles,
     turns,
 )
-from ._fit import LevenbergMarquardt, Progress
 from ._least_squares import LeastSquares, estimate_uncertainty
-from ._residuals import Sensors, build_fit_problem, white_sensors
+from ._progress import Progress
+from ._residuals import FitProblem, Sensors, build_fit_problem, white_sensors
+from ._search import LevenbergMarquardt, Point, Slopes
 from ._task import Task
+
+HELD_MATTERS = 9.0
+"""Increase of chi^2 from which a value that ran away was worth something: three standard errors of one parameter."""
+MOST_HELD = 3
+"""Values that may run away, and be held, before a search is lost."""
+Report = Callable[[Progress], None]
+
+
+def quiet(progress: Progress) -> None:
+    """Says nothing of a step."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -49,23 +67,45 @@ class Calibrator:
         known = self._uncertainty().determined.tolist()
         return [entry for entry, is_known in zip(self.task.selection.entries, known, strict=False) if not is_known]
 
-    def run(self, report: Callable[[Progress], None] = lambda progress: None) -> Calibration:
+    def run(self, report: Report = quiet) -> Calibration:
         """Steps on to the end, calling `report` after every step."""
-        while not self.minimiser.progress.finished:
-            report(self.minimiser.step())
+        return run_alone(self.steps(report))
+
+    def steps(self, report: Report = quiet) -> Steps[Calibration]:
+        """`run` as a computation."""
         calibrator = self
-        while (following := calibrator.correct()) is not None:
+        yield from calibrator._search(report)
+        while np.any(away := calibrator._away()):
+            if len(calibrator.minimiser.progress.held) + np.sum(away) > MOST_HELD:
+                break
+            calibrator = yield from calibrator._holding(away)
+            yield from calibrator._search(report)
+        while (following := (yield from calibrator.correcting())) is not None:
             calibrator = following
             report(calibrator.minimiser.progress)
-        return calibrator.finish()
+        return (yield from calibrator.finishing())
+
+    def _search(self, report: Report) -> Steps[None]:
+        """Steps until the search has ended, and what was held on the way is judged."""
+        while not self.minimiser.progress.finished:
+            report((yield from self.minimiser.steps()))
+        progress = self.minimiser.progress
+        if progress.let_go is not None and not progress.corrections:
+            worse = 2 * self.minimiser.problem.count * (progress.cost - progress.let_go) > HELD_MATTERS
+            self.minimiser.progress = dataclasses.replace(progress, lost=worse)
 
     def correct(self) -> "Calibrator | None":
         """The next correction of a search that has converged, or `None` where there is none, or none that matters."""
+        return run_alone(self.correcting())
+
+    def correcting(self) -> "Steps[Calibrator | None]":
+        """`correct` as a computation."""
         progress = self.minimiser.progress
-        if not (self.task.unknown.anything and progress.converged) or progress.settled or self._ran_away():
+        lost = progress.lost or bool(np.any(self._away()))
+        if not (self.task.unknown.anything and progress.converged) or progress.settled or lost:
             return None
         if not progress.corrections:
-            return self._try(np.zeros(len(progress.coordinates)), 1.0)
+            return (yield from self._try(np.zeros(len(progress.coordinates)), 1.0))
         found = self._uncertainty()
         errors = np.where(found.determined, found.std_errors, np.inf)
         step = np.where(found.determined, -found.values, 0.0)
@@ -75,40 +115,58 @@ class Calibrator:
         if settled or progress.corrections >= MOST_CORRECTIONS:
             self.minimiser.progress = dataclasses.replace(progress, wanted=wanted, settled=settled)
             return None
-        return self._try(step, min(part, LONGEST_STEP / float(np.max(np.abs(step)))))
+        return (yield from self._try(step, min(part, LONGEST_STEP / float(np.max(np.abs(step))))))
 
-    def _try(self, step: Vector, part: float) -> "Calibrator | None":
+    def _try(self, step: Vector, part: float) -> "Steps[Calibrator | None]":
         """Corrected after a part of a step, or less of it where a simulation fails; `None` where all of them do."""
         while part > SHORTEST:
             try:
-                return self._go_on(step, part)
+                return (yield from self._go_on(step, part))
             except SimulationError:
                 part /= 4
         return None
 
-    def _ran_away(self) -> bool:
-        """Whether the search ended where no correction is worth its while."""
+    def _away(self) -> Bool[np.ndarray, " coordinates"]:
+        """Which coordinates the search has carried to where nothing is known of them."""
         transform, count = self.transform, len(self.task.selection.entries)
-        start = np.asarray(transform.to_coordinates(self.task.first_guess))
-        moved = np.abs(np.asarray(self.minimiser.progress.coordinates) - start)
-        return bool(np.any((moved > np.log(RUNAWAY))[:count] & transform.positive[:count]))
+        here = np.asarray(self.minimiser.progress.coordinates)
+        moved = np.abs(here - np.asarray(transform.to_coordinates(self.task.first_guess)))
+        away = (moved > np.log(RUNAWAY)) & transform.positive & ~np.asarray(transform.at_bound(here))
+        return away & (np.arange(len(here)) < count)
 
-    def _go_on(self, step: Vector, part: float) -> "Calibrator":
-        """Corrected after a part of a step, without a delay of the duty that may as well be none."""
+    def _holding(self, away: Bool[np.ndarray, " coordinates"]) -> "Steps[Calibrator]":
+        """The search gone on with what ran away held at its start: a value that changes nothing spoils no other."""
+        start = np.asarray(self.transform.to_coordinates(self.task.first_guess))
         progress = self.minimiser.progress
+        coordinates = np.where(away, start, np.asarray(progress.coordinates))
+        return (
+            yield from starting(
+                self.task, progress.holding(np.flatnonzero(away).tolist(), coordinates.tolist()), self.notes
+            )
+        )
+
+    def _go_on(self, step: Vector, part: float) -> "Steps[Calibrator]":
+        """Corrected after a part of a step, without a delay of the duty that may as well be none."""
+        progress, errors = self.minimiser.progress, self._uncertainty().std_errors
         coordinates = np.array(self.transform.clip(np.asarray(progress.coordinates) + part * step))
         if self.task.late_duty and self.task.unknown.duty_delay is not True:
-            error = np.nan_to_num(self._uncertainty().std_errors[-1])
-            coordinates[-1] *= abs(coordinates[-1]) > EVIDENT * error
-        corrected = progress.corrected(coordinates.tolist(), step.tolist())
-        return dataclasses.replace(start_calibration(self.task, corrected), notes=self.notes)
+            coordinates[-1] *= abs(coordinates[-1]) > EVIDENT * np.nan_to_num(errors[-1])
+        slopes = self.minimiser.slopes
+        if np.any(np.abs(coordinates - slopes.at) > NEARBY * np.nan_to_num(errors, nan=np.inf)):
+            slopes = yield from Slopes.find(self.minimiser.problem, coordinates)
+        corrected = progress.corrected(coordinates.tolist(), step.tolist(), slopes.at.tolist())
+        return (yield from corrected_calibration(self.task, self.minimiser.problem, corrected, slopes, self.notes))
 
     def _uncertainty(self) -> LeastSquares:
         problem = self.minimiser.problem
-        return estimate_uncertainty(*self.minimiser.linearisation(), problem.count - problem.offsets)
+        return estimate_uncertainty(*self.minimiser.point.reduced, problem.count - problem.offsets)
 
     def finish(self) -> Calibration:
         """What came of it: values, covariance, and every trace simulated with them."""
+        return run_alone(self.finishing())
+
+    def finishing(self) -> Steps[Calibration]:
+        """`finish` as a computation."""
         problem, progress = self.minimiser.problem, self.minimiser.progress
         everything, count = self._uncertainty(), len(self.task.selection.entries)
         coordinates = np.asarray(progress.coordinates)
@@ -127,6 +185,7 @@ class Calibrator:
             covariance = uncertainty.covariance * np.outer(slope[:count], slope[:count])
         late = self.task.late_duty and progress.coordinates[-1] != 0.0
         delay = float(values[-1]) if late else 0.0
+        compared = yield from comparing(self.task, model, delay, self.sensors)
         return Calibration(
             model,
             self.task,
@@ -135,7 +194,7 @@ class Calibrator:
             values[:count],
             covariance,
             uncertainty,
-            compare(self.task, model, delay, self.sensors),
+            compared,
             problem.count,
             self.sensors,
             delay,
@@ -151,19 +210,20 @@ def start_calibration(task: Task, resume: Progress | None = None) -> Calibrator:
 
     **Raises:** `InputError` for start values outside their bounds; `SimulationError` when the start fails.
     """
+    return run_alone(starting(task, resume))
+
+
+def starting(task: Task, resume: Progress | None = None, notes: tuple[str, ...] = ()) -> Steps[Calibrator]:
+    """`start_calibration` as a computation."""
     if model_dtype(task.model) != np.float64:
         raise InputError(
             "a fit needs double precision, but the model's parameters are single; call vgtjax.configure() before "
             "anything else, or set jax_enable_x64"
         )
-    start = np.asarray(task.selection.pack(task.model))
-    transform = build_transform(parameter_table(task.model), task.selection.entries, start, task.bounds)
-    progress = Progress(()) if resume is None else resume
-    if task.late_duty:
-        refused = progress.corrections > 0 and progress.coordinates[-1] == 0.0
-        longest = 0.0 if refused else LONGEST_DELAY
-        transform = transform.extended(DELAY_SCALE, -longest, longest)
-    sensors = _sensors_at(task, transform, progress)
+    transform = _transform(task, resume)
+    progress = Progress(tuple(np.asarray(transform.to_coordinates(task.first_guess)).tolist()))
+    progress = progress if resume is None else resume
+    sensors = white_sensors(task.fit, task.channels)
     problem = build_fit_problem(
         task.model,
         task.selection,
@@ -173,21 +233,48 @@ def start_calibration(task: Task, resume: Progress | None = None) -> Calibrator:
         sensors=sensors,
         stepping=task.stepping,
     )
-    begin = np.asarray(transform.to_coordinates(task.first_guess)) if resume is None else resume
-    return Calibrator(task, sensors, LevenbergMarquardt(problem, begin))
-
-
-def _sensors_at(task: Task, transform: Transform, progress: Progress) -> Sensors:
-    """What is known of the sensors: at first what their signals show, then what is left over."""
     if not progress.corrections:
-        return white_sensors(task.fit, task.channels)
-    count, values = len(task.selection.entries), np.asarray(transform.to_physical(np.asarray(progress.coordinates)))
-    model = task.selection.unpack(task.model, values[:count])
-    delay = float(values[-1]) if task.late_duty else None
-    return learn_sensors(model, delay, task.fit, task.channels, task.stepping, task.unknown)
+        return Calibrator(task, sensors, (yield from LevenbergMarquardt.begin(problem, progress)), notes)
+    slopes = yield from Slopes.find(problem, np.array(progress.linearised))
+    return (yield from corrected_calibration(task, problem, progress, slopes, notes))
 
 
-def calibrate(task: Task, report: Callable[[Progress], None] = lambda progress: None) -> Calibration:
+def _transform(task: Task, progress: Progress | None) -> Transform:
+    """The map between values and coordinates; what ran away is held, and a delay of the duty that was found to be
+    none."""
+    start = np.asarray(task.selection.pack(task.model))
+    transform = build_transform(parameter_table(task.model), task.selection.entries, start, task.bounds)
+    if progress is not None:
+        transform = transform.holding(progress.held, start)
+    if not task.late_duty:
+        return transform
+    refused = progress is not None and progress.corrections > 0 and progress.coordinates[-1] == 0.0
+    longest = 0.0 if refused else LONGEST_DELAY
+    return transform.extended(DELAY_SCALE, -longest, longest)
+
+
+def corrected_calibration(
+    task: Task, problem: FitProblem, progress: Progress, slopes: Slopes, notes: tuple[str, ...]
+) -> Steps[Calibrator]:
+    """A calibration among its corrections: what the fit so far tells of sensors and numerical errors goes into it."""
+    here = np.array(progress.coordinates)
+    problem = dataclasses.replace(problem, transform=_transform(task, progress))
+    asked = problem.evaluation(here)
+    smooth = yield from ask(asked)
+    observed = by_trace(problem.bundles, smooth)
+    exact = observed
+    if task.unknown.numerics:
+        bundles = sharp_bundles(task.model, task.fit, task.stepping)
+        exact = yield from observe_traces(with_sharp_seat(asked.model), task.fit, bundles, asked.delay)
+    sensors = learn_sensors(task.fit, task.channels, observed, exact, task.unknown)
+    problem = problem.with_sensors(task.fit, sensors)
+    point = Point.of(problem, here, smooth, slopes)
+    if len(progress.history) <= progress.iteration:
+        progress = dataclasses.replace(progress, history=(*progress.history, 0.5 * point.chi2 / problem.count))
+    return Calibrator(task, sensors, LevenbergMarquardt(problem, progress, slopes, point), notes)
+
+
+def calibrate(task: Task, report: Report = quiet) -> Calibration:
     """Runs a task to its end, calling `report` after every step.
 
     **Raises:** as [`start_calibration`][].

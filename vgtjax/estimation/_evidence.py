@@ -15,13 +15,12 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from .._errors import SimulationError
-from ..parts import with_sharp_seat
 from ..plants import AbstractModel
 from ..simulation import FixedStep
 from ..traces import Trace
-from ._bundle import CHANNELS, bundle_traces
+from ._bundle import CHANNELS, Bundle, bundle_traces
+from ._evaluation import Evaluated, Evaluation, Steps, ask
 from ._residuals import Sensors, white_sensors
-from ._sensitivities import observe
 from ._sensors import Samples, Sensor, learn_sensor
 
 SHARP_STEP = 1e-4
@@ -41,6 +40,8 @@ SHORTEST = 1 / 64
 """Part of a correction below which no simulation that succeeds is looked for."""
 LONGEST_STEP = 0.5
 """Coordinates by which a correction moves at most."""
+NEARBY = 1.0
+"""Standard errors within which derivatives may serve that were taken elsewhere."""
 
 Choice = Literal["evidence"] | bool
 
@@ -79,35 +80,42 @@ def turns(wanted: Float[np.ndarray, "steps coordinates"]) -> Int[np.ndarray, " t
 
 
 def observe_traces(
-    model: AbstractModel, traces: Sequence[Trace], stepping: FixedStep, delay: float | None = None
-) -> list[Float[np.ndarray, "time channel"]]:
+    model: AbstractModel, traces: Sequence[Trace], bundles: Sequence[Bundle], delay: float | None = None
+) -> Steps[list[Float[np.ndarray, "time channel"]]]:
     """What the sensors would see of every trace at its `time`: position in m, pressure in Pa absolute.
 
-    **Arguments:** `delay` in s with which the duty reaches the valve.
+    **Arguments:** `bundles` of the traces; `delay` in s with which the duty reaches the valve.
     """
+    evaluated = yield from ask(Evaluation(model, bundles, delay))
+    return by_trace(bundles, evaluated)
+
+
+def by_trace(bundles: Sequence[Bundle], evaluated: Evaluated) -> list[Float[np.ndarray, "time channel"]]:
+    """What is observed, trace by trace."""
     observed: dict[int, np.ndarray] = {}
-    for bundle in bundle_traces(model, traces, stepping):
-        lanes = np.asarray(observe(model, bundle, None if delay is None else np.asarray(delay, float)))
+    for bundle, lanes in zip(bundles, evaluated.observed, strict=True):
         observed |= dict(zip(bundle.indices, bundle.from_lanes(lanes), strict=True))
-    return [observed[index] for index in range(len(traces))]
+    return [observed[index] for index in range(len(observed))]
+
+
+def sharp_bundles(model: AbstractModel, traces: Sequence[Trace], stepping: FixedStep) -> list[Bundle]:
+    """Traces laid out for the fine steps of what a model would give without numerical errors."""
+    return bundle_traces(model, traces, dataclasses.replace(stepping, max_step=min(stepping.max_step, SHARP_STEP)))
 
 
 def learn_sensors(
-    model: AbstractModel,
-    delay: float | None,
     traces: Sequence[Trace],
     channels: Sequence[str],
-    stepping: FixedStep,
+    smooth: Sequence[Float[np.ndarray, "time channel"]],
+    sharp: Sequence[Float[np.ndarray, "time channel"]],
     unknown: Unknown,
 ) -> Sensors:
-    """What a fit that ended at a model and a delay tells of the sensors, and of its numerical errors.
+    """What a fit that ended at a smooth simulation tells of the sensors, and its sharp one of numerical errors.
 
-    **Raises:** `SimulationError` where the model, smooth or sharp, can't be simulated.
+    **Raises:** `SimulationError` where either left the finite numbers.
     """
-    smooth = observe_traces(model, traces, stepping, delay)
-    sharp = observe_traces(with_sharp_seat(model), traces, _fine(stepping), delay) if unknown.numerics else smooth
     for trace, *observed in zip(traces, smooth, sharp, strict=True):
-        if not np.all(np.isfinite(observed)):
+        if not all(np.all(np.isfinite(each)) for each in observed):
             raise SimulationError(
                 f"the simulation of trace '{trace.name}' with corrected values left the finite numbers; check its "
                 "inputs and the start values"
@@ -119,10 +127,6 @@ def learn_sensors(
         return _learn(sensor, smooth[index][rows, at], sharp[index][rows, at], unknown)
 
     return [{name: learn(index, name, each) for name, each in known.items()} for index, known in enumerate(sensors)]
-
-
-def _fine(stepping: FixedStep) -> FixedStep:
-    return dataclasses.replace(stepping, max_step=min(stepping.max_step, SHARP_STEP))
 
 
 def _learn(sensor: Sensor, smooth: Samples, sharp: Samples, unknown: Unknown) -> Sensor:

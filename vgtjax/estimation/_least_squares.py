@@ -100,6 +100,18 @@ def estimate_uncertainty(residuals: Float[np.ndarray, " rows"], columns: Columns
     return found.scaled(float(residuals @ residuals) / max(count - found.rank, 1))
 
 
+def reduce_rows(
+    residuals: Float[np.ndarray, " rows"], columns: Columns
+) -> tuple[Float[np.ndarray, " few"], Float[np.ndarray, "few unknowns"]]:
+    """The same least-squares problem in as many rows as there are unknowns, and one for what no unknown explains.
+
+    A column that is not finite is of no use, and becomes zero.
+    """
+    usable = np.where(np.all(np.isfinite(columns), axis=0), columns, 0.0)
+    triangle = np.asarray(np.linalg.qr(np.column_stack([usable, residuals]), mode="r"))
+    return triangle[:, -1], triangle[:, :-1]
+
+
 def determined_within(columns: Columns, scale: float, worst: float) -> Bool[np.ndarray, " unknowns"]:
     """Which unknowns are determined well enough, when those that aren't are held one after another, the worst first.
 

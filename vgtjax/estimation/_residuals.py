@@ -1,5 +1,6 @@
 """Weighted residuals of a model against measured traces, with sensor offsets eliminated."""
 
+import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
@@ -16,6 +17,7 @@ from ..plants import AbstractModel
 from ..simulation import FixedStep
 from ..traces import Trace
 from ._bundle import CHANNELS, SEGMENT, Bundle, bundle_traces
+from ._evaluation import Evaluation
 from ._sensitivities import observe, observe_with_jacobian
 from ._sensors import MEMORY, Sensor, white_sensor
 
@@ -47,6 +49,11 @@ def white_sensors(traces: Sequence[Trace], channels: Sequence[str]) -> Sensors:
     """Sensors whose noise is white and of the size that their own signals show."""
     found = [{channel: white_sensor(trace, channel) for channel in channels} for trace in traces]
     return [{channel: sensor for channel, sensor in sensors.items() if sensor is not None} for sensors in found]
+
+
+def _count(sensors: Sensors) -> int:
+    """Samples that say something."""
+    return sum(int(np.count_nonzero(sensor.trust)) for each in sensors for sensor in each.values())
 
 
 def _measure(bundle: Bundle, traces: Sequence[Trace], sensors: Sensors) -> Measured:
@@ -144,6 +151,35 @@ class FitProblem(eqx.Module):
         model = self.selection.unpack(self.model, values[: len(self.selection.entries)])
         return model, values[-1] if self.late_duty else None
 
+    def evaluation(self, coordinates: Float[np.ndarray, " coordinates"], *, slopes: bool = False) -> Evaluation:
+        """The question what the sensors would see at coordinates, and how that changes with them."""
+        model, delay = self.at(coordinates)
+        late = None if delay is None else float(delay)
+        return Evaluation(model, self.bundles, late, self.selection if slopes else None)
+
+    def residuals_of(self, observed: Sequence[np.ndarray]) -> Float[np.ndarray, " residuals"]:
+        """Residuals in units of the noise, of what was observed of every bundle."""
+        blocks = [_residual_block(*block) for block in zip(self.measured, map(jnp.asarray, observed), strict=True)]
+        return np.concatenate([np.asarray(block) for block in blocks])
+
+    def cost_of(self, observed: Sequence[np.ndarray]) -> float:
+        """Half the mean squared residual in units of the noise."""
+        residuals = self.residuals_of(observed)
+        return 0.5 * float(residuals @ residuals) / self.count
+
+    def columns_of(
+        self, columns: Sequence[np.ndarray], at: Float[np.ndarray, " coordinates"]
+    ) -> Float[np.ndarray, "residuals coordinates"]:
+        """Derivatives of `residuals_of` with respect to the coordinates, from those of what is observed at `at`."""
+        blocks = [_jacobian_block(*block) for block in zip(self.measured, map(jnp.asarray, columns), strict=True)]
+        slope = np.asarray(self.transform.slope(at))
+        return np.concatenate([np.asarray(block) for block in blocks]) * slope
+
+    def with_sensors(self, traces: Sequence[Trace], sensors: Sensors) -> "FitProblem":
+        """The same problem with other knowledge of the sensors."""
+        measured = [_measure(bundle, traces, sensors) for bundle in self.bundles]
+        return dataclasses.replace(self, measured=measured, count=_count(sensors))
+
     def residuals(self, coordinates: Vector) -> Float[Array, " residuals"]:
         """Residuals; infinite throughout where a simulation failed.
 
@@ -207,7 +243,6 @@ def build_fit_problem(
     sensors = white_sensors(traces, channels) if sensors is None else sensors
     bundles = bundle_traces(model, traces, stepping)
     measured = [_measure(bundle, traces, sensors) for bundle in bundles]
-    count = sum(int(np.count_nonzero(sensor.trust)) for each in sensors for sensor in each.values())
     offsets = sum(len(each) for each in sensors)
     late_duty = len(transform.scale) > len(selection.entries)
-    return FitProblem(model, selection, transform, bundles, measured, count, offsets, late_duty)
+    return FitProblem(model, selection, transform, bundles, measured, _count(sensors), offsets, late_duty)

@@ -3,7 +3,8 @@
 Forward mode, reordered: segments are lanes from their known start states, whose transition matrices are chained.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -98,11 +99,41 @@ def observe_with_jacobian(
 
     With a `delay` in s of the duty, the derivative with respect to it comes last.
     """
+    return _linearise(model, selection, bundle, delay, spread)
+
+
+@eqx.filter_jit
+def observe_together(
+    dynamic: tuple[Any, ...], static: tuple[Any, ...]
+) -> tuple[Float[Array, "fits lanes sample channel"], Float[Array, "fits lanes sample channel parameters"] | None]:
+    """`observe` of many fits, or `observe_with_jacobian` where there is a selection, each on one device.
+
+    **Arguments:** the arrays of `(model, selection, bundle, delay)` with a leading axis of fits, and the rest of it.
+    """
+
+    def one(leaves: tuple[Any, ...]) -> tuple[Array, Array | None]:
+        model, selection, bundle, delay = eqx.combine(leaves, static)
+        if selection is not None:
+            return _linearise(model, selection, bundle, delay, lambda tree: tree)
+        bundle = bundle if delay is None else bundle.with_late_duty(delay)[0]
+        return _nominal(model, bundle)[1], None
+
+    return jax.vmap(one)(dynamic)
+
+
+def _linearise(
+    model: AbstractModel,
+    selection: Selection,
+    bundle: Bundle,
+    delay: Scalar | None,
+    place: Callable[[Any], Any],
+) -> tuple[Lanes, LaneJacobian]:
+    """What is observed and its derivatives; `place` says on which devices the lanes are."""
     slope = None
     if delay is not None:
         bundle, slope = bundle.with_late_duty(delay)
     first, observed = _nominal(model, bundle)
-    first, inputs = spread((first, (bundle.lane_drive, slope)))
+    first, inputs = place((first, (bundle.lane_drive, slope)))
     ends, by_start, by_parameter = _push_lanes(model, selection, first, inputs, bundle)
     at_start = _chain(model, selection, bundle, ends)
     # A sum of products over seven states, lanes innermost: one fused loop, where a dot would transpose everything.

@@ -1,13 +1,12 @@
 """A fit of all free parameters at once, begun where identification says that it had better begin."""
 
-import dataclasses
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 from .._errors import InputError
-from ..estimation import Calibration, Calibrator, Progress, Task, Unknown, plan_task, start_calibration
+from ..estimation import Calibration, Calibrator, Progress, Steps, Task, Unknown, plan_task, run_alone, starting
 from ..parameters import Bounds, build_transform, parameter_table
 from ..parts import NoVaneForce
 from ..plants import AbstractModel, AbstractRodModel
@@ -69,8 +68,22 @@ def start_fit(task: Task, resume: Progress | None = None) -> Calibrator:
 
     **Raises:** as [`start_calibration`][].
     """
+    return run_alone(starting_fit(task, resume))
+
+
+def starting_fit(task: Task, resume: Progress | None = None) -> Steps[Calibrator]:
+    """`start_fit` as a computation, for [`run_together`][]."""
     if resume is not None:
-        return start_calibration(task, resume)
+        return (yield from starting(task, resume))
+    notes = [*_moving_starts(task), *_unheard_gas(task)]
+    begin = better_start(task)
+    if begin is not None:
+        notes.append("the search begins at what a regression of force and position tells")
+    return (yield from starting(task, begin, tuple(notes)))
+
+
+def _moving_starts(task: Task) -> list[str]:
+    """Which traces begin in motion."""
     notes = []
     for trace in task.fit:
         moving = moves_at_start(trace)
@@ -79,11 +92,7 @@ def start_fit(task: Task, resume: Progress | None = None) -> Calibrator:
                 f"{trace.name}: it begins at {moving[0]:.2g} m/s, but a simulation begins at rest; "
                 f"window = [{moving[1]:.3f}, {trace.time[-1]:.3f}] leaves that out"
             )
-    notes += _unheard_gas(task)
-    begin = better_start(task)
-    if begin is not None:
-        notes.append("the search begins at what a regression of force and position tells")
-    return dataclasses.replace(start_calibration(task, begin), notes=tuple(notes))
+    return notes
 
 
 def _unheard_gas(task: Task) -> list[str]:

@@ -48,6 +48,14 @@ class Transform(eqx.Module):
         mine = (self.positive, self.scale, self.lower, self.upper)
         return Transform(*[np.append(values, value) for values, value in zip(mine, more, strict=True)])
 
+    def holding(self, numbers: Sequence[int], values: Float[np.ndarray, " parameters"]) -> "Transform":
+        """The same with some entries, by number, held at given values: between bounds of no width."""
+        fixed = np.asarray(self.to_coordinates(values))
+        lower, upper = np.array(self.lower), np.array(self.upper)
+        for ends in (lower, upper):
+            ends[list(numbers)] = fixed[list(numbers)]
+        return Transform(self.positive, self.scale, lower, upper)
+
     def clip(self, coordinates: Vector) -> Vector:
         """The nearest coordinates inside the bounds."""
         return jnp.clip(coordinates, self.lower, self.upper)

@@ -118,14 +118,14 @@ def test_a_unit_that_fails_leaves_the_others_alone(fleet, study, tmp_path):
 
 
 def test_a_crash_between_units_keeps_the_finished_one(fleet, study, tmp_path, monkeypatch):
-    def crash(unit, task, folder):
+    def crash(job, unit, folder, outcome):
         if unit.name == "unit_02":
             raise MemoryError("no more")
-        return fit(unit, task, folder)
+        write(job, unit, folder, outcome)
 
-    fit, again = calibrate.fit.command._fit, tmp_path / "out"
+    write, again = calibrate.fit.command._write, tmp_path / "out"
     with monkeypatch.context() as patch:
-        patch.setattr(calibrate.fit.command, "_fit", crash)
+        patch.setattr(calibrate.fit.command, "_write", crash)
         with pytest.raises(MemoryError, match="no more"):
             run_command("fit", study, "--out", again)
     written = (again / "unit_01" / "parameters.json").stat().st_mtime_ns

@@ -10,7 +10,6 @@ from support import duty_trace
 
 import vgtjax
 from vgtjax import simulate
-from vgtjax._lanes import replicate
 from vgtjax.estimation import (
     CHI2_TOLERANCE,
     RUNAWAY,
@@ -20,6 +19,7 @@ from vgtjax.estimation import (
     estimate_uncertainty,
     least_squares,
     plan_task,
+    run_alone,
     start_calibration,
 )
 from vgtjax.parameters import build_transform
@@ -170,7 +170,7 @@ def test_a_positive_value_that_ran_away_is_named(fitted, logarithm, named):
     assert bounded.ran_away == ()  # whoever sets a bound so far off means it
 
 
-def test_a_trial_whose_simulation_fails_is_rejected_and_shortened():
+def test_a_trial_whose_simulation_fails_is_rejected_and_shortened(monkeypatch):
     """From a start far off, with a step so long that the chamber's volume would vanish."""
     values = {**TRUTH, "chamber.volume": 3.2e-5}
     task = plan_task(vgtjax.Actuator(), [bench(0)], free=["chamber.volume"], values=values)
@@ -178,13 +178,15 @@ def test_a_trial_whose_simulation_fails_is_rejected_and_shortened():
     transform = build_transform(vgtjax.parameter_table(task.model), ["chamber.volume"], np.array([3.2e-5]), {})
     broken = float(transform.to_coordinates(jnp.asarray([1e-6]))[0])
     assert not np.any(np.isfinite(problem.residuals(jnp.asarray([broken]))))  # never zero, never NaN
-    minimiser = LevenbergMarquardt(problem, np.asarray(transform.to_coordinates(jnp.asarray([3.2e-5]))))
-    minimiser._state = dataclasses.replace(minimiser._state, y_eval=replicate(jnp.asarray([broken])))
+    far = Progress(tuple(np.asarray(transform.to_coordinates(jnp.asarray([3.2e-5]))).tolist()))
+    minimiser = run_alone(LevenbergMarquardt.begin(problem, far))
+    monkeypatch.setattr("vgtjax.estimation._search._damped_step", lambda *_: broken - np.array(far.coordinates))
     progress = minimiser.step()
     assert progress.failed == 1
     assert progress.rejected_in_a_row == 1
     assert progress.cost == progress.history[0]
     assert progress.step_size < 1
+    monkeypatch.undo()
     while not progress.finished:
         progress = minimiser.step()
     assert progress.converged
@@ -253,13 +255,13 @@ def test_a_fit_that_kinks_hold_up_stops(monkeypatch):
     near = dataclasses.replace(
         stuck.progress, converged=False, step_size=1e-9, history=(stuck.progress.cost,) * 8, iteration=7
     )
-    resumed = LevenbergMarquardt(stuck.problem, near)
-    monkeypatch.setattr("vgtjax.estimation._fit.CHI2_TOLERANCE", 0.0)  # no single step may end it
+    resumed = run_alone(LevenbergMarquardt.begin(stuck.problem, near))
+    monkeypatch.setattr("vgtjax.estimation._search.CHI2_TOLERANCE", 0.0)  # no single step may end it
     ended = resumed.step()
     assert ended.converged
     assert ended.stalled
     assert "the last 6 trials together lowered chi^2 by less than 0.1" in ended.verdict
-    fresh = LevenbergMarquardt(stuck.problem, dataclasses.replace(near, accepted=0))
+    fresh = run_alone(LevenbergMarquardt.begin(stuck.problem, dataclasses.replace(near, accepted=0)))
     assert not fresh.step().stalled
 
 
@@ -269,7 +271,7 @@ def test_a_second_fit_of_equal_shapes_compiles_nothing(caplog):
     start_calibration(first).minimiser.step()
     with jax.log_compiles():
         start_calibration(second).minimiser.step()
-        assert not [record for record in caplog.records if "_step" in record.getMessage()]
+        assert not [record for record in caplog.records if "observe" in record.getMessage()]
         jax.clear_caches()  # what other tests compiled too, so this one is the last
         start_calibration(second).minimiser.step()
-    assert [record for record in caplog.records if "_step" in record.getMessage()], "the log tells of compilations"
+    assert [record for record in caplog.records if "observe" in record.getMessage()], "the log tells of compilations"

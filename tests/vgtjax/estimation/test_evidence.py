@@ -164,7 +164,7 @@ def test_exhaust_gas_that_no_vane_force_answers_is_named():
 def test_a_sharp_simulation_that_fails_is_no_correction(plain, monkeypatch):
     """The search's own values stand then, uncorrected, and nothing is taken for a defect of zero."""
     broken = lambda model: vgtjax.replace_parameters(model, {"chamber.volume": 1e-6})  # noqa: E731
-    monkeypatch.setattr("vgtjax.estimation._evidence.with_sharp_seat", broken)
+    monkeypatch.setattr("vgtjax.estimation._calibrator.with_sharp_seat", broken)
     run = start_calibration(plain.task).run()
     assert run.progress.converged
     assert (run.progress.corrections, run.progress.settled) == (0, False)
