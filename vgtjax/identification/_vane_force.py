@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from ..estimation import LeastSquares, least_squares
-from ..parts import POWERS, ForcePolynomial, HysteresisMap, polynomial_terms
+from ..parts import POWERS, AbstractVaneMap, ForcePolynomial, polynomial_terms
 from ..plants import Actuator, MechanicalActuator
 from ..traces import Trace, noise_level
 from . import _limits as limits
@@ -47,8 +47,8 @@ class SlowSamples:
     "are the reference.",
 )
 def identify_vane_map(model: Model, traces: Sequence[Trace]) -> Identified:
-    """Both tables of [`HysteresisMap`][] from slow loops [3.16, erratum 14], one of them without exhaust gas, or from a
-    force sensor.
+    """Both tables of [`HysteresisMap`][] or [`SpeedMap`][] from slow loops [3.16, erratum 14], one of them without exhaust
+    gas, or from a force sensor.
 
     **Arguments:** `model`: with the spring and the diaphragm's area; `traces`: with `x_d` in m, `p_act` in Pa or
     `f_vane` in N, and `p_trb` in Pa gauge where there is exhaust gas.
@@ -57,8 +57,8 @@ def identify_vane_map(model: Model, traces: Sequence[Trace]) -> Identified:
     knots moved. Entries that no sample reaches keep the model's value, with NaN as standard error.
     """
     vane_force = model.vane_force
-    if not isinstance(vane_force, HysteresisMap):
-        raise NotPossible("the model has no vane-force map; choose a model with a HysteresisMap")
+    if not isinstance(vane_force, AbstractVaneMap):
+        raise NotPossible("the model has no vane-force map; choose a model with a HysteresisMap or a SpeedMap")
     sensed = any(trace.f_vane is not None for trace in traces)
     used = [samples for trace in traces for samples in _slow_samples(model, vane_force, trace, sensed)]
     if not any(samples.hot for samples in used):
@@ -68,7 +68,7 @@ def identify_vane_map(model: Model, traces: Sequence[Trace]) -> Identified:
     return _solve_map(_on_visited_knots(vane_force, used), vane_force, used, sensed)
 
 
-def _slow_samples(model: Model, vane_force: HysteresisMap, trace: Trace, sensed: bool) -> list[SlowSamples]:
+def _slow_samples(model: Model, vane_force: AbstractVaneMap, trace: Trace, sensed: bool) -> list[SlowSamples]:
     """What of a trace can be used: one set of samples, or none."""
     if trace.x_d is None or (trace.f_vane is None if sensed else trace.p_act is None):
         return []
@@ -100,7 +100,7 @@ def _slow_samples(model: Model, vane_force: HysteresisMap, trace: Trace, sensed:
     return [SlowSamples(angle[chosen], closing[chosen], turbine[chosen], force[chosen], deviation, common)]
 
 
-def _on_visited_knots(vane_force: HysteresisMap, used: list[SlowSamples]) -> HysteresisMap:
+def _on_visited_knots(vane_force: AbstractVaneMap, used: list[SlowSamples]) -> AbstractVaneMap:
     visited = np.sort(np.concatenate([samples.turbine for samples in used]))
     groups = np.split(visited, np.flatnonzero(np.diff(visited) > limits.SAME_TURBINE) + 1)
     means = np.array([np.round(np.mean(group), -2) for group in groups if np.mean(group) > limits.NO_GAS])
@@ -116,7 +116,7 @@ def hats(knots: Float[np.ndarray, " knots"], at: Samples) -> Float[np.ndarray, "
     return np.stack([np.interp(at, knots, unit) for unit in np.eye(len(knots))], axis=1)
 
 
-def _solve_map(moved: HysteresisMap, given: HysteresisMap, used: list[SlowSamples], sensed: bool) -> Identified:
+def _solve_map(moved: AbstractVaneMap, given: AbstractVaneMap, used: list[SlowSamples], sensed: bool) -> Identified:
     pressures, angles = np.asarray(moved.turbine_pressure), np.asarray(moved.crank_angle)
     size = len(pressures) * len(angles)
     solution = _solve(*_equations(pressures, angles, used, sensed))
