@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import vgtjax
-from vgtjax import ForcePolynomial, HysteresisMap, simulate
-from vgtjax.identification import apply, identify_vane_map, identify_vane_polynomial
+from vgtjax import ForcePolynomial, HysteresisMap, SpeedMap, simulate
+from vgtjax.identification import apply, identify_vane_map, identify_vane_polynomial, plan
 
 CLOSING = np.outer([1.0, 2.0], np.linspace(2.6, 1.3, 6)).ravel()
 OPENING = np.outer([1.0, 1.9], np.linspace(-1.9, -0.8, 6)).ravel()
@@ -50,6 +50,19 @@ def test_knots_follow_the_pressures_of_the_traces():
     assert moved.vane_force.closing.shape == (6,)
     between = CLOSING[:6] + (2.2e5 - 1.5e5) / 1.5e5 * (CLOSING[6:] - CLOSING[:6])
     np.testing.assert_allclose(moved.vane_force.closing, between, atol=0.3)  # four of the errors above
+
+
+def test_the_tables_of_a_speed_map_are_filled_too():
+    """Its own loops, whose sides change within 0.1 mm/s: everything that counts as motion is on a table."""
+    true = vgtjax.Actuator(vane_force=SpeedMap(closing=CLOSING, opening=OPENING, side_speed=1e-4))
+    traces = [bench(true, turbine, seed) for seed, turbine in enumerate((0.0, 1.5e5, 3.0e5))]
+    empty = vgtjax.Actuator(vane_force=SpeedMap())
+    tests = [test for test, _ in plan(empty, traces)]
+    assert identify_vane_map in tests
+    moved = apply(empty, identify_vane_map(empty, traces))
+    np.testing.assert_allclose(moved.vane_force.closing, CLOSING, atol=0.3)  # as above
+    np.testing.assert_allclose(moved.vane_force.opening, OPENING, atol=0.3)
+    assert moved.vane_force.side_speed == empty.vane_force.side_speed, "no slow loop tells"
 
 
 def test_a_force_sensor_needs_no_cold_loop():
