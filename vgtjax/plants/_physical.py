@@ -25,15 +25,18 @@ def least_volume(model: AbstractModel) -> Values | None:
     return jnp.where(jnp.isfinite(part.diaphragm.travel), part.chamber.volume - swept, jnp.inf)
 
 
+def is_physical(model: AbstractModel) -> bool:
+    """Whether the diaphragm leaves the chamber a volume all along the travel."""
+    left = least_volume(model)
+    return left is None or bool(np.all(np.asarray(left) > 0))
+
+
 def require_physical(model: AbstractModel) -> None:
     """Refuses an actuator whose diaphragm would swallow its chamber; says nothing while it is traced.
 
     **Raises:** `InputError`.
     """
-    if is_traced(model):
-        return
-    left = least_volume(model)
-    if left is None or np.all(np.asarray(left) > 0):
+    if is_traced(model) or is_physical(model):
         return
     part: Any = model
     volume, swept = part.chamber.volume, part.diaphragm.displaced_volume(part.diaphragm.travel)

@@ -132,10 +132,11 @@ def _run(model: AbstractModel, prepared: tuple[_Prepared, ...]) -> tuple[Array, 
     """
     columns: list[Array] = []
     status: Any = RESULTS.successful
+    unphysical: Any = RESULTS.unphysical
     left = least_volume(model)
     if left is not None:
         # A value that is no number is left to the simulation.
-        status = RESULTS.where(left <= 0, RESULTS.unphysical, status)
+        status = RESULTS.where(left <= 0, unphysical, status)
     for each in prepared:
         x_d, p_act, ends = jax.lax.map(lambda run, each=each: _observe(model, run, each), (each.drive, each.start))
         readings = each.experiment.read(x_d, p_act, model.air.pressure)

@@ -5,7 +5,7 @@ import pathlib
 
 import numpy as np
 import pytest
-from commands import read, run_command
+from commands import assert_refused, read, run_command
 from population_study import STUDY, write_study
 from support import EXAMPLE
 
@@ -206,8 +206,10 @@ def test_bad_samples_are_counted_and_named_and_touch_no_other(done, tmp_path):
     assert f"{len(failed)} of the failed samples are not physical: as drawn, the diaphragm sweeps more" in report
 
 
-SMALL_CHAMBERS = STUDY.replace("lower = 4e-5, upper = 8e-5", "lower = 1e-5, upper = 1.01e-5")
-"""Smaller than what the diaphragm sweeps, around a nominal actuator whose chamber is not."""
+SMALL_CHAMBERS = STUDY.replace("lower = 4e-5, upper = 8e-5", "lower = 1e-5, upper = 2.961e-5") + (
+    '[parameters]\n"chamber.volume" = {value = 2.961e-5}\n'
+)
+"""Smaller than the 2.9604e-5 m3 that the diaphragm sweeps, but for the nominal one at the end."""
 
 
 @pytest.mark.parametrize("command", ["tolerance", "sensitivity"])
@@ -233,10 +235,21 @@ def test_a_nominal_actuator_that_fails_is_named_before_anything_is_written(tmp_p
     assert not (tmp_path / "out").exists()
 
 
+CONTROL = """
+[control]
+design = "pi"
+[[control.reference]]
+kind = "sine"
+amplitude = 0.001
+rate = 12.0
+offset = 0.005
+"""
+
+
 @pytest.mark.parametrize("command", ["tolerance", "sensitivity", "tune"])
 def test_a_nominal_actuator_that_is_not_physical_is_refused(tmp_path, command):
     study = tmp_path / "study.toml"
-    study.write_text('[parameters]\n"diaphragm.travel" = {value = 25e-3}\n' + CONTROL * (command == "tune"))
+    study.write_text('[parameters]\n"diaphragm.travel" = {value = 25e-3}\n' + CONTROL)
     sentence = (
         "'chamber.volume' must be larger than what the diaphragm sweeps, diaphragm.area times diaphragm.travel "
         "(7.306e-05 m3), but it is 6e-05 m3; enlarge it, or correct area or travel (see [parameters] in the study)"

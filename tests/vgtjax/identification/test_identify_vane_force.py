@@ -52,11 +52,12 @@ def test_knots_follow_the_pressures_of_the_traces():
     np.testing.assert_allclose(moved.vane_force.closing, between, atol=0.3)  # four of the errors above
 
 
-def test_the_tables_of_a_speed_map_are_filled_too():
-    """Its own loops, whose sides change within 0.1 mm/s: everything that counts as motion is on a table."""
-    true = vgtjax.Actuator(vane_force=SpeedMap(closing=CLOSING, opening=OPENING, side_speed=1e-4))
+@pytest.mark.parametrize("side_speed", [1e-3, 1e-4])
+def test_the_tables_of_a_speed_map_are_filled_too(side_speed):
+    """At 1 mm/s, about the loops' own speed, every sample is between the tables."""
+    true = vgtjax.Actuator(vane_force=SpeedMap(closing=CLOSING, opening=OPENING, side_speed=side_speed))
     traces = [bench(true, turbine, seed) for seed, turbine in enumerate((0.0, 1.5e5, 3.0e5))]
-    empty = vgtjax.Actuator(vane_force=SpeedMap())
+    empty = vgtjax.Actuator(vane_force=SpeedMap(side_speed=side_speed))
     tests = [test for test, _ in plan(empty, traces)]
     assert identify_vane_map in tests
     moved = apply(empty, identify_vane_map(empty, traces))
@@ -85,9 +86,10 @@ def test_what_is_not_possible_is_said(loops, pick, sentence):
     assert sentence in found.limitations[0]
 
 
-def test_half_a_stroke_leaves_the_rest_of_the_table_alone(loops):
+@pytest.mark.parametrize("empty", [EMPTY, vgtjax.Actuator(vane_force=SpeedMap())], ids=["map", "speed-map"])
+def test_half_a_stroke_leaves_the_rest_of_the_table_alone(loops, empty):
     part = [loop.window(0.0, 6.5) for loop in loops]  # closing only, and not to the end
-    found = identify_vane_map(EMPTY, part)
+    found = identify_vane_map(empty, part)
     assert np.all(np.isnan(found.std_errors["vane_force.opening"]))
     assert np.all(found.values["vane_force.opening"] == 0.0)
     assert any("while opening" in sentence for sentence in found.limitations)

@@ -22,7 +22,8 @@ class HysteresisMap(AbstractVaneMap):
 
     The tables hold the whole force with its sign, positive against closing. A state follows the direction, `s' = (v -
     |v| s) / reversal_distance`, and with it the force goes from one table to the other. Linear between knots, held
-    beyond them; zero at zero gauge pressure, linear from there to the first knot.
+    beyond them; zero at zero gauge pressure, linear from there to the first knot. [`AbstractVaneMap`][] lists what both
+    kinds of map have.
     """
 
     reversal_distance: Scalar = parameter(65e-6, symbol="x_rev", unit="m", source="assumed")
@@ -31,6 +32,10 @@ class HysteresisMap(AbstractVaneMap):
     def initial_state(self) -> Direction:
         """Between the directions."""
         return Direction(jnp.zeros_like(self.reversal_distance))
+
+    def steady_direction(self, velocity: Values) -> Values:
+        """`sign(v)`."""
+        return jnp.sign(velocity)
 
     def __call__(self, vanes: Vanes, velocity: Values, state: Direction) -> tuple[Values, Direction]:
         """Force in N, and the rate of the direction in 1/s."""

@@ -15,7 +15,7 @@ class SpeedMap(AbstractVaneMap):
 
     The direction is `tanh(v / side_speed)`, 1 while the vanes close, -1 while they open, between the two within a few
     `side_speed`; the independent plant that wrote the examples has the same. So around rest the force damps the rod,
-    and a loaded rod creeps.
+    and a loaded rod creeps. [`AbstractVaneMap`][] lists what both kinds of map have.
     """
 
     side_speed: Scalar = parameter(1e-3, symbol="v_side", unit="m/s", source="assumed")
@@ -24,9 +24,13 @@ class SpeedMap(AbstractVaneMap):
     def initial_state(self) -> None:
         """Nothing to remember."""
 
+    def steady_direction(self, velocity: Values) -> Values:
+        """`tanh(v / side_speed)`, also of vanes that don't move steadily."""
+        return jnp.tanh(velocity / self.side_speed)
+
     def __call__(self, vanes: Vanes, velocity: Values, state: None) -> tuple[Values, None]:
         """Force in N."""
-        return self.force(vanes, jnp.tanh(velocity / self.side_speed)), None
+        return self.force(vanes, self.steady_direction(velocity)), None
 
     def damping(self, vanes: Vanes, velocity: Values) -> Values:
         """Slope of the force over velocity in N s/m, from rest to the present velocity.

@@ -1,5 +1,7 @@
 """What the maps of the force have in common: a table for closing vanes and one for opening ones [3.16-3.17]."""
 
+import abc
+
 from jaxtyping import Array, Float
 
 from ..._types import Values
@@ -15,7 +17,7 @@ ANGLES = (4.0, 10.0, 16.0, 22.0, 28.0, 34.0)
 EMPTY = (0.0,) * (len(PRESSURES) * len(ANGLES))
 
 
-class AbstractVaneMap(AbstractVaneForce, AbstractGasTables):
+class AbstractVaneMap(AbstractVaneForce, AbstractGasTables):  # type: ignore[misc]  # mypy takes crank for a field
     """Two tables over turbine pressure and crank angle; how the force goes from one to the other is the variant's.
 
     The tables hold the whole force with its sign, positive against closing. Linear between knots, held beyond them;
@@ -37,6 +39,10 @@ class AbstractVaneMap(AbstractVaneForce, AbstractGasTables):
     def tables(self) -> dict[str, Table]:
         """`closing` and `opening`."""
         return {"closing": self.closing, "opening": self.opening}
+
+    @abc.abstractmethod
+    def steady_direction(self, velocity: Values) -> Values:
+        """Direction, from -1 to 1, of vanes that move steadily at a velocity in m/s."""
 
     def force(self, vanes: Vanes, direction: Values) -> Values:
         """Force in N while the vanes close (direction 1), open (-1), or reverse (between)."""
