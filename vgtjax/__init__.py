@@ -54,6 +54,7 @@ from .parts import (
     NoVaneForce as NoVaneForce,
     PassiveLuGre as PassiveLuGre,
     PassivityWarning as PassivityWarning,
+    SpeedMap as SpeedMap,
     WallChamber as WallChamber,
     WaveLine as WaveLine,
     chamber as chamber,

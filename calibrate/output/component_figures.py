@@ -7,7 +7,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 import vgtjax
-from vgtjax.parts import Contact, Vanes
+from vgtjax.parts import AbstractVaneMap, Contact, Vanes
 
 from .figures import MEASURED, PALETTE, curve, styled
 
@@ -50,7 +50,7 @@ def vane_force_figure(model: Any) -> go.Figure:
     """Force over the crank angle at several turbine pressures, closing and opening."""
     vane_force, travel = model.vane_force, float(model.diaphragm.travel)
     opening = np.linspace(0.0, travel, 201)
-    both_ways = isinstance(vane_force, vgtjax.HysteresisMap)
+    both_ways = isinstance(vane_force, AbstractVaneMap)
     pressures = vane_force.turbine_pressure if both_ways else np.array([0.5e5, 1.0e5, 1.5e5])
     curves = []
     for pressure in np.asarray(pressures):

@@ -9,7 +9,7 @@ import numpy as np
 import vgtjax
 from vgtjax import InputError
 from vgtjax.experiments import AbstractExperiment, MeasuredLoops, SlowLoop, StepResponse, measure_loops, nominal_target
-from vgtjax.parts import feels_gas
+from vgtjax.parts import AbstractVaneMap, feels_gas
 from vgtjax.population import Population
 
 from ..study.models import start_values
@@ -58,18 +58,18 @@ def prepare_population(path: pathlib.Path | None, parameters: pathlib.Path | Non
         actuators.fitted,
         _experiments(study, nominal, measured),
         measured,
-        actuators.notes + _more_notes(nominal, sources, measured),
+        actuators.notes + _more_notes(study.components.vane_force, nominal, sources, measured),
     )
 
 
 def _more_notes(
-    model: vgtjax.AbstractModel, sources: list[TraceSource], measured: dict[str, MeasuredLoops]
+    name: str, model: vgtjax.AbstractModel, sources: list[TraceSource], measured: dict[str, MeasuredLoops]
 ) -> tuple[str, ...]:
     notes = []
     vanes = getattr(model, "vane_force", None)
-    if isinstance(vanes, vgtjax.HysteresisMap) and not np.any(vanes.closing) and not np.any(vanes.opening):
+    if isinstance(vanes, AbstractVaneMap) and not np.any(vanes.closing) and not np.any(vanes.opening):
         notes.append(
-            "the tables of vane_force = 'map' are all zero, so gas acts on nothing; give --parameters of a fit"
+            f"the tables of vane_force = '{name}' are all zero, so gas acts on nothing; give --parameters of a fit"
         )
     if sources and not measured:
         notes.append("no trace of the study is a slow loop with position and pressure, so nothing measured is shown")

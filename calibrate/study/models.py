@@ -10,7 +10,7 @@ import numpy as np
 import vgtjax
 from vgtjax import InputError
 from vgtjax.parameters import Bounds, check_bounds, entry_names, match_entries
-from vgtjax.plants import on_given_knots
+from vgtjax.plants import on_given_knots, require_physical
 
 from .base import StartValue
 from .components import FullComponents, MechanicalComponents, ReducedComponents
@@ -41,6 +41,7 @@ def start_model(model: Any, study: Study, earlier: dict[str, Any]) -> tuple[Any,
     stated, bounds = start_values(start, parameters_of(study))
     start = vgtjax.replace_parameters(start, stated)
     check_bounds(start, bounds)
+    require_physical(start)
     return start, bounds
 
 

@@ -46,6 +46,7 @@ def summarise(plan: Plan, store: ChunkStore, known: Results, seconds: float) -> 
     return {
         "samples": store.rows,
         "failed": describe_failed(job, plan.sample, failed),
+        "unphysical": {"count": sum(cause == "unphysical" for cause in failed.values())},
         "active_friction": {"count": count_active(job.population, plan.sample), "raised": job.population.passive},
         "yield": _share(meets_all[good]) if table.limits else None,
         "outputs": found,

@@ -15,6 +15,7 @@ from vgtjax import InputError
 from vgtjax.control import AbstractController, AbstractSignal, Sensors
 from vgtjax.parameters import Bounds, check_bounds
 from vgtjax.parts import feels_gas
+from vgtjax.plants import is_physical
 from vgtjax.population import SobolSample
 from vgtjax.tuning import MEMORIES, Cases, Objective, TuningProblem, cross_cases, plan_tuning, soften, soften_cases
 
@@ -115,9 +116,17 @@ def choose_plants(
     points = SobolSample(population.dimensions, table.plants + table.unseen.plants, table.seed)
     rows = population.values(points.points(0, table.plants + table.unseen.plants))
     drawn = {f"sample {i}": population.factors.unpack(population.model, row) for i, row in enumerate(rows)}
-    names = list(drawn)
-    tried = {name: drawn[name] for name in names[table.plants :]}
-    return {name: drawn[name] for name in names[: table.plants]}, tried or drawn, ()
+    possible = {name: model for name, model in drawn.items() if is_physical(model)}
+    tuned_on = {name: possible[name] for name in list(drawn)[: table.plants] if name in possible}
+    tried = {name: possible[name] for name in list(drawn)[table.plants :] if name in possible}
+    if not tuned_on:
+        raise InputError(
+            f"gains need a plant that is physical, but in none of the {table.plants} drawn does the diaphragm leave "
+            "the chamber a volume; narrow the spreads under [population]"
+        )
+    lost = len(drawn) - len(possible)
+    left_out = f"in {lost} of {len(drawn)} drawn plants the diaphragm swallows the chamber; they are left out"
+    return tuned_on, tried or possible, (left_out,) * bool(lost)
 
 
 def _cases(

@@ -9,7 +9,7 @@ from .._errors import InputError
 from ..estimation import Calibration, Calibrator, Progress, Steps, Task, Unknown, plan_task, run_alone, starting
 from ..parameters import Bounds, build_transform, parameter_table
 from ..parts import NoVaneForce
-from ..plants import AbstractModel, AbstractRodModel
+from ..plants import AbstractModel, AbstractRodModel, require_physical
 from ..traces import Trace
 from ._axis import better_start, moves_at_start
 
@@ -51,8 +51,10 @@ def fit(
 def plan_fit(model: AbstractModel, traces: Sequence[Trace], validate: Sequence[Trace] = (), **choices: Any) -> Task:
     """A task whose start may be fitted; arguments as those of [`fit`][].
 
-    **Raises:** `InputError` for unknown names, no trace, nothing free, or a start value outside its domain or bounds.
+    **Raises:** `InputError` for unknown names, no trace, nothing free, a start value outside its domain or bounds, or
+    an actuator that can't exist.
     """
+    require_physical(model)
     task = plan_task(model, traces, validate, **{"unknown": Unknown(), **choices})
     if not task.selection.entries:
         raise InputError("a fit needs at least one free parameter, but free and fixed leave none; free one", "free")

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..estimation import bundle_traces, observe
 from ..parameters import parameter_table, replace_parameters
-from ..parts import ForcePolynomial, HysteresisMap
+from ..parts import AbstractVaneMap, ForcePolynomial
 from ..plants import Actuator, MechanicalActuator
 from ..traces import Trace
 from ._axis import identify_axis
@@ -48,7 +48,7 @@ def plan(model: Any, traces: Sequence[Trace]) -> list[tuple[Test, list[Trace]]]:
     tests += [(test, quiet) for test in MECHANICAL]
     if isinstance(model.vane_force, ForcePolynomial):
         tests.append((identify_vane_polynomial, everything))
-    elif isinstance(model.vane_force, HysteresisMap) or any(map(_hot, traces)):
+    elif isinstance(model.vane_force, AbstractVaneMap) or any(map(_hot, traces)):
         tests.append((identify_vane_map, everything))
     return tests
 

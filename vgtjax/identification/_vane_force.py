@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from ..estimation import LeastSquares, least_squares
-from ..parts import POWERS, ForcePolynomial, HysteresisMap, polynomial_terms
+from ..parts import POWERS, AbstractVaneMap, ForcePolynomial, polynomial_terms
 from ..plants import Actuator, MechanicalActuator
 from ..traces import Trace, noise_level
 from . import _limits as limits
@@ -23,12 +23,14 @@ LABELS = ("crank angle, deg", "vane force, N")
 class SlowSamples:
     """Slow motion of one trace, arrays of shape `(samples,)`.
 
-    Crank `angle` in deg, whether the vanes are `closing`, `turbine` pressure in Pa gauge, `force` in N: the drive, or
-    the force sensor's. `noise` is the standard deviation of one force, `common` that of its unknown constant.
+    Crank `angle` in deg, whether the vanes are `closing`, the map's `direction` from -1 to 1, `turbine` pressure in Pa
+    gauge, `force` in N: the drive, or the force sensor's. `noise` is the standard deviation of one force, `common` that
+    of its unknown constant.
     """
 
     angle: Samples
     closing: Bool[np.ndarray, " samples"]
+    direction: Samples
     turbine: Samples
     force: Samples
     noise: float
@@ -47,8 +49,8 @@ class SlowSamples:
     "are the reference.",
 )
 def identify_vane_map(model: Model, traces: Sequence[Trace]) -> Identified:
-    """Both tables of [`HysteresisMap`][] from slow loops [3.16, erratum 14], one of them without exhaust gas, or from a
-    force sensor.
+    """Both tables of a [`HysteresisMap`][] or a [`SpeedMap`][] from slow loops [3.16, erratum 14], one of them without
+    exhaust gas, or from a force sensor.
 
     **Arguments:** `model`: with the spring and the diaphragm's area; `traces`: with `x_d` in m, `p_act` in Pa or
     `f_vane` in N, and `p_trb` in Pa gauge where there is exhaust gas.
@@ -57,8 +59,8 @@ def identify_vane_map(model: Model, traces: Sequence[Trace]) -> Identified:
     knots moved. Entries that no sample reaches keep the model's value, with NaN as standard error.
     """
     vane_force = model.vane_force
-    if not isinstance(vane_force, HysteresisMap):
-        raise NotPossible("the model has no vane-force map; choose a model with a HysteresisMap")
+    if not isinstance(vane_force, AbstractVaneMap):
+        raise NotPossible("the model has no vane-force map; choose a model with a HysteresisMap or a SpeedMap")
     sensed = any(trace.f_vane is not None for trace in traces)
     used = [samples for trace in traces for samples in _slow_samples(model, vane_force, trace, sensed)]
     if not any(samples.hot for samples in used):
@@ -68,7 +70,7 @@ def identify_vane_map(model: Model, traces: Sequence[Trace]) -> Identified:
     return _solve_map(_on_visited_knots(vane_force, used), vane_force, used, sensed)
 
 
-def _slow_samples(model: Model, vane_force: HysteresisMap, trace: Trace, sensed: bool) -> list[SlowSamples]:
+def _slow_samples(model: Model, vane_force: AbstractVaneMap, trace: Trace, sensed: bool) -> list[SlowSamples]:
     """What of a trace can be used: one set of samples, or none."""
     if trace.x_d is None or (trace.f_vane is None if sensed else trace.p_act is None):
         return []
@@ -96,11 +98,12 @@ def _slow_samples(model: Model, vane_force: HysteresisMap, trace: Trace, sensed:
         common = float(np.hypot(pressure.std_error * area, offset.std_error * stiffness))
     turbine = np.zeros_like(trace.time) if trace.p_trb is None else trace.p_trb
     angle = np.asarray(vane_force.crank.angle(float(diaphragm.travel) - position))
-    closing = smoothed.rate > 0
-    return [SlowSamples(angle[chosen], closing[chosen], turbine[chosen], force[chosen], deviation, common)]
+    rate = smoothed.rate[chosen]
+    direction = np.asarray(vane_force.steady_direction(rate))
+    return [SlowSamples(angle[chosen], rate > 0, direction, turbine[chosen], force[chosen], deviation, common)]
 
 
-def _on_visited_knots(vane_force: HysteresisMap, used: list[SlowSamples]) -> HysteresisMap:
+def _on_visited_knots(vane_force: AbstractVaneMap, used: list[SlowSamples]) -> AbstractVaneMap:
     visited = np.sort(np.concatenate([samples.turbine for samples in used]))
     groups = np.split(visited, np.flatnonzero(np.diff(visited) > limits.SAME_TURBINE) + 1)
     means = np.array([np.round(np.mean(group), -2) for group in groups if np.mean(group) > limits.NO_GAS])
@@ -116,12 +119,13 @@ def hats(knots: Float[np.ndarray, " knots"], at: Samples) -> Float[np.ndarray, "
     return np.stack([np.interp(at, knots, unit) for unit in np.eye(len(knots))], axis=1)
 
 
-def _solve_map(moved: HysteresisMap, given: HysteresisMap, used: list[SlowSamples], sensed: bool) -> Identified:
+def _solve_map(moved: AbstractVaneMap, given: AbstractVaneMap, used: list[SlowSamples], sensed: bool) -> Identified:
     pressures, angles = np.asarray(moved.turbine_pressure), np.asarray(moved.crank_angle)
     size = len(pressures) * len(angles)
     solution = _solve(*_equations(pressures, angles, used, sensed))
     names = ("closing", "opening")
     values, errors = solution.values[: 2 * size].reshape(2, -1), solution.std_errors[: 2 * size].reshape(2, -1)
+    errors = np.where(_reached(pressures, angles, used), errors, np.nan)
     kept = np.stack([np.asarray(moved.closing), np.asarray(moved.opening)])
     values = np.where(np.isfinite(errors), values, kept)
     limitations = tuple(
@@ -161,17 +165,28 @@ def _equations(
     return np.vstack(rows), np.concatenate([*right, np.zeros(len(used))])
 
 
+def _weights(pressures: np.ndarray, angles: np.ndarray, samples: SlowSamples) -> np.ndarray:
+    """Of every entry of a table at every sample."""
+    over_pressure = hats(np.concatenate([[0.0], pressures]), samples.turbine)[:, 1:]
+    return (over_pressure[:, :, None] * hats(angles, samples.angle)[:, None, :]).reshape(len(samples.angle), -1)
+
+
+def _reached(pressures: np.ndarray, angles: np.ndarray, used: list[SlowSamples]) -> np.ndarray:
+    """Which entries of the two tables a sample of their own direction tells of; what others tell of them is noise."""
+    ways = ([each.closing for each in used], [~each.closing for each in used])
+    weights = [_weights(pressures, angles, each) for each in used]
+    return np.stack([np.any(np.vstack(weights)[np.concatenate(way)] > 0, axis=0) for way in ways])
+
+
 def _columns(
     pressures: np.ndarray, angles: np.ndarray, samples: SlowSamples, number: int, count: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    over_angle = hats(angles, samples.angle)
-    over_pressure = hats(np.concatenate([[0.0], pressures]), samples.turbine)[:, 1:]
-    table = (over_pressure[:, :, None] * over_angle[:, None, :]).reshape(len(samples.angle), -1)
-    closing = samples.closing[:, None]
+    over_angle, table = hats(angles, samples.angle), _weights(pressures, angles, samples)
+    closing, share = samples.closing[:, None], 0.5 * (1 + samples.direction[:, None])
     constant = np.zeros((len(samples.angle), count))
     constant[:, number] = 1.0
     return (
-        np.hstack([closing * table, ~closing * table]),
+        np.hstack([share * table, (1 - share) * table]),
         np.hstack([closing * over_angle, ~closing * over_angle]),
         constant,
     )

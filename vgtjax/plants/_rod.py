@@ -46,8 +46,9 @@ class Rod(eqx.Module):
         body = state.body
         vanes = self._vanes(body, turbine_pressure)
         contact = self._contact(body, vanes)
+        damping = self.friction.damping(contact) + self.vane_force.damping(vanes, body.velocity)
         return RodState(
-            Body(None, self.diaphragm.damping_rate(body, self.friction.damping(contact))),
+            Body(None, self.diaphragm.damping_rate(body, damping)),
             self.friction.relaxation(contact, state.friction),
             self.vane_force.relaxation(vanes, body.velocity, state.vanes),
         )

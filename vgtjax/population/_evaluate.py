@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 from .._errors import InputError
 from .._lanes import fill_devices, map_rows
 from ..experiments import AbstractExperiment, Output, stack_runs
-from ..plants import AbstractModel
+from ..plants import AbstractModel, least_volume
 from ..simulation import RESULTS, FixedMarch, FixedStep, march
 from ..traces import Drive, Start, cast, require
 from ._factors import Factors
@@ -126,9 +126,17 @@ def _slopes(
 
 
 def _run(model: AbstractModel, prepared: tuple[_Prepared, ...]) -> tuple[Array, RESULTS]:
-    """All readings of one actuator as one vector, NaN if a simulation failed, and how the first that failed ended."""
+    """All readings of one actuator as one vector, NaN if a simulation failed, and how the first that failed ended.
+
+    One that is not physical has failed whatever a simulation makes of it.
+    """
     columns: list[Array] = []
     status: Any = RESULTS.successful
+    unphysical: Any = RESULTS.unphysical
+    left = least_volume(model)
+    if left is not None:
+        # A value that is no number is left to the simulation.
+        status = RESULTS.where(left <= 0, unphysical, status)
     for each in prepared:
         x_d, p_act, ends = jax.lax.map(lambda run, each=each: _observe(model, run, each), (each.drive, each.start))
         readings = each.experiment.read(x_d, p_act, model.air.pressure)

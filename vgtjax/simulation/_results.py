@@ -18,6 +18,8 @@ class RESULTS(eqx.Enumeration):
     diverged = "The simulation left the finite numbers: check that the parameters are physical, then lower max_step."
     max_steps_reached = "The solver took max_steps steps before the end: raise max_steps, or loosen rtol and atol."
     root_not_found = "The implicit solver did not find the root of a step: lower max_step, or loosen its root finder."
+    unphysical = "The diaphragm swallows the chamber: enlarge chamber.volume, or correct diaphragm.area or travel."
+    """Of members of a population, which are not refused one by one."""
 
 
 def choose(condition: Any, one: Any, other: Any) -> RESULTS:

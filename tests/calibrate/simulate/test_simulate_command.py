@@ -150,6 +150,23 @@ def test_the_mechanical_model_is_driven_by_a_force(folder, tmp_path):
     np.testing.assert_allclose(written["f_drive [N]"], 10.0 * np.arange(12))
 
 
+def test_the_sides_of_a_map_may_change_with_the_speed(folder, tmp_path):
+    rows = [f"{i / 1000},{5.0 * i},0.0,3000.0" for i in range(40)]
+    (folder / "bench.csv").write_text("\n".join(["time [s],f_drive [N],x_d [mm],p_trb [mbar gauge]", *rows]) + "\n")
+    (folder / "study.toml").write_text(
+        'model = "mechanical"\n[components]\nvane_force = "speed-map"\n[[trace]]\nfile = "bench.csv"\n[parameters]\n'
+        '"vane_force.turbine_pressure" = {value = [3e5]}\n"vane_force.crank_angle" = {value = [4, 40]}\n'
+        '"vane_force.closing" = {value = [4, 4]}\n"vane_force.opening" = {value = [-2, -2]}\n'
+        '"vane_force.side_speed" = {value = 2e-4}\n'
+    )
+    outcome = run_command("simulate", folder / "study.toml", "--out", tmp_path / "out")
+    assert (outcome.status, outcome.err) == (0, "")
+    written = columns(tmp_path / "out" / "bench.csv")
+    closed_form = 1 + 3 * np.tanh(written["v_d [m/s]"] / 2e-4)
+    np.testing.assert_allclose(written["f_vane [N]"], closed_form, atol=1e-6)  # nine digits are written
+    assert written["v_d [m/s]"][-1] > 0.02
+
+
 def test_a_folder_whose_name_looks_like_a_pattern(folder, tmp_path):
     odd = folder / "bench [1]*"
     odd.mkdir()
@@ -169,7 +186,9 @@ def test_a_file_whose_name_looks_like_a_pattern(folder, tmp_path):
 
 
 def test_a_simulation_that_fails_says_which_and_keeps_the_others(small, tmp_path):
-    small.write_text(small.read_text() + '"chamber.volume" = {value = 2.2e-5}\n')
+    # Past its soft stop the diaphragm swallows the chamber, which is large enough for the travel.
+    soft = '"chamber.volume" = {value = 3e-5}\n"diaphragm.stop_stiffness" = {value = 1e3}\n'
+    small.write_text(small.read_text() + soft)
     outcome = run_command("simulate", small, "--out", tmp_path / "out")
     assert outcome.status == 1
     assert outcome.err == (

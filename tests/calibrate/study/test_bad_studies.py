@@ -109,6 +109,13 @@ MODELS = [
         "[parameters]",
     ),
     bad(
+        "a chamber that the diaphragm swallows",
+        f'{TRACE}[parameters]\n"chamber.volume" = {{value = 2e-5}}\n',
+        "'chamber.volume' must be larger than what the diaphragm sweeps, diaphragm.area times diaphragm.travel "
+        "(2.96e-05 m3), but it is 2e-05 m3; enlarge it, or correct area or travel",
+        "[parameters]",
+    ),
+    bad(
         "below its least value",
         f'{TRACE}[components]\nfriction = "lugre-passive"\n[parameters]\n"friction.excess_damping" = {{value = -1}}\n',
         "'friction.excess_damping' must be finite and not negative, but it is -1; correct it",

@@ -5,7 +5,7 @@ import pathlib
 
 import numpy as np
 import pytest
-from commands import read, run_command
+from commands import assert_refused, read, run_command
 from population_study import STUDY, write_study
 from support import EXAMPLE
 
@@ -181,7 +181,7 @@ def test_chunks_do_not_change_the_numbers(done, tmp_path):
 
 
 def test_bad_samples_are_counted_and_named_and_touch_no_other(done, tmp_path):
-    """Chambers too small for the diaphragm's stroke: the gas has no volume left, and the simulation fails."""
+    """Chambers that the diaphragm would swallow are not physical, whether or not a rod gets that far."""
     study = write_study(tmp_path, STUDY.replace("lower = 4e-5, upper = 8e-5", "lower = 2.0e-5, upper = 6e-5"))
     assert run_command("tolerance", study, "--out", tmp_path / "out").status == 0
     found, samples = read(tmp_path / "out" / "summary.json"), np.load(tmp_path / "out" / "samples.npz")
@@ -189,28 +189,32 @@ def test_bad_samples_are_counted_and_named_and_touch_no_other(done, tmp_path):
     assert 0 < len(failed) < 24
     assert found["failed"]["count"] == len(failed)
     assert [sample["sample"] for sample in found["failed"]["samples"]] == failed
-    volume = samples["quantities"].tolist().index("chamber.volume")
+    volume = samples["values"][:, samples["quantities"].tolist().index("chamber.volume")]
+    swept = 2.9224e-3 * 10.13e-3
+    assert failed == np.flatnonzero(volume <= swept).tolist()
+    assert found["unphysical"] == {"count": len(failed)}
     for sample in found["failed"]["samples"]:
-        assert sample["cause"] == "diverged"
-        assert sample["values"]["chamber.volume"] == samples["values"][sample["sample"], volume] < 3.5e-5
+        assert sample["cause"] == "unphysical"
+        assert sample["values"]["chamber.volume"] == volume[sample["sample"]]
     good = np.setdiff1d(np.arange(24), failed)
     assert np.isnan(samples["outputs"][failed]).all()
     assert np.isfinite(samples["outputs"][good]).all()
     assert found["outputs"]["hysteresis_0mbar"]["defined"] == len(good)
     report = (tmp_path / "out" / "report.html").read_text()
     assert f'failed simulations<b class="bad">{len(failed)}' in report
-    assert f'<td>{failed[0]}</td><td class="text">diverged</td>' in report
+    assert f'<td>{failed[0]}</td><td class="text">unphysical</td>' in report
+    assert f"{len(failed)} of the failed samples are not physical: as drawn, the diaphragm sweeps more" in report
 
 
-SMALL_CHAMBER = STUDY.replace("lower = 4e-5, upper = 8e-5", "lower = 1e-5, upper = 1.01e-5") + (
-    '[parameters]\n"chamber.volume" = {value = 1.005e-5}\n'
+SMALL_CHAMBERS = STUDY.replace("lower = 4e-5, upper = 8e-5", "lower = 1e-5, upper = 2.961e-5") + (
+    '[parameters]\n"chamber.volume" = {value = 2.961e-5}\n'
 )
-"""Chambers smaller than the diaphragm's stroke: the gas has no volume left."""
+"""Smaller than the 2.9604e-5 m3 that the diaphragm sweeps, but for the nominal one at the end."""
 
 
 @pytest.mark.parametrize("command", ["tolerance", "sensitivity"])
 def test_a_study_whose_every_sample_fails_says_so_each_time(tmp_path, command):
-    study = write_study(tmp_path, SMALL_CHAMBER.replace("steps = [50]", "steps = []"))
+    study = write_study(tmp_path, SMALL_CHAMBERS.replace("steps = [50]", "steps = []"))
     study.write_text(study.read_text().replace('"steady_error_50" = {lower = -0.2, upper = 0.2}', ""))
     sentences = {
         "tolerance": "failed: every sample's simulation failed; narrow the tolerances, or check the nominal values\n",
@@ -224,10 +228,33 @@ def test_a_study_whose_every_sample_fails_says_so_each_time(tmp_path, command):
 
 
 def test_a_nominal_actuator_that_fails_is_named_before_anything_is_written(tmp_path):
-    outcome = run_command("tolerance", write_study(tmp_path, SMALL_CHAMBER), "--out", tmp_path / "out")
+    study = write_study(tmp_path, STUDY + '[parameters]\n"converter.plunger_mass" = {value = 0}\n')
+    outcome = run_command("tolerance", study, "--out", tmp_path / "out")
     sentence = "the nominal actuator's step to 50 % left the finite numbers; check that its parameters are physical"
     assert (outcome.status, outcome.err) == (1, f"failed: {sentence}\n")
     assert not (tmp_path / "out").exists()
+
+
+CONTROL = """
+[control]
+design = "pi"
+[[control.reference]]
+kind = "sine"
+amplitude = 0.001
+rate = 12.0
+offset = 0.005
+"""
+
+
+@pytest.mark.parametrize("command", ["tolerance", "sensitivity", "tune"])
+def test_a_nominal_actuator_that_is_not_physical_is_refused(tmp_path, command):
+    study = tmp_path / "study.toml"
+    study.write_text('[parameters]\n"diaphragm.travel" = {value = 25e-3}\n' + CONTROL)
+    sentence = (
+        "'chamber.volume' must be larger than what the diaphragm sweeps, diaphragm.area times diaphragm.travel "
+        "(7.306e-05 m3), but it is 6e-05 m3; enlarge it, or correct area or travel (see [parameters] in the study)"
+    )
+    assert_refused(run_command(command, study, "--out", tmp_path / "out"), sentence, tmp_path / "out")
 
 
 def test_latin_hypercube_in_single_precision(done, tmp_path):

@@ -2,6 +2,7 @@
 
 import json
 import pathlib
+import re
 
 import numpy as np
 import pytest
@@ -257,6 +258,33 @@ def test_a_design_needs_the_friction_that_it_observes(tmp_path):
         "a plant must have LuGre friction, whose bristles the design observes, but it has Coulomb; use LuGre, or a PI"
     )
     assert_refused(outcome, sentence, tmp_path / "out")
+
+
+def test_drawn_plants_that_are_not_physical_are_left_out(tmp_path):
+    """Chambers from half of what the diaphragm sweeps on, and then only smaller ones but for the nominal one."""
+    path = tmp_path / "study.toml"
+
+    def write_spread(upper):
+        path.write_text(
+            STUDY.format(more="")
+            + f'[parameters]\n"chamber.volume" = {{value = {upper}}}\n[population]\nvary = ["chamber.volume"]\n'
+            + f'[population.parameters]\n"chamber.volume" = {{lower = 1.5e-5, upper = {upper}, '
+            'distribution = "uniform"}\n',
+            encoding="utf-8",
+        )
+
+    write_spread(4.5e-5)
+    job = prepare_tuning(path, None)
+    (note,) = [note for note in job.notes if "swallows" in note]
+    lost, total = (int(number) for number in re.findall(r"in (\d+) of (\d+) drawn plants", note)[0])
+    assert 0 < lost < total
+    assert len({label.plant for label in (*job.true.cases.labels, *job.unseen.cases.labels)}) == total - lost
+    write_spread(2.961e-5)
+    sentence = (
+        "gains need a plant that is physical, but in none of the 8 drawn does the diaphragm leave the chamber a "
+        "volume; narrow the spreads under [population]"
+    )
+    assert_refused(run_command("tune", path, "--out", tmp_path / "out"), sentence, tmp_path / "out")
 
 
 def test_the_example_tunes_on_some_units_and_tries_others():

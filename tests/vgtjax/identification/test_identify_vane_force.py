@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import vgtjax
-from vgtjax import ForcePolynomial, HysteresisMap, simulate
-from vgtjax.identification import apply, identify_vane_map, identify_vane_polynomial
+from vgtjax import ForcePolynomial, HysteresisMap, SpeedMap, simulate
+from vgtjax.identification import apply, identify_vane_map, identify_vane_polynomial, plan
 
 CLOSING = np.outer([1.0, 2.0], np.linspace(2.6, 1.3, 6)).ravel()
 OPENING = np.outer([1.0, 1.9], np.linspace(-1.9, -0.8, 6)).ravel()
@@ -52,6 +52,20 @@ def test_knots_follow_the_pressures_of_the_traces():
     np.testing.assert_allclose(moved.vane_force.closing, between, atol=0.3)  # four of the errors above
 
 
+@pytest.mark.parametrize("side_speed", [1e-3, 1e-4])
+def test_the_tables_of_a_speed_map_are_filled_too(side_speed):
+    """At 1 mm/s, about the loops' own speed, every sample is between the tables."""
+    true = vgtjax.Actuator(vane_force=SpeedMap(closing=CLOSING, opening=OPENING, side_speed=side_speed))
+    traces = [bench(true, turbine, seed) for seed, turbine in enumerate((0.0, 1.5e5, 3.0e5))]
+    empty = vgtjax.Actuator(vane_force=SpeedMap(side_speed=side_speed))
+    tests = [test for test, _ in plan(empty, traces)]
+    assert identify_vane_map in tests
+    moved = apply(empty, identify_vane_map(empty, traces))
+    np.testing.assert_allclose(moved.vane_force.closing, CLOSING, atol=0.3)  # as above
+    np.testing.assert_allclose(moved.vane_force.opening, OPENING, atol=0.3)
+    assert moved.vane_force.side_speed == empty.vane_force.side_speed, "no slow loop tells"
+
+
 def test_a_force_sensor_needs_no_cold_loop():
     found = identify_vane_map(EMPTY, [bench(vgtjax.Actuator(vane_force=TRUE), 3.0e5, 7, sensor=True)])
     np.testing.assert_allclose(found.values["vane_force.closing"], CLOSING[6:], atol=0.03)
@@ -72,9 +86,10 @@ def test_what_is_not_possible_is_said(loops, pick, sentence):
     assert sentence in found.limitations[0]
 
 
-def test_half_a_stroke_leaves_the_rest_of_the_table_alone(loops):
+@pytest.mark.parametrize("empty", [EMPTY, vgtjax.Actuator(vane_force=SpeedMap())], ids=["map", "speed-map"])
+def test_half_a_stroke_leaves_the_rest_of_the_table_alone(loops, empty):
     part = [loop.window(0.0, 6.5) for loop in loops]  # closing only, and not to the end
-    found = identify_vane_map(EMPTY, part)
+    found = identify_vane_map(empty, part)
     assert np.all(np.isnan(found.std_errors["vane_force.opening"]))
     assert np.all(found.values["vane_force.opening"] == 0.0)
     assert any("while opening" in sentence for sentence in found.limitations)

@@ -14,6 +14,7 @@ MAP = vgtjax.HysteresisMap(closing=np.ones(12), opening=np.zeros(12))
     [
         (vgtjax.Actuator(), False),
         (vgtjax.Actuator(vane_force=MAP), True),
+        (vgtjax.Actuator(vane_force=vgtjax.SpeedMap()), True),
         (vgtjax.Actuator(vane_force=vgtjax.ForcePolynomial()), True),
         (vgtjax.Actuator(friction=vgtjax.AdaptiveLuGre()), True),
         (vgtjax.MechanicalActuator(friction=vgtjax.Dahl()), False),

@@ -145,6 +145,17 @@ def test_a_row_that_fails_touches_no_other(evaluator, results):
     np.testing.assert_array_equal(evaluator(ROWS[~bad]).matrix, results.matrix[~bad])
 
 
+def test_an_actuator_that_cannot_exist_is_named_even_where_the_rod_stays_short():
+    """A loop up to 10 % does not move the rod; a volume that is no number is left to the simulation."""
+    swept = float(vgtjax.Actuator().diaphragm.displaced_volume(vgtjax.Actuator().diaphragm.travel))
+    factors = choose_factors(vgtjax.Actuator(), ["chamber.volume"])
+    values = np.array([6e-5, 1.001 * swept, 0.9 * swept, np.nan])[:, None]
+    found = Evaluator(vgtjax.Actuator(), factors, [SlowLoop((0.0,), 2.0, 10.0)], lanes=4)(values)
+    assert found.causes == ("successful", "successful", "unphysical", "diverged")
+    assert np.all(np.isnan(found.matrix[2]))
+    assert "2 failed (1 unphysical, 1 diverged)" in repr(found)
+
+
 def test_lanes_and_their_padding_change_nothing(evaluator, results, step):
     alone = np.concatenate([evaluator(row[None]).matrix for row in ROWS])
     np.testing.assert_array_equal(alone, results.matrix)  # three of four lanes are padding

@@ -9,3 +9,5 @@ from ._polynomial import (
     ForcePolynomial as ForcePolynomial,
     polynomial_terms as polynomial_terms,
 )
+from ._speed_map import SpeedMap as SpeedMap
+from ._tables import AbstractVaneMap as AbstractVaneMap

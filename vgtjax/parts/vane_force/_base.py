@@ -3,6 +3,7 @@
 import abc
 from typing import Any, ClassVar
 
+import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
 from ..._types import StateLeaf, Values
@@ -31,6 +32,10 @@ class AbstractVaneForce(Part):
     @abc.abstractmethod
     def relaxation(self, vanes: Vanes, velocity: Values, state: Any) -> PyTree[StateLeaf]:
         """Relaxation rate in 1/s of each state; `None` where it is slow."""
+
+    def damping(self, vanes: Vanes, velocity: Values) -> Values:
+        """How strongly the force damps the rod, in N s/m; zero of one that does not follow the velocity at once."""
+        return jnp.zeros_like(velocity)
 
     @abc.abstractmethod
     def signals(self, vanes: Vanes, velocity: Values, state: Any) -> dict[str, Array]:
