@@ -172,8 +172,8 @@ def test_a_fit_that_ran_away_did_not_converge(small, monkeypatch):
     monkeypatch.setattr("vgtjax.identification._fit.better_start", lambda task: end)
     outcome, found, said = refit(small)
     sentence = (
-        "fitted values must stay within a factor 100000 of their start values, but diaphragm.mass ran away, and held at "
-        "the start value the fit is worse; give bounds or better start values"
+        "fitted values must stay within a factor 100000 of their start values, but diaphragm.mass ran away, and held "
+        "at the start value the fit is worse; give bounds or better start values"
     )
     assert (outcome.status, outcome.err) == (1, f"failed: the fit: {sentence}\n")
     assert (said["converged"], said["error"]) == (False, sentence)
