@@ -43,7 +43,7 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
 
 def _plan(job: Job, unit: Unit) -> Task:
     chosen = job.study.fit
-    table = chosen.unknown.model_copy(update={"duty_delay": False} if unit.knows_delay else {})
+    table = chosen.unknown.model_copy(update=dict.fromkeys(unit.stated, False))
     unknown = Unknown(loss=chosen.loss, **dict(table))
     wanted = {"free": chosen.free, "fixed": chosen.fixed, "bounds": unit.bounds, "unknown": unknown}
     return plan_fit(unit.model, unit.used("fit"), unit.used("validate"), **wanted)
@@ -152,6 +152,8 @@ def _summary(calibration: Calibration, seconds: float, undetermined: list[str], 
             "settled": progress.settled,
             "moved": dict(zip(calibration.task.selection.entries, finite(calibration.shifts), strict=True)),
         },
+        "duty_hold": {result.trace.name: calibration.duty_hold(result.trace) for result in calibration.traces},
+        "duty_hold_decided": progress.hold_decided,
         "duty_delay": calibration.duty_delay,
         "duty_delay_std_error": calibration.duty_delay_error,
         "unidentifiable_at_start": undetermined,

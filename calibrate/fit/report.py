@@ -47,6 +47,12 @@ def render(
 def found_besides(calibration: Calibration) -> list[str]:
     """A sentence on each thing that a fit found out besides the parameters."""
     progress, sentences = calibration.progress, []
+    linear = [result for result in calibration.traces if calibration.duty_hold(result.trace) == "linear"]
+    if linear:
+        names = ", ".join(result.trace.name for result in linear)
+        sentences.append(
+            f"the duty of {names} was linear between samples: held, it would have to reach the valve early"
+        )
     if calibration.duty_delay_error is not None:
         delay, error = 1e3 * calibration.duty_delay, 1e3 * calibration.duty_delay_error
         way = "later" if delay > 0 else "earlier"

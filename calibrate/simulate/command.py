@@ -31,8 +31,8 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
             if path.exists():
                 console.print(f"{path} is there already")
                 continue
-            late = unit.delays.get(trace.name, 0.0)
-            solution = vgtjax.simulate(unit.model, trace.with_late_duty(late) if late else trace, throw=False)
+            duty = unit.duties.get(trace.name)
+            solution = vgtjax.simulate(unit.model, trace if duty is None else duty.applied(trace), throw=False)
             if solution.result != vgtjax.RESULTS.successful:
                 failed.append(trace.name)
                 continue

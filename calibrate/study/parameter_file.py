@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 import vgtjax
 from vgtjax import InputError
-from vgtjax.estimation import Calibration
+from vgtjax.estimation import Calibration, TraceResult
 from vgtjax.parameters import Bounds, entry_names, unknown_name
 from vgtjax.plants import on_given_knots
 
@@ -100,10 +100,14 @@ _FIELDS = ("value", "unit", "free", "std_error", "interval", "initial", "lower",
 
 
 def nuisance(calibration: Calibration) -> dict[str, Any]:
-    """What a fit found out of each of its traces besides the parameters, in SI units."""
-    fitted = {result.trace.name: result for result in calibration.traces if result.use == "fit"}
+    """What a fit found out of each trace besides the parameters, in SI units."""
     late = {} if calibration.duty_delay_error is None else {"duty_delay": calibration.duty_delay}
-    return {name: {**late, "offset": finite(result.offset)} for name, result in fitted.items()}
+
+    def found(result: TraceResult) -> dict[str, Any]:
+        linear = calibration.duty_hold(result.trace) == "linear"
+        return {**late, **({"duty_hold": "linear"} if linear else {}), "offset": finite(result.offset)}
+
+    return {result.trace.name: found(result) for result in calibration.traces}
 
 
 def covariance(calibration: Calibration) -> dict[str, Any]:
@@ -151,20 +155,40 @@ def _read(path: pathlib.Path, unit: str | None) -> tuple[pathlib.Path, dict[str,
     return path, content
 
 
-def load_delays(path: pathlib.Path, unit: str | None) -> dict[str, float]:
-    """By how many seconds the duty of each trace is late, of those of which a fit has found that."""
+@dataclasses.dataclass(frozen=True)
+class FoundDuty:
+    """What a fit found of the duty of a trace: `delay` in s, and whether it was linear between samples."""
+
+    delay: float
+    linear: bool
+
+    def applied(self, trace: vgtjax.Trace) -> vgtjax.Trace:
+        """The trace with the duty that reached the valve."""
+        trace = trace.with_ramped_duty() if self.linear else trace
+        return trace.with_late_duty(self.delay) if self.delay else trace
+
+
+def load_duties(path: pathlib.Path, unit: str | None) -> dict[str, FoundDuty]:
+    """What a fit has found of the duty of each of its traces."""
     path, content = _read(path, unit)
     traces = content.get("nuisance", {})
     if not isinstance(traces, dict) or not all(isinstance(fields, dict) for fields in traces.values()):
         raise InputError(f"{path.name}: its nuisance must be a table for each trace, but it is not; correct it")
-    delays = {name: fields["duty_delay"] for name, fields in traces.items() if "duty_delay" in fields}
-    for name, delay in delays.items():
+    duties = {}
+    for name, fields in traces.items():
+        delay, hold = fields.get("duty_delay", 0.0), fields.get("duty_hold", "zero-order")
         if isinstance(delay, bool) or not isinstance(delay, int | float) or not -1 < delay < 1:
             raise InputError(
                 f"{path.name}: the duty_delay of '{name}' must be seconds between -1 and 1, but it is {delay!r}; "
                 "correct it"
             )
-    return delays
+        if hold not in ("zero-order", "linear"):
+            raise InputError(
+                f"{path.name}: the duty_hold of '{name}' must be 'zero-order' or 'linear', but it is {hold!r}; correct "
+                "it"
+            )
+        duties[name] = FoundDuty(float(delay), hold == "linear")
+    return duties
 
 
 def load_values(path: pathlib.Path, unit: str | None, study: Study, model: vgtjax.AbstractModel) -> dict[str, Any]:

@@ -21,7 +21,8 @@ class TraceEntry(Table):
     window: Annotated[tuple[float, float], pydantic.Strict(False)] | None = None
     duty_delay: Annotated[float, pydantic.Field(ge=-0.05, le=0.05)] | None = None
     """s by which the duty is known to reach the valve later than the file says; then it is not looked for."""
-    duty_hold: Literal["zero-order", "linear"] = "zero-order"
+    duty_hold: Literal["zero-order", "linear"] | None = None
+    """How the duty is known to be between the file's samples; then it is not looked for, and `zero-order` otherwise."""
 
     @pydantic.field_validator("window")
     @classmethod
@@ -35,6 +36,7 @@ class UnknownTable(Table):
     """What a fit may find out besides the parameters; `evidence` lets the traces decide."""
 
     duty_delay: Literal["evidence"] | bool = "evidence"
+    duty_hold: Literal["evidence", False] = "evidence"
     noise: Literal["evidence", "white", "coloured"] = "evidence"
     numerics: bool = True
 

@@ -11,7 +11,7 @@ from vgtjax.parameters import Bounds
 from vgtjax.traces import STANDARD_ATMOSPHERE, TRAVEL
 
 from .models import build_model, parameters_of, start_model, start_values
-from .parameter_file import load_delays, load_values
+from .parameter_file import FoundDuty, load_duties, load_values
 from .read import EXAMPLE, TraceSource, expand_traces, fingerprint, load_study
 from .tables import Study
 
@@ -50,10 +50,10 @@ class Unit:
     bounds: Bounds
     traces: Sequence[tuple[str, vgtjax.Trace]]
     """`fit` or `validate`, and the trace."""
-    delays: Mapping[str, float]
-    """s by which earlier parameters say that the duty of a trace is late, by trace."""
-    knows_delay: bool
-    """Whether the study states the delay of a trace, so that none is to be found."""
+    duties: Mapping[str, FoundDuty]
+    """What earlier parameters say of the duty of each trace."""
+    stated: frozenset[str]
+    """What the study states of the duty of a trace, so that a fit does not look for it: `duty_delay`, `duty_hold`."""
 
     def used(self, use: str) -> list[vgtjax.Trace]:
         """The traces for one use."""
@@ -92,9 +92,9 @@ def prepare(path: pathlib.Path | None, parameters: pathlib.Path | None, *, to_fi
         needs = (*start.needs, *(("x_d|p_act",) if to_fit else ()))
         mine = [source for source in sources if source.unit == name]
         traces = [(source.use, load_source(source, start, bounds, needs)) for source in mine]
-        delays = {} if parameters is None else load_delays(parameters, name)
-        stated = any(source.duty_delay is not None for source in mine)
-        units.append(Unit(name, start, bounds, traces, delays, stated))
+        duties = {} if parameters is None else load_duties(parameters, name)
+        stated = {key for key in ("duty_delay", "duty_hold") for each in mine if getattr(each, key) is not None}
+        units.append(Unit(name, start, bounds, traces, duties, frozenset(stated)))
     for unit in units:
         if to_fit and not unit.used("fit"):
             where = "" if unit.name is None else f" of unit '{unit.name}'"

@@ -12,6 +12,7 @@ from ..traces import SIGNALS, Trace
 from ._bundle import CHANNELS, bundle_traces
 from ._evaluation import Steps, run_alone
 from ._evidence import observe_traces
+from ._holds import ramped, sample_interval
 from ._least_squares import LeastSquares
 from ._progress import Progress
 from ._residuals import Sensors, white_sensors
@@ -139,6 +140,10 @@ class Calibration(Printed):
             rows.append((result.trace.name, result.use, *("" if error is None else f"{error:.3g}" for error in errors)))
         return rows
 
+    def duty_hold(self, trace: Trace) -> str:
+        """How the duty of a trace was found to be between its samples: `linear`, or as it was read, `zero-order`."""
+        return "linear" if sample_interval(trace) in self.progress.linear else "zero-order"
+
     @property
     def converged(self) -> bool:
         """Whether the search came to an end whose values may be used."""
@@ -234,8 +239,8 @@ def comparing(
     """`compare` as a computation."""
     results = []
     for use, traces in (("fit", task.fit), ("validate", task.validate)):
-        bundles = bundle_traces(model, traces, task.stepping)
-        observed = yield from observe_traces(model, traces, bundles, delay or None)
+        bundles = bundle_traces(model, ramped(traces, task.linear), task.stepping)
+        observed = yield from observe_traces(model, bundles, delay or None)
         known = sensors if use == "fit" and sensors is not None else white_sensors(traces, task.channels)
         compared = zip(traces, observed, known, strict=True)
         results += [_compare_one(trace, use, seen, each) for trace, seen, each in compared]

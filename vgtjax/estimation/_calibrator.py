@@ -28,6 +28,7 @@ from ._evidence import (
     sharp_bundles,
     turns,
 )
+from ._holds import read_holds
 from ._least_squares import LeastSquares, estimate_uncertainty
 from ._progress import Progress
 from ._residuals import FitProblem, Sensors, build_fit_problem, white_sensors
@@ -80,6 +81,8 @@ class Calibrator:
                 break
             calibrator = yield from calibrator._holding(away)
             yield from calibrator._search(report)
+        calibrator = yield from calibrator._reading_duty()
+        yield from calibrator._search(report)
         while (following := (yield from calibrator.correcting())) is not None:
             calibrator = following
             report(calibrator.minimiser.progress)
@@ -145,6 +148,21 @@ class Calibrator:
             )
         )
 
+    def _reading_duty(self) -> "Steps[Calibrator]":
+        """The search gone on with the duty read as the traces say that it was between their samples."""
+        progress, wanted = self.minimiser.progress, self.task.late_duty and self.task.unknown.duty_hold
+        if not (wanted and progress.converged and progress.hold_decided is None):
+            return self
+        problem, point = self.minimiser.problem, self.minimiser.point
+        scale, freedom = float(self.transform.scale[-1]), problem.count - problem.offsets
+        delay = scale * progress.coordinates[-1]
+        holds = read_holds(point.residuals, point.columns, problem.owner, self.task.fit, delay, scale, freedom)
+        coordinates = (*progress.coordinates[:-1], holds.delay / scale)
+        self.minimiser.progress = progress.reading_duty(coordinates, holds.linear, holds.decided)
+        if not holds.linear:
+            return self
+        return (yield from starting(self.task, self.minimiser.progress, self.notes))
+
     def _go_on(self, step: Vector, part: float) -> "Steps[Calibrator]":
         """Corrected after a part of a step, without a delay of the duty that may as well be none."""
         progress, errors = self.minimiser.progress, self._uncertainty().std_errors
@@ -152,8 +170,6 @@ class Calibrator:
         if self.task.late_duty and self.task.unknown.duty_delay is not True:
             coordinates[-1] *= abs(coordinates[-1]) > EVIDENT * np.nan_to_num(errors[-1])
         slopes = self.minimiser.slopes
-        if np.any(np.abs(coordinates - slopes.at) > NEARBY * np.nan_to_num(errors, nan=np.inf)):
-            slopes = yield from Slopes.find(self.minimiser.problem, coordinates)
         corrected = progress.corrected(coordinates.tolist(), step.tolist(), slopes.at.tolist())
         return (yield from corrected_calibration(self.task, self.minimiser.problem, corrected, slopes, self.notes))
 
@@ -221,14 +237,15 @@ def starting(task: Task, resume: Progress | None = None, notes: tuple[str, ...] 
             "anything else, or set jax_enable_x64"
         )
     transform = _transform(task, resume)
+    task = task if resume is None else dataclasses.replace(task, linear=resume.linear)
     progress = Progress(tuple(np.asarray(transform.to_coordinates(task.first_guess)).tolist()))
     progress = progress if resume is None else resume
-    sensors = white_sensors(task.fit, task.channels)
+    sensors = white_sensors(task.traces, task.channels)
     problem = build_fit_problem(
         task.model,
         task.selection,
         transform,
-        task.fit,
+        task.traces,
         channels=task.channels,
         sensors=sensors,
         stepping=task.stepping,
@@ -264,11 +281,15 @@ def corrected_calibration(
     observed = by_trace(problem.bundles, smooth)
     exact = observed
     if task.unknown.numerics:
-        bundles = sharp_bundles(task.model, task.fit, task.stepping)
-        exact = yield from observe_traces(with_sharp_seat(asked.model), task.fit, bundles, asked.delay)
-    sensors = learn_sensors(task.fit, task.channels, observed, exact, task.unknown)
-    problem = problem.with_sensors(task.fit, sensors)
+        bundles = sharp_bundles(task.model, task.traces, task.stepping)
+        exact = yield from observe_traces(with_sharp_seat(asked.model), bundles, asked.delay)
+    sensors = learn_sensors(task.traces, task.channels, observed, exact, task.unknown)
+    problem = problem.with_sensors(task.traces, sensors)
     point = Point.of(problem, here, smooth, slopes)
+    if point.bend(problem, here, slopes) > NEARBY:
+        slopes = yield from Slopes.find(problem, here)
+        point = Point.of(problem, here, smooth, slopes)
+        progress = dataclasses.replace(progress, linearised=progress.coordinates)
     if len(progress.history) <= progress.iteration:
         progress = dataclasses.replace(progress, history=(*progress.history, 0.5 * point.chi2 / problem.count))
     return Calibrator(task, sensors, LevenbergMarquardt(problem, progress, slopes, point), notes)

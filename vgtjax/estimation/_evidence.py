@@ -41,7 +41,7 @@ SHORTEST = 1 / 64
 LONGEST_STEP = 0.5
 """Coordinates by which a correction moves at most."""
 NEARBY = 1.0
-"""Standard errors within which derivatives may serve that were taken elsewhere."""
+"""Standard errors by which a linear step may go wrong because its derivatives were taken elsewhere."""
 
 Choice = Literal["evidence"] | bool
 
@@ -51,11 +51,13 @@ class Unknown:
     """What a fit may find out besides the parameters; with `"evidence"` the traces decide.
 
     `duty_delay`: the time in s by which the duty reaches the valve later than its record says, one for all traces.
+    `duty_hold`: whether the duty of a trace was held between samples, as it is read otherwise, or linear.
     `noise` is white or coloured, `loss` Gaussian or Huber's, against outliers. `numerics`: whether the errors of the
     smooth seat and of the steps are corrected for.
     """
 
     duty_delay: Choice = "evidence"
+    duty_hold: Literal["evidence", False] = "evidence"
     noise: Literal["evidence", "white", "coloured"] = "evidence"
     loss: Literal["evidence", "gaussian", "huber"] = "evidence"
     numerics: bool = True
@@ -66,7 +68,7 @@ class Unknown:
         return bool(self.duty_delay) or self.noise != "white" or self.loss != "gaussian" or self.numerics
 
 
-NOTHING = Unknown(duty_delay=False, noise="white", loss="gaussian", numerics=False)
+NOTHING = Unknown(duty_delay=False, duty_hold=False, noise="white", loss="gaussian", numerics=False)
 """The parameters only."""
 
 
@@ -80,7 +82,7 @@ def turns(wanted: Float[np.ndarray, "steps coordinates"]) -> Int[np.ndarray, " t
 
 
 def observe_traces(
-    model: AbstractModel, traces: Sequence[Trace], bundles: Sequence[Bundle], delay: float | None = None
+    model: AbstractModel, bundles: Sequence[Bundle], delay: float | None = None
 ) -> Steps[list[Float[np.ndarray, "time channel"]]]:
     """What the sensors would see of every trace at its `time`: position in m, pressure in Pa absolute.
 

@@ -9,6 +9,9 @@ STALL, STALL_TOLERANCE = 6, 0.1
 """A fit has also converged when so many trials together lower chi^2 by less than this. Kinks of the model (a plunger
 that grazes its seat, a rod that sticks) leave a linear gain that no step reaches: on the slow loops of an actuator,
 the steps after such a stall gained 0.3 of 18000 in sum, in 20 trials."""
+NEAR_STEP_SIZE = 1e6
+"""Inverse damping of the first step from near the end. Damped as a far start must be, a near one needs ten steps to
+lose the damping; far starts that begin like this are lost now and then."""
 MAX_REJECTED = 20
 """Rejected trials in a row, each with a quarter of the step, after which a fit stands still."""
 MAX_ITERATIONS = 100
@@ -26,7 +29,9 @@ class Progress:
     errors: `corrections` counts these, and `settled` says whether the last one would move anything that matters.
     `found` is where the search ended, `wanted` are the full linear steps from there on, and `linearised` is where the
     derivatives are from that they take. `held` numbers the coordinates that ran away and are held at their start
-    since, `let_go` is the cost before; `lost` says that holding them made the fit worse.
+    since, `let_go` is the cost before; `lost` says that holding them made the fit worse. `linear` has the sample
+    intervals in s of traces whose duty was found to be linear between samples, and `hold_decided` whether that, or that
+    it was held, is the only explanation; `None` before that was asked.
     """
 
     coordinates: tuple[float, ...]
@@ -46,6 +51,8 @@ class Progress:
     held: tuple[int, ...] = ()
     let_go: float | None = None
     lost: bool = False
+    linear: tuple[float, ...] = ()
+    hold_decided: bool | None = None
 
     def corrected(
         self, coordinates: Iterable[float], wanted: Iterable[float], linearised: Iterable[float]
@@ -74,6 +81,20 @@ class Progress:
             stalled=False,
             held=held,
             let_go=self.cost if self.let_go is None else min(self.let_go, self.cost),
+        )
+
+    def reading_duty(self, coordinates: Iterable[float], linear: Iterable[float], decided: bool) -> "Progress":
+        """A search that goes on with the duty of some traces read as linear between samples, if any."""
+        known = dataclasses.replace(self, linear=tuple(linear), hold_decided=decided)
+        if not known.linear:
+            return known
+        return dataclasses.replace(
+            known,
+            coordinates=tuple(coordinates),
+            step_size=NEAR_STEP_SIZE,
+            rejected_in_a_row=0,
+            converged=False,
+            stalled=False,
         )
 
     @property

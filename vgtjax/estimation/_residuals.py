@@ -175,6 +175,14 @@ class FitProblem(eqx.Module):
         slope = np.asarray(self.transform.slope(at))
         return np.concatenate([np.asarray(block) for block in blocks]) * slope
 
+    @property
+    def owner(self) -> Int[np.ndarray, " residuals"]:
+        """The number of the trace of every residual."""
+        owners = [
+            np.asarray(each.indices)[known.owner] for each, known in zip(self.bundles, self.measured, strict=True)
+        ]
+        return np.repeat(np.concatenate(owners), SEGMENT * len(CHANNELS))
+
     def with_sensors(self, traces: Sequence[Trace], sensors: Sensors) -> "FitProblem":
         """The same problem with other knowledge of the sensors."""
         measured = [_measure(bundle, traces, sensors) for bundle in self.bundles]

@@ -15,16 +15,13 @@ from .._errors import SimulationError
 from .._types import Scalar
 from ._evaluation import Evaluated, Steps, ask, run_alone
 from ._least_squares import estimate_uncertainty, reduce_rows
-from ._progress import CHI2_TOLERANCE, STALL, STALL_TOLERANCE, Progress
+from ._progress import CHI2_TOLERANCE, NEAR_STEP_SIZE, STALL, STALL_TOLERANCE, Progress
 from ._residuals import FitProblem
 
 STALL_SHARE = 0.01
 """Part of chi^2 that the linear model may still promise for a stall to count; with more, a fit is lost."""
 NEAR = 2.0
 """A start with a lower chi^2 per measurement is near the end, and the first step is nearly Gauss and Newton's."""
-NEAR_STEP_SIZE = 1e6
-"""Inverse damping of that step. Damped as a far start must be, a near one needs ten steps to lose the damping; far
-starts that begin like this are lost now and then."""
 
 # Steps grow when three quarters of the predicted gain come true; the default of 99 % leaves a fit damped for long.
 _SEARCH: optx.ClassicalTrustRegion = optx.ClassicalTrustRegion(high_cutoff=0.75)
@@ -76,6 +73,12 @@ class Point:
         held = np.asarray(problem.transform.pinned(here, residuals @ columns))
         return Point(residuals, np.where(held, 0.0, columns))
 
+    def bend(self, problem: FitProblem, here: Float[np.ndarray, " coordinates"], slopes: "Slopes") -> float:
+        """By how many standard errors, over all directions, a linear step goes wrong for derivatives from elsewhere."""
+        moved = self.residuals - problem.residuals_of(slopes.evaluated.observed)
+        bent, _ = reduce_rows(moved - self.columns @ (here - slopes.at), self.columns)
+        return float(np.linalg.norm(bent[:-1]))
+
     @functools.cached_property
     def reduced(self) -> tuple[Float[np.ndarray, " rows"], Float[np.ndarray, "rows coordinates"]]:
         """The same linear problem in as many rows as there are coordinates, and one."""
@@ -125,10 +128,14 @@ class LevenbergMarquardt:
                 "values and the inputs of the traces"
             )
         point = Point.of(problem, here, slopes.evaluated, slopes)
-        if not progress.history:
-            cost = 0.5 * point.chi2 / problem.count
-            size = NEAR_STEP_SIZE if 2 * cost < NEAR else progress.step_size
-            progress = dataclasses.replace(progress, history=(cost,), step_size=size)
+        cost = 0.5 * point.chi2 / problem.count
+        near = not progress.history and 2 * cost < NEAR
+        # A search that goes on elsewhere than where it was has another cost there.
+        progress = dataclasses.replace(
+            progress,
+            history=(*progress.history[:-1], cost),
+            step_size=NEAR_STEP_SIZE if near else progress.step_size,
+        )
         return cls(problem, progress, slopes, point)
 
     def step(self) -> Progress:

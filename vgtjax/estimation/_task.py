@@ -14,6 +14,7 @@ from ..simulation import FixedStep
 from ..traces import Trace
 from ._bundle import CHANNELS
 from ._evidence import NOTHING, Unknown
+from ._holds import ramped
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -21,7 +22,8 @@ class Task:
     """What to calibrate: a model with its start values, the free entries, and the traces.
 
     `bounds` are by entry, in the units of the table; `channels` the measured signals to fit; `unknown` is what the fit
-    finds out besides.
+    finds out besides; `linear` has the sample intervals in s of traces whose duty is linear between samples, though
+    they don't say so.
     """
 
     model: AbstractModel
@@ -32,6 +34,12 @@ class Task:
     channels: Sequence[str] = CHANNELS
     stepping: FixedStep = dataclasses.field(default_factory=FixedStep)
     unknown: Unknown = NOTHING
+    linear: Sequence[float] = ()
+
+    @property
+    def traces(self) -> list[Trace]:
+        """Traces to fit, with the duty as it is read."""
+        return ramped(self.fit, self.linear)
 
     @property
     def late_duty(self) -> bool:

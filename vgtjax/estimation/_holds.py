@@ -1,0 +1,81 @@
+"""Whether a duty was held from sample to sample, as a record is read at first, or linear between them.
+
+The mean over a sample of a duty that is linear between samples is that of a held one half a sample earlier. So a fit
+with a free delay has both in it, and its delays by kind of trace tell which it was: no duty arrives early, and of what
+is left the explanation counts that needs the smaller delay.
+"""
+
+import dataclasses
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ..traces import Trace
+from ._least_squares import estimate_uncertainty, reduce_rows
+
+PERCEPTIBLE = 9.0
+"""Increase of chi^2 from which an explanation is evidently worse than another: three standard errors."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Holds:
+    """Sample intervals in s of the traces whose duty was linear between samples, the delay in s that is left then, and
+    whether no other explanation is left."""
+
+    linear: tuple[float, ...]
+    delay: float
+    decided: bool
+
+
+def sample_interval(trace: Trace) -> float:
+    """Usual time in s between samples of a trace, to a tenth of a millisecond."""
+    return round(float(np.median(np.diff(trace.time))), 4)
+
+
+def read_holds(
+    residuals: Float[np.ndarray, " rows"],
+    columns: Float[np.ndarray, "rows coordinates"],
+    owner: Int[np.ndarray, " rows"],
+    traces: Sequence[Trace],
+    delay: float,
+    slope: float,
+    count: int,
+) -> Holds:
+    """How the duty of traces was held, by a fit that took all of it for held and `delay` s late.
+
+    **Arguments:** `residuals` and `columns` at the end of the fit, the delay last, in units of `slope` s; `owner`: the
+    trace of every row.
+    """
+    intervals = np.array([sample_interval(trace) for trace in traces])
+    kinds = np.unique(intervals)
+    late = [np.where(intervals[owner] == kind, columns[:, -1], 0.0) for kind in kinds]
+    found = estimate_uncertainty(*reduce_rows(residuals, np.column_stack([columns[:, :-1], *late])), count)
+    last = slice(columns.shape[1] - 1, None)
+    if not np.all(found.determined[last]):
+        return Holds((), delay, False)
+    delays = delay - slope * found.values[last]
+    information = np.linalg.inv(slope**2 * found.covariance[last, last])
+    explanations = []
+    for linear in itertools.product((False, True), repeat=len(kinds)):
+        shifted = delays + np.where(linear, kinds / 2, 0.0)
+        weight = np.sum(information)
+        common = float(np.sum(information @ shifted) / weight)
+        misfit = float((shifted - common) @ information @ (shifted - common)) + weight * min(common, 0.0) ** 2
+        explanations.append((misfit, abs(common), Holds(tuple(kinds[list(linear)].tolist()), common, False)))
+    best = min(misfit for misfit, _, _ in explanations)
+    left = sorted(((size, holds) for misfit, size, holds in explanations if misfit <= best + PERCEPTIBLE), key=_size)
+    # Where a delay is left even so, half a sample more of it may be another hold.
+    error = 1 / np.sqrt(np.sum(information))
+    decided = len(left) == 1 or (left[0][0] <= 3 * error < kinds[0] / 2)
+    return dataclasses.replace(left[0][1], decided=decided)
+
+
+def _size(explanation: tuple[float, Holds]) -> float:
+    return explanation[0]
+
+
+def ramped(traces: Sequence[Trace], intervals: Sequence[float]) -> list[Trace]:
+    """Traces, those that are sampled at such an interval with a duty that is linear between samples."""
+    return [trace.with_ramped_duty() if sample_interval(trace) in intervals else trace for trace in traces]
