@@ -1,6 +1,7 @@
 """`python -m calibrate COMMAND`, which is the script `vgtjax-calibrate` too."""
 
 import importlib.util
+import os
 import sys
 
 EXTRA = ("click", "jinja2", "platformdirs", "plotly", "pydantic", "rich")
@@ -14,6 +15,9 @@ def main(**options: str) -> None:
         names = ", ".join(missing)
         print(f"error: the command line needs {names}; install it by pip install 'vgtjax[app]'", file=sys.stderr)
         sys.exit(2)
+    # Matrices here are tall and narrow: a second thread of BLAS gains nothing, and where simulations keep the cores
+    # busy its threads wait for each other, half of the time of an identification. Once NumPy is loaded, too late.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from .command_line import main as command_line
 
     command_line(**options)

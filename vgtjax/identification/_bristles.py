@@ -1,13 +1,13 @@
 """Friction that depends on the path: a regression through every turn of the rod [3.2-3.12]."""
 
 import dataclasses
-import itertools
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from jaxtyping import Bool
 from scipy import optimize
+from scipy.linalg import lstsq, orth, solve_banded
 from scipy.ndimage import minimum_filter1d
 
 from ..estimation import least_squares
@@ -26,6 +26,8 @@ ENDS = {"deflection": (1e-7, 1e-2), "ratio": (0.7, 5.0), "stribeck": (1e-5, 0.1)
 """Deflection of a sliding bristle in m, static over Coulomb force, Stribeck velocity in m/s: far beyond any bearing."""
 STEP = 1e-3
 """Relative step of finite differences; rounding is 1e-8 of it."""
+NULL = 1e-9
+"""Singular values of columns of unit length below this part of the largest are rounding."""
 USUAL_STIFFNESS = 4e4
 """N/m; where a search begins for friction that has no bristles."""
 
@@ -66,10 +68,9 @@ def bristle_force(position: Samples, limit: Samples, deflection: float) -> Sampl
     between = 0.5 * (limit[1:] + limit[:-1])
     kept = np.exp(-np.abs(moved) / (deflection * between))
     gained = np.sign(moved) * between * (1 - kept)
-    # A Python loop over plain numbers: 2 ms for 10 s of trace.
-    steps = zip(kept.tolist(), gained.tolist(), strict=True)
-    forces = itertools.accumulate(steps, lambda force, step: step[0] * force + step[1], initial=0.0)
-    return np.fromiter(forces, dtype=float, count=len(position))
+    # The recursion `force = kept force + gained` is a system of two bands, solved forwards.
+    bands = np.stack([np.ones(len(position)), -np.append(kept, 0.0)])
+    return solve_banded((1, 0), bands, np.append(0.0, gained), overwrite_ab=True)
 
 
 def read_paths(model: MechanicalActuator, motions: Sequence[MotionRecord]) -> list[Path]:
@@ -112,48 +113,67 @@ def fit_bristles(model: MechanicalActuator, paths: Sequence[Path], stribeck: boo
     return law.report(optimize.least_squares(law.residual, best, bounds=ends, diff_step=STEP).x)
 
 
+Columns = dict[str, np.ndarray]
+"""What the linear unknowns multiply, by name, at all samples of a path."""
+
+
 class _Law:
     """The regression for given logarithms of the nonlinear unknowns, in the order of `ENDS`."""
 
     def __init__(self, model: MechanicalActuator, paths: Sequence[Path], friction: Any):
-        self.stiffness = float(model.diaphragm.stiffness)
         self.paths = paths
         self.damped = hasattr(friction, "bristle_damping")
         self.exponent = getattr(friction, "stribeck_exponent", 1)
+        self.stiffness = float(model.diaphragm.stiffness)
         self.right = np.concatenate([path.filtered.force[path.rows] for path in paths])
+        self.steady = [self.steady_columns(path.filtered) for path in paths]
+        # What no trial changes is projected out once, so that a trial is left with one or two columns.
+        matrix = self.stack(self.steady)
+        self.span = orth(matrix / _lengths(matrix), rcond=NULL)
+        self.target = self.right - self.span @ (self.span.T @ self.right)
 
-    def columns(self, path: Path, logs: np.ndarray) -> dict[str, Samples]:
-        """What the linear unknowns multiply, through the kernel and at the rows."""
+    def steady_columns(self, filtered: Filtered) -> Columns:
+        """What those linear unknowns multiply that bristles don't concern."""
+        columns: Columns = {"preload": np.ones(len(filtered.force))}
+        if self.stiffness > 0:
+            columns["stiffness"] = filtered.position
+        return columns | {"viscous": filtered.velocity, "mass": filtered.acceleration}
+
+    def bristle_columns(self, path: Path, logs: np.ndarray) -> Columns:
+        """What the linear unknowns of the bristles multiply, through the kernel."""
         filtered, shape = path.filtered, np.exp(logs)
         limit = np.ones(len(path.position))
         if len(shape) > 1:
             limit = 1 + (shape[1] - 1) * np.exp(-((np.abs(path.velocity) / shape[2]) ** self.exponent))
         force = bristle_force(path.position, limit, float(shape[0]))
-        columns = {"preload": np.ones(len(force))}
-        if self.stiffness > 0:
-            columns["stiffness"] = filtered.position
-        columns["coulomb"] = through_kernel(filtered, force)
-        columns |= {"viscous": filtered.velocity, "mass": filtered.acceleration}
+        columns = {"coulomb": through_kernel(filtered, force)}
         if self.damped:
             columns["bristle_damping"] = through_kernel(filtered, np.gradient(shape[0] * force, filtered.motion.time))
-        return {name: column[path.rows] for name, column in columns.items()}
+        return columns
 
-    def solve(self, logs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Values of the linear unknowns, and the matrix of their columns."""
-        blocks = [np.stack(list(self.columns(path, logs).values()), axis=1) for path in self.paths]
-        matrix = np.concatenate(blocks)
-        return least_squares(matrix, self.right).values, matrix
+    def columns(self, logs: np.ndarray) -> list[Columns]:
+        """What the linear unknowns multiply, of every path."""
+        bristles = [self.bristle_columns(path, logs) for path in self.paths]
+        return [steady | own for steady, own in zip(self.steady, bristles, strict=True)]
+
+    def stack(self, columns: Sequence[Columns]) -> np.ndarray:
+        """A matrix of the columns of all paths at their rows."""
+        blocks = [np.stack(list(each.values()), axis=1) for each in columns]
+        return np.concatenate([block[path.rows] for block, path in zip(blocks, self.paths, strict=True)])
 
     def residual(self, logs: np.ndarray) -> np.ndarray:
         """Force that the law leaves, in N."""
-        values, matrix = self.solve(logs)
-        return self.right - matrix @ values
+        matrix = self.stack([self.bristle_columns(path, logs) for path in self.paths])
+        left = (matrix - self.span @ (self.span.T @ matrix)) / _lengths(matrix)
+        return self.target - left @ lstsq(left, self.target, cond=NULL)[0]
 
     def report(self, logs: np.ndarray) -> Bristles:
         """Values and errors at the solution, where the nonlinear unknowns enter by their derivatives."""
-        linear, matrix = self.solve(logs)
+        columns = self.columns(logs)
+        matrix = self.stack(columns)
+        linear = least_squares(matrix, self.right).values
         steps = STEP * np.eye(len(logs))
-        slopes = [(self.solve(logs + step)[1] - matrix) @ linear / STEP for step in steps]
+        slopes = [(self.stack(self.columns(logs + step)) - matrix) @ linear / STEP for step in steps]
         whole, first, blocks = np.column_stack([matrix, *slopes]), 0, []
         for path in self.paths:
             motion, count = path.filtered.motion, int(np.count_nonzero(path.rows))
@@ -163,16 +183,23 @@ class _Law:
             first += count
         errors = regress_traces(blocks, robust=False).std_errors
         errors[len(linear) :] *= np.exp(logs)  # derivatives were by logarithms
-        names = [*self.columns(self.paths[0], logs), *list(ENDS)[: len(logs)]]
+        names = [*columns[0], *list(ENDS)[: len(logs)]]
         values = np.where(np.isfinite(errors), np.concatenate([linear, np.exp(logs)]), np.nan)
         found, doubts = (dict(zip(names, each.tolist(), strict=True)) for each in (values, errors))
-        return Bristles(found, doubts, *self.picture(logs, linear), len(self.right))
+        return Bristles(found, doubts, *self.picture(columns, linear), len(self.right))
 
-    def picture(self, logs: np.ndarray, linear: np.ndarray) -> tuple[Samples, Samples, Samples]:
+    def picture(self, columns: Sequence[Columns], linear: np.ndarray) -> tuple[Samples, Samples, Samples]:
         """Position, measured friction and that of the bristles, of the path with most turns."""
-        path = max(self.paths, key=lambda each: int(np.sum(np.diff(np.sign(each.velocity[each.rows])) != 0)))
-        columns = self.columns(path, logs)
-        terms = {name: value * columns[name] for name, value in zip(columns, linear, strict=True)}
+        turns = [int(np.sum(np.diff(np.sign(path.velocity[path.rows])) != 0)) for path in self.paths]
+        most = int(np.argmax(turns))
+        path, own = self.paths[most], columns[most]
+        terms = {name: value * own[name][path.rows] for name, value in zip(own, linear, strict=True)}
         law = terms["coulomb"] + terms.get("bristle_damping", 0.0)
         measured = path.filtered.force[path.rows] - sum(terms.values()) + law
         return path.filtered.position[path.rows], measured, law
+
+
+def _lengths(columns: np.ndarray) -> np.ndarray:
+    """Of columns, and one for those that are zero."""
+    lengths = np.linalg.norm(columns, axis=0)
+    return np.where(lengths > 0, lengths, 1.0)

@@ -11,7 +11,6 @@ from .._errors import SimulationError
 from ..estimation import (
     Calibration,
     Calibrator,
-    calibrate,
     determined_within,
     error_factor,
     plan_task,
@@ -23,7 +22,7 @@ from ..traces import Trace
 from . import _limits as limits
 from ._axis_regression import regress_axis
 from ._motion import MotionRecord, mechanical_half, plain_friction, read_motions
-from ._response_errors import covariance, drive_variances
+from ._response_errors import Linearised, covariance, drive_variances, linearise
 from ._result import Curve, Identified, NotPossible, bench_test, thinned
 from ._sliding import at_closed_stop
 
@@ -145,17 +144,17 @@ def fit_response(
     first = np.where(free, selection.pack(half if begin is None else begin), usual)
     starts = [first]
     for _ in range(ROUNDS):
-        calibration = _fit_from(starts, half, traces, selection, first, free)
-        whole = _linearised(calibration)
-        determined = _determined(whole, calibration, moving, free)
+        calibrator = _fit_from(starts, half, traces, selection, first, free)
+        whole = linearise(calibrator, moving)
+        determined = _determined(whole, calibrator, free)
         if np.array_equal(determined, free):
             break
         # Values found beside some that are given up need not go with the model's own.
-        kept = [calibration.values, first] if _regular(whole) else [first]
+        kept = [np.asarray(selection.pack(whole.task.model)), first] if _regular(whole) else [first]
         starts, free = [np.where(determined, values, usual) for values in kept], determined
     if not _regular(whole):
         raise NotPossible(NO_DERIVATIVES)
-    return _response(calibration, whole, moving, free)
+    return _response(calibrator.finish(), whole, free)
 
 
 def _fit_from(
@@ -165,16 +164,21 @@ def _fit_from(
     selection: Selection,
     first: np.ndarray,
     free: np.ndarray,
-) -> Calibration:
-    """A fit of what is free from the first of the starts that can be simulated."""
+) -> Calibrator:
+    """A fit of what is free, at its end, from the first of the starts that can be simulated."""
     for start in starts:
         bounds = _bounds(half, selection.entries, first, start, free)
         begin = selection.unpack(half, start)
         try:
-            return calibrate(plan_task(begin, traces, free=selection.entries, bounds=bounds, channels=("x_d",)))
+            task = plan_task(begin, traces, free=selection.entries, bounds=bounds, channels=("x_d",))
+            calibrator = start_calibration(task)
         except SimulationError:
             if start is starts[-1]:
                 raise
+            continue
+        while not calibrator.minimiser.progress.finished:
+            calibrator.minimiser.step()
+        return calibrator
     raise AssertionError("a fit has a start")
 
 
@@ -224,35 +228,25 @@ def _bounds(
     return ends
 
 
-def _linearised(calibration: Calibration) -> Calibrator:
-    """The problem at the fitted values with nothing held."""
-    task = calibration.task
-    return start_calibration(
-        plan_task(calibration.model, task.fit, free=task.selection.entries, channels=task.channels)
-    )
-
-
-def _regular(whole: Calibrator) -> bool:
+def _regular(whole: Linearised) -> bool:
     """Whether the fit ended where derivatives mean something: bristles as short as a sample's path are chaotic."""
-    columns = whole.minimiser.linearisation()[1]
+    columns = whole.columns
     return bool(np.all(np.isfinite(columns))) and float(np.max(np.abs(columns), initial=0.0)) < limits.SENSITIVITY
 
 
-def _determined(
-    whole: Calibrator, calibration: Calibration, motions: Sequence[MotionRecord], free: Bool[np.ndarray, " entries"]
-) -> np.ndarray:
+def _determined(whole: Linearised, calibrator: Calibrator, free: Bool[np.ndarray, " entries"]) -> np.ndarray:
     """Which of the free entries the traces determine, and did not drive to the far end of what they may be."""
-    table, entries = parameter_table(calibration.model), calibration.task.selection.entries
+    table, entries = parameter_table(whole.task.model), whole.task.selection.entries
     if not _regular(whole):
         return free & ~np.array([entry.rpartition(".")[2] in DETAILS for entry in entries])
     usual = np.array([abs(np.asarray(table[entry].default)) for entry in entries])
     size = whole.transform.scale
     relative = np.where(whole.transform.positive, 1.0, np.maximum(size, usual) / size)
-    columns = whole.minimiser.linearisation()[1]
-    errors = np.sqrt(np.diag(covariance(whole, motions, ~free)))
-    factor = error_factor(columns[:, free], errors[free])
-    good = determined_within(columns * relative, factor, limits.ERROR_RESPONSE)
-    good &= free & np.isfinite(errors) & ~(calibration.at_bound & calibration.transform.positive)
+    errors = np.sqrt(np.diag(covariance(whole, ~free)))
+    factor = error_factor(whole.triangle[:, free], errors[free])
+    good = determined_within(whole.triangle * relative, factor, limits.ERROR_RESPONSE)
+    at_bound = calibrator.transform.at_bound(np.asarray(calibrator.minimiser.progress.coordinates))
+    good &= free & np.isfinite(errors) & ~(np.asarray(at_bound) & calibrator.transform.positive)
     own = np.where(free, errors * relative, 0.0)
     if np.array_equal(good, free) and np.max(own, initial=0.0) > limits.ERROR_RESPONSE:
         # Correlated residuals blur one parameter more than the median of all.
@@ -260,11 +254,9 @@ def _determined(
     return good
 
 
-def _response(
-    calibration: Calibration, whole: Calibrator, motions: Sequence[MotionRecord], free: np.ndarray
-) -> ResponseFit:
+def _response(calibration: Calibration, whole: Linearised, free: np.ndarray) -> ResponseFit:
     entries = calibration.task.selection.entries
-    errors = np.sqrt(np.diag(covariance(whole, motions, ~free)) + drive_variances(whole, motions, ~free))
+    errors = np.sqrt(np.diag(covariance(whole, ~free)) + drive_variances(whole, ~free))
     slope = np.where(whole.transform.positive, calibration.values, whole.transform.scale)
     found = np.flatnonzero(free)
     return ResponseFit(

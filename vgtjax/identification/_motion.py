@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool
 from scipy.linalg import solveh_banded
-from scipy.sparse import csr_array, dia_array
 
 from ..plants import AbstractModel, Actuator, MechanicalActuator
 from ..traces import SENSOR_PRESSURE_OFFSET, START_WINDOW, Trace, noise_level
@@ -33,25 +32,26 @@ def remove_noise(samples: Samples, noise: float) -> Samples:
     if count < 5 or noise <= 0:
         return samples
     scaled = samples / noise
-    stencil = np.broadcast_to(np.array([[-1.0], [3.0], [-3.0], [1.0]]), (4, len(samples)))
-    differences = dia_array((stencil, range(4)), shape=(count, len(samples))).tocsr()
-    smooth = _penalised(scaled, differences, np.full(count, 1e4 * ROUGH))
+    smooth = _penalised(scaled, np.full(count, 1e4 * ROUGH))
     for _ in range(PASSES[0]):
-        size = np.abs(differences @ smooth)
-        smooth = _penalised(scaled, differences, ROUGH / np.hypot(size, 0.1 * np.median(size) + FLAT))
+        size = np.abs(np.diff(smooth, 3))
+        smooth = _penalised(scaled, ROUGH / np.hypot(size, 0.1 * np.median(size) + FLAT))
     for _ in range(PASSES[1]):
-        smooth = _penalised(scaled, differences, CREASE / ((differences @ smooth) ** 2 + FLAT**2))
+        smooth = _penalised(scaled, CREASE / (np.diff(smooth, 3) ** 2 + FLAT**2))
     return smooth * noise
 
 
-def _penalised(samples: Samples, differences: csr_array, weights: np.ndarray) -> Samples:
-    """Minimum of `|s - samples|^2 + sum(weights (differences s)^2)`."""
-    gram = (differences.T @ differences.multiply(weights[:, None])).tocsr()
-    bands = np.zeros((4, len(samples)))
-    for offset in range(4):
-        bands[3 - offset, offset:] = gram.diagonal(offset)
-    bands[3] += 1.0
-    return solveh_banded(bands, samples)
+THIRD = np.array([-1.0, 3.0, -3.0, 1.0])
+"""Coefficients of a third difference."""
+
+
+def _penalised(samples: Samples, weights: np.ndarray) -> Samples:
+    """Minimum of `|s - samples|^2 + sum(weights (third differences of s)^2)`."""
+    bands = np.ones((4, len(samples)))
+    bands[3] += np.convolve(weights, THIRD**2)
+    for offset in range(1, 4):
+        bands[3 - offset, offset:] = np.convolve(weights, THIRD[offset:] * THIRD[:-offset])
+    return solveh_banded(bands, samples, overwrite_ab=True, check_finite=False)
 
 
 # -- one trace ---------------------------------------------------------------------------------------------------------

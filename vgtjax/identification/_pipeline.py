@@ -62,7 +62,7 @@ def identify(model: Any, traces: Sequence[Trace]) -> Iterator[tuple[Any, Identif
     for test, mine in plan(model, traces):
         found = test(model, mine)
         moved = apply(model, found)
-        if found.values and _simulates(model, traces) and not _simulates(moved, traces):
+        if found.values and not _simulates(moved, traces) and _simulates(model, traces):
             refused = "the traces can't be simulated with the values found, so the model keeps its own"
             limitations = (*found.limitations, refused)
             moved, found = model, dataclasses.replace(found, values={}, std_errors={}, limitations=limitations)

@@ -1,12 +1,24 @@
 """Standard errors of the fitted response of the mechanical half: correlated residuals, offsets, noise of the drive."""
 
 import dataclasses
+import functools
 from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ..estimation import CHANNELS, SEGMENT, Calibrator, clustered_gram, least_squares, start_calibration
+from ..estimation import (
+    CHANNELS,
+    SEGMENT,
+    Calibrator,
+    FitProblem,
+    Task,
+    build_fit_problem,
+    clustered_gram,
+    least_squares,
+    start_calibration,
+)
+from ..parameters import Transform, build_transform, parameter_table
 from . import _limits as limits
 from ._motion import MotionRecord, mechanical_half
 
@@ -14,23 +26,70 @@ EXPERIMENTS = 5
 """Of fresh noise on the drive; with five, a standard error from five traces is good to a seventh."""
 
 
-def covariance(
-    whole: Calibrator, motions: Sequence[MotionRecord], held: Bool[np.ndarray, " entries"]
-) -> Float[np.ndarray, "entries entries"]:
+@dataclasses.dataclass(frozen=True, eq=False)
+class Linearised:
+    """A fit where it ended, with nothing held: residuals in units of the noise, and their derivatives with respect to
+    the coordinates of `transform`.
+
+    `task` begins at the fitted values; `rows` are those of the problem's residuals that measure something, the only
+    ones here.
+    """
+
+    task: Task
+    problem: FitProblem
+    transform: Transform
+    motions: Sequence[MotionRecord]
+    rows: Bool[np.ndarray, " all"]
+    residuals: Float[np.ndarray, " rows"]
+    columns: Float[np.ndarray, "rows entries"]
+
+    @functools.cached_property
+    def triangle(self) -> Float[np.ndarray, "entries entries"]:
+        """As many rows as there are columns, with the same products of columns."""
+        return np.asarray(np.linalg.qr(self.columns, mode="r"))
+
+    @functools.cached_property
+    def owner(self) -> np.ndarray:
+        """The number of the motion of every row."""
+        traces = [np.asarray(bundle.indices)[bundle.lane_trace] for bundle in self.problem.bundles]
+        return self.by_row(np.concatenate(traces))
+
+    def by_row(self, lanes: np.ndarray) -> np.ndarray:
+        """What is known of every lane, for every row."""
+        return np.repeat(lanes, SEGMENT * len(CHANNELS))[self.rows]
+
+
+def linearise(calibrator: Calibrator, motions: Sequence[MotionRecord]) -> Linearised:
+    """A fit of motions linearised where it ended, with nothing held."""
+    task, found = calibrator.task, np.asarray(calibrator.minimiser.progress.coordinates)
+    values = np.asarray(calibrator.transform.to_physical(found))
+    task = dataclasses.replace(task, model=task.selection.unpack(task.model, values), bounds={})
+    residuals, columns = calibrator.minimiser.linearisation()
+    if not np.all(np.any(columns != 0, axis=0)):  # what is held has no derivatives there
+        calibrator = start_calibration(task)
+        residuals, columns = calibrator.minimiser.linearisation()
+    transform = build_transform(parameter_table(task.model), task.selection.entries, values, {})
+    here, there = (each.slope(np.asarray(each.to_coordinates(values))) for each in (transform, calibrator.transform))
+    rows = (residuals != 0) | np.any(columns != 0, axis=1)
+    columns = columns[rows] * (np.asarray(here) / np.asarray(there))
+    return Linearised(task, calibrator.minimiser.problem, transform, motions, rows, residuals[rows], columns)
+
+
+def covariance(whole: Linearised, held: Bool[np.ndarray, " entries"]) -> Float[np.ndarray, "entries entries"]:
     """Covariance of the coordinates, with all that makes fitted values wrong: correlated residuals, unknown offsets of
     the pressure, held parameters."""
-    residuals, columns = whole.minimiser.linearisation()
+    residuals, columns = whole.residuals, whole.columns
     sprung = float(mechanical_half(whole.task.model).diaphragm.stiffness) > 0
-    owner, block = _layout(whole, motions, limits.CORRELATION if sprung else limits.CORRELATION_FREE)
-    bread = _bread(columns, held)
-    white = columns.T @ columns * max(residuals @ residuals / whole.minimiser.problem.count, 1.0)
+    block = _blocks(whole, limits.CORRELATION if sprung else limits.CORRELATION_FREE)
+    bread = _bread(whole, held)
+    white = whole.triangle.T @ whole.triangle * max(residuals @ residuals / whole.problem.count, 1.0)
     clustered = clustered_gram(residuals, columns, block)
     shifts = np.diag(np.where(held, 1 / limits.ERROR_RESPONSE**2, 0.0))
     if "diaphragm.preload" in (entries := list(whole.task.selection.entries)):
         at = entries.index("diaphragm.preload")
         per_newton = columns[:, at] / whole.transform.scale[at]
-        for number, motion in enumerate(motions):
-            shift = columns.T @ (per_newton * (owner == number)) * motion.force_error
+        for number, motion in enumerate(whole.motions):
+            shift = columns.T @ (per_newton * (whole.owner == number)) * motion.force_error
             shifts = shifts + np.outer(shift, shift)
     worst = [bread @ (noise + shifts) @ bread for noise in (white, clustered)]
     usual = np.diag(worst[0])
@@ -40,40 +99,46 @@ def covariance(
     return worst[0] * np.outer(grow, grow)
 
 
-def drive_variances(
-    whole: Calibrator, motions: Sequence[MotionRecord], held: Bool[np.ndarray, " entries"]
-) -> Float[np.ndarray, " entries"]:
+def drive_variances(whole: Linearised, held: Bool[np.ndarray, " entries"]) -> Float[np.ndarray, " entries"]:
     """Variances of the coordinates from noise of the drive that its smoothing lets through, by experiment."""
-    noisy = [number for number, motion in enumerate(motions) if motion.drive_noise > 0]
-    residuals, columns = whole.minimiser.linearisation()
-    bread, owner = _bread(columns, held), _layout(whole, motions, limits.CORRELATION)[0]
-    variances, random = np.zeros(columns.shape[1]), np.random.default_rng(0)
+    noisy = [number for number, motion in enumerate(whole.motions) if motion.drive_noise > 0]
+    bread, task = _bread(whole, held), whole.task
+    values = np.asarray(task.selection.pack(task.model))
+    here = whole.transform.to_coordinates(values)
+    variances, random = np.zeros(len(values)), np.random.default_rng(0)
     for _ in range(EXPERIMENTS if noisy else 0):
-        traces = [motion.with_fresh_noise(random).trace for motion in motions]
-        task = dataclasses.replace(whole.task, fit=traces)
-        change = start_calibration(task).minimiser.linearisation()[0] - residuals
-        moves = [bread @ (columns.T @ (change * (owner == number))) for number in noisy]
+        traces = [motion.with_fresh_noise(random).trace for motion in whole.motions]
+        problem = build_fit_problem(
+            task.model,
+            task.selection,
+            whole.transform,
+            traces,
+            channels=task.channels,
+            stepping=task.stepping,
+        )
+        residuals = np.asarray(problem.residuals(here))[whole.rows] * np.sqrt(problem.count)
+        change = residuals - whole.residuals
+        moves = [bread @ (whole.columns.T @ (change * (whole.owner == number))) for number in noisy]
         variances += np.sum(np.square(moves), axis=0) / EXPERIMENTS
     return variances
 
 
-def _bread(columns: np.ndarray, held: Bool[np.ndarray, " entries"]) -> np.ndarray:
+def _bread(whole: Linearised, held: Bool[np.ndarray, " entries"]) -> np.ndarray:
     """Inverse of the normal equations, in which held entries may be wrong by `ERROR_RESPONSE`."""
     prior = np.diag(np.where(held, 1 / limits.ERROR_RESPONSE, 0.0))
-    return least_squares(np.vstack([columns, prior]), np.zeros(len(columns) + len(prior))).covariance
+    rows = np.vstack([whole.triangle, prior])
+    return least_squares(rows, np.zeros(len(rows))).covariance
 
 
-def _layout(whole: Calibrator, motions: Sequence[MotionRecord], seconds: float) -> tuple[np.ndarray, np.ndarray]:
-    """The trace, and the stretch of so many seconds, of every residual."""
-    owners, blocks, first = [], [], 0
-    problem, channels = whole.minimiser.problem, len(CHANNELS)
-    for bundle in problem.bundles:
+def _blocks(whole: Linearised, seconds: float) -> np.ndarray:
+    """The stretch of so many seconds of every row."""
+    blocks, first = [], 0
+    for bundle in whole.problem.bundles:
         trace = np.asarray(bundle.indices)[bundle.lane_trace]
-        interval = np.array([motion.interval for motion in motions])[trace]
+        interval = np.array([motion.interval for motion in whole.motions])[trace]
         lanes = np.maximum(np.round(seconds / (SEGMENT * interval)), 1.0)
         key = np.stack([trace, np.floor(bundle.lane_segment / lanes).astype(int)])
         number = np.unique(key, axis=1, return_inverse=True)[1].reshape(-1)
-        owners.append(np.repeat(trace, SEGMENT * channels))
-        blocks.append(np.repeat(first + number, SEGMENT * channels))
+        blocks.append(first + number)
         first += int(number.max()) + 1
-    return np.concatenate(owners), np.concatenate(blocks)
+    return whole.by_row(np.concatenate(blocks))

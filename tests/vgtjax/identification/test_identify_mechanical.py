@@ -211,7 +211,7 @@ def test_what_is_not_determined_has_the_models_values_wherever_a_search_begins(s
 def test_a_mixture_of_values_that_fails_is_no_end(slow, monkeypatch):
     """What was fitted beside parameters that return to the model's values need not go with those."""
     module = importlib.import_module("vgtjax.identification._mechanical_fit")
-    calls, real = [], module.calibrate
+    calls, real = [], module.start_calibration
 
     def second_fails(task):
         calls.append(task.model)
@@ -221,20 +221,20 @@ def test_a_mixture_of_values_that_fails_is_no_end(slow, monkeypatch):
 
     half = mechanical_half(vgtjax.Actuator())
     begin = vgtjax.replace_parameters(half, {"friction.bristle_damping": 300.0, "diaphragm.stiffness": 12650.0})
-    monkeypatch.setattr(module, "calibrate", second_fails)
+    monkeypatch.setattr(module, "start_calibration", second_fails)
     response = fit_response(half, read_motions(half, [slow]), begin)
     assert float(calls[2].friction.bristle_damping) == 429.77  # not determined: the model's
     assert float(calls[2].diaphragm.stiffness) == 12650.0  # determined: where the search began
     assert abs(response.values["diaphragm.stiffness"] - 12700) < 4 * response.std_errors["diaphragm.stiffness"]
 
 
-def test_a_fit_that_ends_in_chaos_tells_nothing(real):
-    """Rod too light for its bristles: steps of 0.5 ms make derivatives of 1e69 and more, and so errors of nothing."""
-    time = np.arange(0, 24, 1e-2)
-    duty = 80 * (1 - np.abs(2 * time / 24 - 1))
-    loop = bench(real, 2, vgtjax.Trace(time=time, pwm=duty, p_res=np.full_like(time, 2e4)))
-    light = vgtjax.replace_parameters(vgtjax.Actuator(), {"diaphragm.mass": 0.05, "friction.bristle_damping": 2e4})
-    result = mechanical_fit(light, [loop])
+def test_a_fit_that_ends_in_chaos_tells_nothing(slow, monkeypatch):
+    """Rods too light for their bristles have derivatives of 1e69 and more, and so errors of nothing.
+
+    Here every fit exceeds the limit: whether a real one ends in chaos hangs on 1e-9 Pa.
+    """
+    monkeypatch.setattr("vgtjax.identification._limits.SENSITIVITY", 1e-3)
+    result = mechanical_fit(vgtjax.Actuator(), [slow])
     assert (result.values, result.limitations) == ({}, (NO_DERIVATIVES,))
 
 
