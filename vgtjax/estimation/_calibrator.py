@@ -30,15 +30,15 @@ from ._evidence import (
 )
 from ._holds import read_holds
 from ._least_squares import LeastSquares, estimate_uncertainty
-from ._progress import Progress
+from ._progress import NEAR, Progress
 from ._residuals import FitProblem, Sensors, build_fit_problem, white_sensors
 from ._search import LevenbergMarquardt, Point, Slopes
 from ._task import Task
 
 HELD_MATTERS = 9.0
 """Increase of chi^2 from which a value that ran away was worth something: three standard errors of one parameter."""
-MOST_HELD = 3
-"""Values that may run away, and be held, before a search is lost."""
+MOST_RESCUES = 4
+"""Times that a search goes on without what ran away before it is lost."""
 Report = Callable[[Progress], None]
 
 
@@ -76,10 +76,11 @@ class Calibrator:
         """`run` as a computation."""
         calibrator = self
         yield from calibrator._search(report)
-        while np.any(away := calibrator._away()):
-            if len(calibrator.minimiser.progress.held) + np.sum(away) > MOST_HELD:
+        for _ in range(MOST_RESCUES):
+            onward = yield from calibrator._without_runaways()
+            if onward is calibrator:
                 break
-            calibrator = yield from calibrator._holding(away)
+            calibrator = onward
             yield from calibrator._search(report)
         calibrator = yield from calibrator._reading_duty()
         yield from calibrator._search(report)
@@ -94,8 +95,7 @@ class Calibrator:
             report((yield from self.minimiser.steps()))
         progress = self.minimiser.progress
         if progress.let_go is not None and not progress.corrections:
-            worse = 2 * self.minimiser.problem.count * (progress.cost - progress.let_go) > HELD_MATTERS
-            self.minimiser.progress = dataclasses.replace(progress, lost=worse)
+            self.minimiser.progress = dataclasses.replace(progress, lost=self._worth(progress.cost - progress.let_go))
 
     def correct(self) -> "Calibrator | None":
         """The next correction of a search that has converged, or `None` where there is none, or none that matters."""
@@ -137,21 +137,31 @@ class Calibrator:
         away = (moved > np.log(RUNAWAY)) & transform.positive & ~np.asarray(transform.at_bound(here))
         return away & (np.arange(len(here)) < count)
 
-    def _holding(self, away: Bool[np.ndarray, " coordinates"]) -> "Steps[Calibrator]":
-        """The search gone on with what ran away held at its start: a value that changes nothing spoils no other."""
-        start = np.asarray(self.transform.to_coordinates(self.task.first_guess))
-        progress = self.minimiser.progress
-        coordinates = np.where(away, start, np.asarray(progress.coordinates))
-        return (
-            yield from starting(
-                self.task, progress.holding(np.flatnonzero(away).tolist(), coordinates.tolist()), self.notes
-            )
-        )
+    def _without_runaways(self) -> "Steps[Calibrator]":
+        """The search gone on with what ran away held at its start, as a value that changes nothing spoils no other; or
+        freed again, if the search had only lost its way: then holding has made it better."""
+        progress, away = self.minimiser.progress, self._away()
+        if np.any(away):
+            start = np.asarray(self.transform.to_coordinates(self.task.first_guess))
+            coordinates = np.where(away, start, np.asarray(progress.coordinates))
+            onward = progress.holding(np.flatnonzero(away).tolist(), coordinates.tolist())
+        elif progress.let_go is not None and self._worth(progress.let_go - progress.cost):
+            onward = progress.freed()
+        else:
+            return self
+        return (yield from starting(self.task, onward, self.notes))
+
+    def _worth(self, cost: float) -> bool:
+        """Whether a difference of costs is evident."""
+        return 2 * self.minimiser.problem.count * cost > HELD_MATTERS
 
     def _reading_duty(self) -> "Steps[Calibrator]":
         """The search gone on with the duty read as the traces say that it was between their samples."""
         progress, wanted = self.minimiser.progress, self.task.late_duty and self.task.unknown.duty_hold
-        if not (wanted and progress.converged and progress.hold_decided is None):
+        if not (wanted and progress.converged and progress.hold_decided is None) or progress.lost:
+            return self
+        if 2 * progress.cost > NEAR:  # what a wrong model leaves over looks like a late duty, too
+            self.minimiser.progress = dataclasses.replace(progress, hold_decided=False)
             return self
         problem, point = self.minimiser.problem, self.minimiser.point
         scale, freedom = float(self.transform.scale[-1]), problem.count - problem.offsets

@@ -68,7 +68,7 @@ def read_holds(
     left = sorted(((size, holds) for misfit, size, holds in explanations if misfit <= best + PERCEPTIBLE), key=_size)
     # Where a delay is left even so, half a sample more of it may be another hold.
     error = 1 / np.sqrt(np.sum(information))
-    decided = len(left) == 1 or (left[0][0] <= 3 * error < kinds[0] / 2)
+    decided = len(left) == 1 or bool(left[0][0] <= 3 * error < kinds[0] / 2)
     return dataclasses.replace(left[0][1], decided=decided)
 
 

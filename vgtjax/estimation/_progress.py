@@ -9,6 +9,8 @@ STALL, STALL_TOLERANCE = 6, 0.1
 """A fit has also converged when so many trials together lower chi^2 by less than this. Kinks of the model (a plunger
 that grazes its seat, a rod that sticks) leave a linear gain that no step reaches: on the slow loops of an actuator,
 the steps after such a stall gained 0.3 of 18000 in sum, in 20 trials."""
+NEAR = 2.0
+"""A start with a lower chi^2 per measurement is near the end, and the first step is nearly Gauss and Newton's."""
 NEAR_STEP_SIZE = 1e6
 """Inverse damping of the first step from near the end. Damped as a far start must be, a near one needs ten steps to
 lose the damping; far starts that begin like this are lost now and then."""
@@ -82,6 +84,11 @@ class Progress:
             held=held,
             let_go=self.cost if self.let_go is None else min(self.let_go, self.cost),
         )
+
+    def freed(self) -> "Progress":
+        """A search that goes on with nothing held."""
+        again = dataclasses.replace(self, step_size=1.0, rejected_in_a_row=0, converged=False, stalled=False)
+        return dataclasses.replace(again, held=(), let_go=None)
 
     def reading_duty(self, coordinates: Iterable[float], linear: Iterable[float], decided: bool) -> "Progress":
         """A search that goes on with the duty of some traces read as linear between samples, if any."""

@@ -15,13 +15,11 @@ from .._errors import SimulationError
 from .._types import Scalar
 from ._evaluation import Evaluated, Steps, ask, run_alone
 from ._least_squares import estimate_uncertainty, reduce_rows
-from ._progress import CHI2_TOLERANCE, NEAR_STEP_SIZE, STALL, STALL_TOLERANCE, Progress
+from ._progress import CHI2_TOLERANCE, NEAR, NEAR_STEP_SIZE, STALL, STALL_TOLERANCE, Progress
 from ._residuals import FitProblem
 
 STALL_SHARE = 0.01
 """Part of chi^2 that the linear model may still promise for a stall to count; with more, a fit is lost."""
-NEAR = 2.0
-"""A start with a lower chi^2 per measurement is near the end, and the first step is nearly Gauss and Newton's."""
 
 # Steps grow when three quarters of the predicted gain come true; the default of 99 % leaves a fit damped for long.
 _SEARCH: optx.ClassicalTrustRegion = optx.ClassicalTrustRegion(high_cutoff=0.75)

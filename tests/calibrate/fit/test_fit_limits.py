@@ -164,25 +164,24 @@ def test_a_fit_that_does_not_converge_says_so_and_keeps_what_it_has(small, monke
     assert again.out.startswith("nothing to do")
 
 
-def test_a_fit_that_ran_away_did_not_converge(small, monkeypatch):
-    """Nothing moves a rod of 1e88 kg: there every step gains nothing, which looks like the end of a fit. Held at its
-    start it costs more than the search had come to, so the mass was worth something."""
+def test_a_fit_that_ran_away_is_brought_back(small, monkeypatch):
+    """Nothing moves a rod of 1e88 kg: there every step gains nothing, which looks like the end of a fit. From its start
+    the mass is found, as the traces tell of it."""
     small.write_text(MECHANICAL.replace('"diaphragm.stiffness", "diaphragm.preload"', '"diaphragm.mass"'))
-    end = Progress(coordinates=(88 * float(np.log(10)),), converged=True, history=(0.5,))
+    end = Progress(coordinates=(88 * float(np.log(10)),), converged=True, history=(7.0,))
     monkeypatch.setattr("vgtjax.identification._fit.better_start", lambda task: end)
     outcome, found, said = refit(small)
-    sentence = (
-        "fitted values must stay within a factor 100000 of their start values, but diaphragm.mass ran away, and held "
-        "at the start value the fit is worse; give bounds or better start values"
-    )
-    assert (outcome.status, outcome.err) == (1, f"failed: the fit: {sentence}\n")
-    assert (said["converged"], said["error"]) == (False, sentence)
-    assert (found["diaphragm.mass"]["value"], found["diaphragm.mass"]["identifiable"]) == (0.63, False)
-    assert (small.parent / "out" / "report.html").exists()
+    assert (outcome.status, outcome.err, said["converged"]) == (0, "", True)
+    mass = found["diaphragm.mass"]
+    assert mass["identifiable"]
+    monkeypatch.undo()
+    assert run_command("fit", small, "--out", small.parent / "plain").status == 0
+    plain = read(small.parent / "plain" / "parameters.json")["parameters"]["diaphragm.mass"]
+    assert mass["value"] == pytest.approx(plain["value"], abs=0.1 * plain["std_error"])  # both stop near the minimum
 
 
 def test_a_start_that_cannot_be_simulated(small):
-    small.write_text(small.read_text() + '"chamber.volume" = {value = 1e-6}\n')
+    small.write_text(small.read_text() + '"converter.plunger_damping" = {value = 1e-6}\n')
     outcome = run_command("fit", small, "--out", small.parent / "out")
     assert outcome.status == 1
     assert outcome.err.startswith(
@@ -196,9 +195,9 @@ def test_a_start_that_cannot_be_simulated(small):
 
 
 def test_a_validation_that_cannot_be_simulated(small):
-    # At the end of this step the diaphragm takes more than the whole volume of so small a chamber.
+    # At the end of this step the diaphragm leaves next to nothing of so small a chamber.
     study = small.read_text().replace('"step_80.csv"', '"swap"').replace('"step_50.csv"', '"step_80.csv"')
-    small.write_text(study.replace('"swap"', '"step_50.csv"') + '"chamber.volume" = {value = 2.2e-5}\n')
+    small.write_text(study.replace('"swap"', '"step_50.csv"') + '"chamber.volume" = {value = 2.9625e-5}\n')
     outcome, _, said = refit(small)
     sentence = "the simulation of step_80 with the fitted values left the finite numbers"
     assert (outcome.status, outcome.err) == (1, f"failed: the fit: {sentence}\n")
