@@ -261,7 +261,8 @@ def starting(task: Task, resume: Progress | None = None, notes: tuple[str, ...] 
         stepping=task.stepping,
     )
     if not progress.corrections:
-        return Calibrator(task, sensors, (yield from LevenbergMarquardt.begin(problem, progress)), notes)
+        minimiser = yield from LevenbergMarquardt.begin(problem, progress, task.unknown.anything)
+        return Calibrator(task, sensors, minimiser, notes)
     slopes = yield from Slopes.find(problem, np.array(progress.linearised))
     return (yield from corrected_calibration(task, problem, progress, slopes, notes))
 

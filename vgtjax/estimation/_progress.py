@@ -124,7 +124,7 @@ class Progress:
         if self.converged and self.stalled:
             return f"the last {STALL} trials together lowered chi^2 by less than {STALL_TOLERANCE:g}"
         if self.converged:
-            return f"the last step lowered chi^2 by less than {CHI2_TOLERANCE:g}"
+            return "the last step lowered chi^2 by next to nothing"
         if self.rejected_in_a_row >= MAX_REJECTED:
             return f"stuck, {MAX_REJECTED} trial steps in a row did not lower the cost"
         if self.iteration >= MAX_ITERATIONS:

@@ -21,6 +21,10 @@ from ._residuals import FitProblem
 STALL_SHARE = 0.01
 """Part of chi^2 that the linear model may still promise for a stall to count; with more, a fit is lost."""
 
+NEARLY, NEARLY_PROMISED = 0.3, 10.0
+"""Gain in chi^2 of the last step, and that a full linear one promises, below which corrections may do the rest: half a
+standard error in any one direction, and kinks promise what no step reaches."""
+
 # Steps grow when three quarters of the predicted gain come true; the default of 99 % leaves a fit damped for long.
 _SEARCH: optx.ClassicalTrustRegion = optx.ClassicalTrustRegion(high_cutoff=0.75)
 _DESCENT: optx.DampedNewtonDescent = optx.DampedNewtonDescent()
@@ -109,12 +113,19 @@ class LevenbergMarquardt:
     that does not lower the cost. Derivatives are computed only where a trial is accepted.
     """
 
-    def __init__(self, problem: FitProblem, progress: Progress, slopes: Slopes, point: Point):
+    def __init__(
+        self, problem: FitProblem, progress: Progress, slopes: Slopes, point: Point, corrected_later: bool = False
+    ):
         self.problem, self.progress, self.slopes, self.point = problem, progress, slopes, point
+        self.corrected_later = corrected_later
 
     @classmethod
-    def begin(cls, problem: FitProblem, progress: Progress) -> Steps["LevenbergMarquardt"]:
+    def begin(
+        cls, problem: FitProblem, progress: Progress, corrected_later: bool = False
+    ) -> Steps["LevenbergMarquardt"]:
         """A search at its start, or at the last progress of an interrupted one.
+
+        **Arguments:** `corrected_later`: whether linear steps follow it, so that it need not go to the last digit.
 
         **Raises:** `SimulationError` when the start itself can't be simulated.
         """
@@ -134,7 +145,7 @@ class LevenbergMarquardt:
             history=(*progress.history[:-1], cost),
             step_size=NEAR_STEP_SIZE if near else progress.step_size,
         )
-        return cls(problem, progress, slopes, point)
+        return cls(problem, progress, slopes, point, corrected_later)
 
     def step(self) -> Progress:
         """Tries one step, and says where the fit stands then."""
@@ -166,9 +177,15 @@ class LevenbergMarquardt:
         gain = 2 * problem.count * (before.cost - after.cost)
         # Before the first accepted step, rejections say that the start's damping is too small.
         stalled = before.accepted > 0 and before.iteration >= STALL and self._stands_still(after)
-        converged = stalled or (bool(accepted) and gain < CHI2_TOLERANCE)
+        converged = stalled or (bool(accepted) and (gain < CHI2_TOLERANCE or self._nearly_there(gain)))
         self.progress = dataclasses.replace(after, converged=converged, stalled=stalled)
         return self.progress
+
+    def _nearly_there(self, gain: float) -> bool:
+        """Whether corrections, which are full linear steps, may do the rest."""
+        if not self.corrected_later or gain > NEARLY:
+            return False
+        return estimate_uncertainty(*self.point.reduced, self.problem.count).gain < NEARLY_PROMISED
 
     def _stands_still(self, progress: Progress) -> bool:
         """Whether the last trials gained next to nothing, and a full linear step promises no more."""
