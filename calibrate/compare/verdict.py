@@ -1,0 +1,130 @@
+"""What a comparison of structures says of every component, as `summary.json` states it."""
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+from vgtjax.estimation import Remains
+from vgtjax.identification import Compared, HoldVerdict, Ranking, Row, judge_hold, measure_delays
+
+from ..study.tables import Study
+from ..study.units import Unit
+from .alternatives import EXPONENTS, NO_GAS, options, own_structure
+
+UNSETTLED = "every sweep through the components changed another one"
+GREEDY = (
+    "one component was changed at a time, the others as in the structure found so far; what is better only together "
+    "is not found"
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class Choice:
+    """What is chosen for one component, and why that is decided or not."""
+
+    value: str | int | float | None
+    decided: bool
+    reason: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Verdict:
+    """What is chosen for every component, the table of all structures, and what remains of the best."""
+
+    choices: Mapping[str, Choice]
+    table: list[dict[str, Any]]
+    remains: list[Remains]
+    scored: str
+
+    def summary(self) -> dict[str, Any]:
+        """As `summary.json` has it."""
+        return {
+            "chosen": {name: choice.value for name, choice in self.choices.items()},
+            "decided": {name: choice.decided for name, choice in self.choices.items()},
+            "reasons": {name: choice.reason for name, choice in self.choices.items()},
+            "search": GREEDY,
+            "scored_on": self.scored,
+            "table": self.table,
+            "remains": [dataclasses.asdict(each) for each in self.remains],
+        }
+
+
+def judge(study: Study, unit: Unit, compared: Compared) -> Verdict:
+    """What was found for one unit."""
+    choices: dict[str, Choice] = {}
+    for component, value in own_structure(study).items():
+        if component not in options(study, unit):
+            choices[component] = Choice(value, False, NO_GAS)
+        elif component == "friction":
+            choices |= _friction(compared.rankings[component])
+        else:
+            choices[component] = _beyond(compared.rankings[component], ())
+    if not compared.settled:
+        choices = {name: Choice(choice.value, False, UNSETTLED) for name, choice in choices.items()}
+    rankings = list(compared.rankings.values())
+    remains = list(rankings[-1].remains)
+    choices |= _duty(study, unit, compared, far=any(each.far for each in remains))
+    return Verdict(choices, _table(compared), remains, rankings[0].scored)
+
+
+def _beyond(ranking: Ranking, kin: tuple[str, ...]) -> Choice:
+    """The best of a ranking, decided against all that are not of its kin."""
+    doubt = ranking.doubt([name for name in ranking.against if name not in kin])
+    return Choice(ranking.best, ranking.best is not None and not doubt, doubt or "better than every other beyond doubt")
+
+
+def _friction(ranking: Ranking) -> dict[str, Choice]:
+    """The family, and the exponent of its Stribeck curve, which are one list of variants."""
+    family = _beyond(ranking, tuple(EXPONENTS) if ranking.best in EXPONENTS else ())
+    if ranking.best not in EXPONENTS:
+        nothing = Choice(None, False, f"'{ranking.best}' has no Stribeck curve with an exponent")
+        return {"friction": family, "stribeck_exponent": nothing}
+    name = "lugre" if family.value == "lugre-squared" else family.value
+    doubt = ranking.doubt([rival for rival in ranking.against if rival in EXPONENTS])
+    exponent = Choice(EXPONENTS[ranking.best], not doubt, doubt or "better than the other beyond doubt")
+    return {"friction": dataclasses.replace(family, value=name), "stribeck_exponent": exponent}
+
+
+def _duty(study: Study, unit: Unit, compared: Compared, *, far: bool) -> dict[str, Choice]:
+    """How the duty was held and how late it is; nothing for a model without a duty."""
+    if "pwm" not in unit.model.needs or compared.fit is None:
+        return {}
+    verdict = _hold(study, unit, compared)
+    decided, reason = verdict.decided, verdict.reason
+    if decided and far:
+        decided, reason = False, f"{reason}; but even the best structure leaves evident structure"
+    return {
+        "duty_hold": Choice(verdict.hold, decided, reason),
+        "duty_delay": Choice(verdict.delay, decided, reason),
+    }
+
+
+def _hold(study: Study, unit: Unit, compared: Compared) -> HoldVerdict:
+    holds = {entry.duty_hold for entry in study.trace}
+    stated, fit = study.trace[0].duty_hold, compared.fit
+    assert fit is not None, "a duty is judged by a fit"
+    if unit.knows_delay:
+        known = next(entry.duty_delay for entry in study.trace if entry.duty_delay is not None)
+        return HoldVerdict(stated, known, False, "the study states the delay, so none was looked for")
+    if not fit.calibration.task.late_duty:
+        return HoldVerdict(stated, 0.0, False, "the study says that no delay is to be looked for")
+    if len(holds) > 1:
+        return HoldVerdict(stated, fit.calibration.duty_delay, False, "the study states different holds for its traces")
+    return judge_hold(*measure_delays(fit), stated)
+
+
+def _table(compared: Compared) -> list[dict[str, Any]]:
+    """A row for every structure of every component, the best of each first."""
+    return [_row(component, ranking, row) for component, ranking in compared.rankings.items() for row in ranking.rows]
+
+
+def _row(component: str, ranking: Ranking, row: Row) -> dict[str, Any]:
+    duel = ranking.against.get(row.name)
+    return {
+        "component": component,
+        **dataclasses.asdict(row),
+        "difference": None if duel is None or row.criterion is None else duel.difference,
+        "steadiness": None if duel is None or row.criterion is None else duel.steadiness,
+        "unseen": None if duel is None else duel.unseen,
+        "doubt": "" if duel is None else duel.doubt,
+    }
