@@ -8,7 +8,7 @@ import numpy as np
 
 import vgtjax
 from vgtjax import InputError, PassivityWarning
-from vgtjax.estimation import Task, Unknown
+from vgtjax.estimation import Task
 from vgtjax.identification import GASLESS, gauge_pressures, plan_fit
 from vgtjax.parameters import entry_names, match_entries, parameter_table, select
 from vgtjax.plants import on_given_knots
@@ -73,19 +73,16 @@ def plan(job: Job, unit: Unit, structure: Mapping[str, str], values: Mapping[str
         if values:
             model = on_given_knots(model, dict(values))
             model = vgtjax.replace_parameters(model, _shared(model, values))
-        return plan_fit(
-            model, unit.used("fit"), unit.used("validate"), **_choices(job, unit, study, model), bounds=bounds
-        )
+        choices = {"free": _free(unit, study, model), "fixed": study.fit.fixed, "unknown": unit.unknown(study)}
+        return plan_fit(model, unit.used("fit"), unit.used("validate"), **choices, bounds=bounds)
 
 
-def _choices(job: Job, unit: Unit, study: Study, model: vgtjax.AbstractModel) -> dict[str, Any]:
-    chosen = study.fit
-    table = chosen.unknown.model_copy(update={"duty_delay": False} if unit.knows_delay else {})
-    free = chosen.free
-    if free is not None:  # names are those of the study's own structure; what another has besides is free as well
-        known = parameter_table(unit.model)
-        free = [*free, *(entry for entry in select(model).entries if entry.partition("[")[0] not in known)]
-    return {"free": free, "fixed": chosen.fixed, "unknown": Unknown(loss=chosen.loss, **dict(table))}
+def _free(unit: Unit, study: Study, model: vgtjax.AbstractModel) -> list[str] | None:
+    """What the study frees: it names parameters of its own structure, so what another has besides is free as well."""
+    if study.fit.free is None:
+        return None
+    known = parameter_table(unit.model)
+    return [*study.fit.free, *(entry for entry in select(model).entries if entry.partition("[")[0] not in known)]
 
 
 def _shared(model: vgtjax.AbstractModel, values: Mapping[str, Any]) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from ..study.units import Unit
 from .alternatives import EXPONENTS, NO_GAS, options, own_structure
 
 UNSETTLED = "every sweep through the components changed another one"
+ALONE = "there is nothing to compare it with"
 GREEDY = (
     "one component was changed at a time, the others as in the structure found so far; what is better only together "
     "is not found"
@@ -69,7 +70,8 @@ def judge(study: Study, unit: Unit, compared: Compared) -> Verdict:
 
 def _beyond(ranking: Ranking, kin: tuple[str, ...]) -> Choice:
     """The best of a ranking, decided against all that are not of its kin."""
-    doubt = ranking.doubt([name for name in ranking.against if name not in kin])
+    rivals = [name for name in ranking.against if name not in kin]
+    doubt = ranking.doubt(rivals) if rivals else ALONE
     return Choice(ranking.best, ranking.best is not None and not doubt, doubt or "better than every other beyond doubt")
 
 
@@ -80,7 +82,8 @@ def _friction(ranking: Ranking) -> dict[str, Choice]:
         nothing = Choice(None, False, f"'{ranking.best}' has no Stribeck curve with an exponent")
         return {"friction": family, "stribeck_exponent": nothing}
     name = "lugre" if family.value == "lugre-squared" else family.value
-    doubt = ranking.doubt([rival for rival in ranking.against if rival in EXPONENTS])
+    rivals = [rival for rival in ranking.against if rival in EXPONENTS]
+    doubt = ranking.doubt(rivals) if rivals else ALONE
     exponent = Choice(EXPONENTS[ranking.best], not doubt, doubt or "better than the other beyond doubt")
     return {"friction": dataclasses.replace(family, value=name), "stribeck_exponent": exponent}
 

@@ -122,7 +122,7 @@ def _judged(channel: str, what: str, statistic: float, freedom: float, count: fl
 
 def _size(channel: str, pieces: list[Piece]) -> Remains:
     """The noise that was found over that which the signals show between neighbours."""
-    ratios = [sensor.level / noise_level(sensor.values, channel) for _, _, sensor in pieces]
+    ratios = [float(sensor.level / noise_level(sensor.values, channel)) for _, _, sensor in pieces]
     worst = int(np.argmax(ratios))
     far = ratios[worst] > LOUD
     sentence = (

@@ -7,15 +7,19 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..parameters import build_transform, parameter_table
-from ._calibration import Calibration
+from ._calibration import Calibration, comparing
 from ._evaluation import Evaluated, Steps, ask
 from ._evidence import DELAY_SCALE, LONGEST_DELAY
 from ._least_squares import LeastSquares, estimate_uncertainty, reduce_rows
+from ._progress import Progress
 from ._residuals import FitProblem, Sensors, build_fit_problem
+from ._search import LevenbergMarquardt
 
 BLOCKS = 16
 """Stretches of a trace that count as independent of each other: few enough that residuals forget from one to the next,
 many enough that three traces show the scatter between them."""
+MOST_STEPS = 30
+"""Steps of a search in the weights of other sensors, which begins near its end."""
 TOLD_BY_OTHERS = 0.01
 """Part of the information on a direction that the other traces must have for it to move when a trace is left out."""
 
@@ -50,17 +54,28 @@ class Linearised:
         evaluated = yield from ask(problem.evaluation(at, slopes=True))
         return Linearised(calibration, problem, at, evaluated)
 
-    def weighed(self, sensors: Sensors) -> "Weighed":
-        """Seen with the noise of these sensors, whose values are still those of this fit.
-
-        (They have its own numerical errors taken away.)
-        """
-        traces = self.calibration.task.fit
+    def _with_noise(self, sensors: Sensors) -> FitProblem:
+        """The problem with the noise of these sensors; values have this fit's own numerical errors taken away."""
         own = [
             {name: dataclasses.replace(sensor, values=mine[name].values) for name, sensor in each.items()}
             for each, mine in zip(sensors, self.calibration.sensors, strict=True)
         ]
-        problem = self.problem.with_sensors(traces, own)
+        return self.problem.with_sensors(self.calibration.task.fit, own)
+
+    def searched(self, sensors: Sensors) -> Steps["Linearised"]:
+        """Where the search ends in the weights of these sensors, which are not those of the fit itself."""
+        search = yield from LevenbergMarquardt.begin(self._with_noise(sensors), Progress(tuple(self.at.tolist())))
+        while not search.progress.finished and search.progress.iteration < MOST_STEPS:
+            yield from search.steps()
+        at, task = np.array(search.progress.coordinates), self.calibration.task
+        model, delay = self.problem.at(at)
+        compared = yield from comparing(task, model, 0.0 if delay is None else float(delay), self.calibration.sensors)
+        calibration = dataclasses.replace(self.calibration, traces=compared)
+        return dataclasses.replace(self, calibration=calibration, at=at, evaluated=search.slopes.evaluated)
+
+    def weighed(self, sensors: Sensors) -> "Weighed":
+        """Seen with the noise of these sensors."""
+        problem = self._with_noise(sensors)
         residuals = problem.residuals_of(self.evaluated.observed)
         columns = problem.columns_of(self.evaluated.columns, self.at)
         columns = np.where(np.isfinite(columns).all(0), columns, 0.0)

@@ -1,8 +1,8 @@
 """Whether the duty was held between its samples or went linearly, and how late it is, from fitted delays.
 
 The mean of a duty that goes linearly over an interval `T` is that of a held one `T / 2` earlier, so one fit has both:
-held and late by `d` is linear and late by `d + T / 2`. But a duty can't arrive before it is given, and where traces have
-several intervals, only one of both gives them all the same delay.
+held and late by `d` is linear and late by `d + T / 2`. But a duty can't arrive before it is given, and where traces
+have several intervals, only one of both makes them all equally late.
 """
 
 import dataclasses

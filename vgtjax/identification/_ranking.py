@@ -6,12 +6,14 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Float
 
-from ..estimation import BLOCKS, Calibration, Comparison, Linearised, Remains, Weighed, find_remains
+from ..estimation import BLOCKS, Calibration, Comparison, Linearised, Remains, Sensors, Steps, Weighed, find_remains
 
 Blocks = Float[np.ndarray, " blocks"]
 
 STRONG = 10.0
 """Difference of the criterion that is very strong evidence (Kass and Raftery, 1995)."""
+SMALL = 1.0
+"""Chi^2 that a further linear step promises and that is not worth a search."""
 STRONGER = 100.0
 """The same where even the best leaves evident structure: then all are wrong, and a difference says less."""
 STEADY = 3.0
@@ -71,8 +73,8 @@ Outcome = Linearised | str
 """A fit, or why there is none."""
 
 
-def rank(outcomes: Mapping[str, Outcome]) -> Ranking:
-    """Ranks fits of the same traces."""
+def rank(outcomes: Mapping[str, Outcome]) -> Steps[Ranking]:
+    """Ranks fits of the same traces, as a computation."""
     fits = {name: each for name, each in outcomes.items() if isinstance(each, Linearised)}
     reasons = {name: unusable(each) for name, each in outcomes.items()}
     able = [name for name in fits if not reasons[name]]
@@ -81,6 +83,8 @@ def rank(outcomes: Mapping[str, Outcome]) -> Ranking:
     # Residuals of all are compared in the weights of one; the one whose own noise explains the traces best.
     likeliest = min(able, key=lambda name: own_criterion(fits[name]))
     common = fits[likeliest].calibration.sensors
+    for name, fit in fits.items():
+        fits[name] = fit if name == likeliest else (yield from _at_best(fit, common))
     weighed = {name: fit.weighed(common) for name, fit in fits.items()}
     leader = weighed[likeliest]
     scale = max(1.0, leader.chi2 / (leader.count - leader.uncertainty.rank))
@@ -121,6 +125,13 @@ def _doubt(difference: float, steadiness: float, unseen: float | None, needed: f
     if unseen is not None and unseen < -CONTRARY:
         return f"traces not fitted favour the other by {-unseen:.2g} standard errors"
     return ""
+
+
+def _at_best(fit: Linearised, sensors: Sensors) -> Steps[Linearised]:
+    """A fit where it is best in the weights of another one's sensors."""
+    if fit.evaluated.failed or fit.weighed(sensors).uncertainty.gain < SMALL:
+        return fit
+    return (yield from fit.searched(sensors))
 
 
 def unusable(outcome: Outcome) -> str:

@@ -52,11 +52,15 @@ def comparing_structures(own: Structure, options: Mapping[str, Sequence[str]], f
     """`compare_structures` as a computation."""
     search, base = _Search(fitting), dict(own)
     rankings: dict[str, Ranking] = {}
+    ranked_in: dict[str, Structure] = {}
     for _ in range(MOST_SWEEPS):
         before = dict(base)
         for component, names in options.items():
+            if ranked_in.get(component) == base:
+                continue
             rankings[component] = yield from search.rank(base, component, names)
             base[component] = _better(rankings[component], base[component])
+            ranked_in[component] = dict(base)
         if base == before:
             return Compared(rankings, base, search.usable(base), True)
     return Compared(rankings, base, search.usable(base), False)
@@ -90,12 +94,12 @@ class _Search:
         structures = {name: {**base, component: name} for name in names}
         for structure in structures.values():
             yield from self._fit(structure, self._values(base))
-        ranking = rank({name: self._fits[_key(structure)] for name, structure in structures.items()})
+        ranking = yield from rank({name: self._fits[_key(structure)] for name, structure in structures.items()})
         if ranking.best is None or ranking.best == base[component] or _key(base) in self._again:
             return ranking
         # The others began where the base ended; the base may begin at the best one's end as well.
         yield from self._fit(base, self._values(structures[ranking.best]), again=True)
-        return rank({name: self._fits[_key(structure)] for name, structure in structures.items()})
+        return (yield from rank({name: self._fits[_key(structure)] for name, structure in structures.items()}))
 
     def _fit(self, structure: Structure, values: Values, *, again: bool = False) -> Steps[None]:
         key = _key(structure)
