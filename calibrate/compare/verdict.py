@@ -1,11 +1,11 @@
 """What a comparison of structures says of every component, as `summary.json` states it."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from vgtjax.estimation import Remains
-from vgtjax.identification import Compared, HoldVerdict, Ranking, Row, judge_hold, measure_delays
+from vgtjax.estimation import VERDICTS, Remains
+from vgtjax.identification import Compared, HoldVerdict, Ranking, Row, judge_hold, measure_delays, worst_verdict
 
 from ..study.tables import Study
 from ..study.units import Unit
@@ -57,34 +57,38 @@ def judge(study: Study, unit: Unit, compared: Compared) -> Verdict:
         if component not in options(study, unit):
             choices[component] = Choice(value, False, NO_GAS)
         elif component == "friction":
-            choices |= _friction(compared.rankings[component])
+            choices |= _friction(compared.rankings[component], compared.structure[component])
         else:
-            choices[component] = _beyond(compared.rankings[component], ())
+            choices[component] = _beyond(compared.rankings[component], compared.structure[component])
     if not compared.settled:
         choices = {name: Choice(choice.value, False, UNSETTLED) for name, choice in choices.items()}
     rankings = list(compared.rankings.values())
     remains = list(rankings[-1].remains)
-    choices |= _duty(study, unit, compared, far=any(each.far for each in remains))
+    choices |= _duty(study, unit, compared, far=worst_verdict(remains) == VERDICTS[-1])
     return Verdict(choices, _table(compared), remains, rankings[0].scored)
 
 
-def _beyond(ranking: Ranking, kin: tuple[str, ...]) -> Choice:
-    """The best of a ranking, decided against all that are not of its kin."""
+def _beyond(ranking: Ranking, chosen: str, kin: Sequence[str] = ()) -> Choice:
+    """What is chosen of a ranking, decided if it is the best, beyond doubt against all that are not of its kin."""
     rivals = [name for name in ranking.against if name not in kin]
     doubt = ranking.doubt(rivals) if rivals else ALONE
-    return Choice(ranking.best, ranking.best is not None and not doubt, doubt or "better than every other beyond doubt")
+    if ranking.best not in (chosen, *kin):
+        doubt = doubt or "it is not clearly better than the study's own"
+    if doubt and doubt != ALONE and ranking.best != chosen:
+        doubt = f"'{ranking.best}' is better, but not clearly ({doubt})"
+    return Choice(chosen, not doubt, doubt or "better than every other beyond doubt")
 
 
-def _friction(ranking: Ranking) -> dict[str, Choice]:
+def _friction(ranking: Ranking, chosen: str) -> dict[str, Choice]:
     """The family, and the exponent of its Stribeck curve, which are one list of variants."""
-    family = _beyond(ranking, tuple(EXPONENTS) if ranking.best in EXPONENTS else ())
-    if ranking.best not in EXPONENTS:
-        nothing = Choice(None, False, f"'{ranking.best}' has no Stribeck curve with an exponent")
-        return {"friction": family, "stribeck_exponent": nothing}
-    name = "lugre" if family.value == "lugre-squared" else family.value
-    rivals = [rival for rival in ranking.against if rival in EXPONENTS]
-    doubt = ranking.doubt(rivals) if rivals else ALONE
-    exponent = Choice(EXPONENTS[ranking.best], not doubt, doubt or "better than the other beyond doubt")
+    kin = tuple(EXPONENTS) if chosen in EXPONENTS and ranking.best in EXPONENTS else ()
+    family = _beyond(ranking, chosen, kin)
+    name = "lugre" if chosen == "lugre-squared" else chosen
+    if chosen not in EXPONENTS:
+        exponent = Choice(None, False, f"'{chosen}' has no Stribeck curve with an exponent")
+    else:
+        alone = _beyond(ranking, chosen, [name for name in ranking.against if name not in EXPONENTS])
+        exponent = dataclasses.replace(alone, value=EXPONENTS[chosen])
     return {"friction": dataclasses.replace(family, value=name), "stribeck_exponent": exponent}
 
 

@@ -28,7 +28,7 @@ from ._least_squares import (
     robust_deviation as robust_deviation,
 )
 from ._progress import CHI2_TOLERANCE as CHI2_TOLERANCE, Progress as Progress
-from ._remains import Remains as Remains, find_remains as find_remains
+from ._remains import VERDICTS as VERDICTS, Remains as Remains, find_remains as find_remains
 from ._residuals import FitProblem as FitProblem, Sensors as Sensors, build_fit_problem as build_fit_problem
 from ._search import LevenbergMarquardt as LevenbergMarquardt
 from ._sensitivities import jacobian as jacobian, observe as observe, observe_with_jacobian as observe_with_jacobian

@@ -17,10 +17,12 @@ BINS = 20
 """Bins of equally many samples over position and over speed."""
 CHANCE = 1e-3
 """p value below which structure is evident."""
-FAR = 0.05
+MUCH = 0.05
 """Share of the variance that evident structure may have before the model is far from its sensors' noise."""
 LOUD = 1.5
 """The same for its size over the noise that the signals themselves show."""
+VERDICTS = ("as of noise", "small but evident structure", "far from noise")
+"""What residuals show, from nothing to much."""
 WORDS = {"x_d": "position", "p_act": "chamber pressure"}
 
 
@@ -30,13 +32,14 @@ class Remains:
 
     `over` is time, position, speed or size; `number` the share of the variance that is structure over it (of size: the
     noise that was found over that which the signals show); `p` the probability of as much by chance, `None` for size.
+    `verdict` is one of `VERDICTS`.
     """
 
     channel: str
     over: str
     number: float
     p: float | None
-    far: bool
+    verdict: str
     sentence: str
 
 
@@ -114,22 +117,21 @@ def _over(
 
 def _judged(channel: str, what: str, statistic: float, freedom: float, count: float, text: str, more: str) -> Remains:
     p, share = float(scipy.stats.chi2.sf(statistic, freedom)), max(0.0, (statistic - freedom) / count)
-    evident, far = p < CHANCE, p < CHANCE and share > FAR
-    verdict = "far from noise" if far else "small but evident structure" if evident else "as of noise"
+    verdict = VERDICTS[(p < CHANCE) + (p < CHANCE and share > MUCH)]
     sentence = f"{WORDS[channel]} over {what}: {text}, {100 * share:.2g} % of its variance, {verdict}{more}"
-    return Remains(channel, what, share, p, far, sentence)
+    return Remains(channel, what, share, p, verdict, sentence)
 
 
 def _size(channel: str, pieces: list[Piece]) -> Remains:
     """The noise that was found over that which the signals show between neighbours."""
     ratios = [float(sensor.level / noise_level(sensor.values, channel)) for _, _, sensor in pieces]
     worst = int(np.argmax(ratios))
-    far = ratios[worst] > LOUD
+    verdict = VERDICTS[2 if ratios[worst] > LOUD else 0]
     sentence = (
         f"{WORDS[channel]}: what remains is at most {ratios[worst]:.2f} times the noise that the signal itself shows "
-        f"({pieces[worst][0].trace.name}), {'far from noise' if far else 'as of noise'}"
+        f"({pieces[worst][0].trace.name}), {verdict}"
     )
-    return Remains(channel, "size", ratios[worst], None, far, sentence)
+    return Remains(channel, "size", ratios[worst], None, verdict, sentence)
 
 
 def _position(result: TraceResult, channel: str) -> Samples:

@@ -35,7 +35,7 @@ from ._motion import (
 )
 from ._pipeline import apply as apply, identify as identify, plan as plan
 from ._plunger import identify_plunger as identify_plunger
-from ._ranking import Duel as Duel, Ranking as Ranking, Row as Row, rank as rank
+from ._ranking import Duel as Duel, Ranking as Ranking, Row as Row, rank as rank, worst_verdict as worst_verdict
 from ._result import Curve as Curve, Identified as Identified, NotPossible as NotPossible
 from ._second_order import identify_mass_and_damping as identify_mass_and_damping
 from ._spring import identify_spring as identify_spring

@@ -6,19 +6,29 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Float
 
-from ..estimation import BLOCKS, Calibration, Comparison, Linearised, Remains, Sensors, Steps, Weighed, find_remains
+from ..estimation import (
+    BLOCKS,
+    VERDICTS,
+    Calibration,
+    Comparison,
+    Linearised,
+    Remains,
+    Sensors,
+    Steps,
+    Weighed,
+    find_remains,
+)
 
 Blocks = Float[np.ndarray, " blocks"]
 
 STRONG = 10.0
 """Difference of the criterion that is very strong evidence (Kass and Raftery, 1995)."""
+NEEDED = dict(zip(VERDICTS, ((STRONG, 0.0), (3 * STRONG, 2.0), (10 * STRONG, 3.0)), strict=True))
+"""By what remains of the best: the difference that decides, and by how many standard errors of the scatter between
+blocks of time the traces must favour it (Vuong, 1989). Where even the best leaves structure all are wrong, and what
+speaks for one must do so everywhere; where it leaves noise, one spot may say all that there is to say."""
 SMALL = 1.0
 """Chi^2 that a further linear step promises and that is not worth a search."""
-STRONGER = 100.0
-"""The same where even the best leaves evident structure: then all are wrong, and a difference says less."""
-STEADY = 3.0
-"""Standard errors, by the scatter between blocks of time, by which the traces themselves must favour the best (Vuong,
-1989): what one spot alone says, or only the number of parameters, decides nothing."""
 CONTRARY = 1.0
 """Standard errors by which traces that were not fitted may favour another."""
 FEWEST = 3
@@ -93,7 +103,7 @@ def rank(outcomes: Mapping[str, Outcome]) -> Steps[Ranking]:
     best = min(able, key=criteria.__getitem__)
     unseen = _score(fits, weighed)
     remains = find_remains(fits[best].calibration)
-    needed = STRONGER if any(each.far for each in remains) else STRONG
+    needed = NEEDED[worst_verdict(remains)]
     rows = [_row(name, reasons[name], weighed, criteria, unseen) for name in outcomes]
     rows.sort(key=lambda row: (row.name != best, bool(row.reason), np.inf if row.criterion is None else row.criterion))
     against = {}
@@ -105,26 +115,39 @@ def rank(outcomes: Mapping[str, Outcome]) -> Steps[Ranking]:
             continue
         # Where a full linear step promises a rival more, it is given that: it may not be at its end in these weights.
         promised = weighed[name].uncertainty.gain / scale
+        by_fit = (weighed[name].chi2 - weighed[best].chi2) / scale - promised
         difference = criteria[name] - promised - criteria[best]
         steadiness = _favour(weighed[name].by_block - weighed[best].by_block, promised * scale)
         elsewhere = None if unseen is None else _favour(unseen.blocks[name] - unseen.blocks[best])
-        doubt = _doubt(difference, steadiness, elsewhere, needed, best == likeliest)
+        doubt = _doubt((difference, by_fit, steadiness), elsewhere, needed, agreed=best == likeliest)
         against[name] = Duel(difference, steadiness, elsewhere, doubt)
     return Ranking(rows, best, against, "none" if unseen is None else unseen.what, remains)
 
 
-def _doubt(difference: float, steadiness: float, unseen: float | None, needed: float, agreed: bool) -> str:
+def _doubt(
+    found: tuple[float, float, float], unseen: float | None, needed: tuple[float, float], *, agreed: bool
+) -> str:
+    """Why a duel does not decide, by its difference, the part of it that is no penalty, and its steadiness."""
+    difference, by_fit, steadiness = found
     if not agreed:
         return "which is best depends on whose noise weighs the traces"
-    if difference <= needed:
-        return f"the criterion differs by {difference:.3g}, {needed:g} would decide"
-    if steadiness < STEADY:
+    if difference <= needed[0]:
+        return f"the criterion differs by {difference:.3g}, {needed[0]:g} would decide"
+    if by_fit <= needed[0]:
+        return f"only its number of parameters speaks for the best; chi^2 differs by {by_fit:.3g}"
+    if steadiness < needed[1]:
         return (
-            f"the traces favour the best by {steadiness:.2g} standard errors of the scatter in time, {STEADY:g} decide"
+            f"the traces favour the best by {steadiness:.2g} standard errors of the scatter in time, {needed[1]:g} "
+            "would decide"
         )
     if unseen is not None and unseen < -CONTRARY:
         return f"traces not fitted favour the other by {-unseen:.2g} standard errors"
     return ""
+
+
+def worst_verdict(remains: Sequence[Remains]) -> str:
+    """The one that says most of structure in what remains."""
+    return max((each.verdict for each in remains), key=VERDICTS.index, default=VERDICTS[0])
 
 
 def _at_best(fit: Linearised, sensors: Sensors) -> Steps[Linearised]:

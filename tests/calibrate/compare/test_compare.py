@@ -6,7 +6,7 @@ import pathlib
 import pytest
 from commands import Outcome, cut_example, read, run_command
 
-from calibrate.compare import alternatives
+from calibrate.compare import alternatives, command
 from calibrate.output.files import MARKER
 
 FRICTION = ("lugre", "coulomb")
@@ -59,3 +59,42 @@ def test_the_contract(compared):
     assert summary["decided"]["vane_force"] is False
     assert summary["reasons"]["vane_force"] == "the turbine pressure is zero in all traces"
     assert [row["name"] for row in summary["table"]] in (["lugre", "coulomb"], ["coulomb", "lugre"])
+
+
+def test_the_report_says_what_was_compared(compared):
+    page = (compared.out / "report.html").read_text()
+    for words in ("coulomb", "as of noise", "the turbine pressure is zero in all traces", "search"):
+        assert words in page
+
+
+def test_a_second_run_does_nothing(compared):
+    outcome = run_command("compare", compared.study, "--out", compared.out)
+    assert (outcome.status, outcome.err) == (0, "")
+    assert outcome.out.startswith(f"nothing to do: {compared.out} holds the results already\n")
+
+
+def test_an_interrupted_comparison_keeps_its_finished_fits(compared, tmp_path, monkeypatch):
+    def killed(*arguments):
+        raise RuntimeError("killed")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(command, "judge", killed)
+        with pytest.raises(RuntimeError, match="killed"):
+            run_command("compare", compared.study, "--out", tmp_path / "out")
+    assert {path.name for path in (tmp_path / "out" / command.FITS).iterdir()} >= {"none+lugre", "none+coulomb"}
+    outcome = run_command("compare", compared.study, "--out", tmp_path / "out")
+    assert outcome.out.count("resuming after step") >= 2
+    resumed, whole = (read(folder / "summary.json") for folder in (tmp_path / "out", compared.out))
+    assert {**resumed, "wall_seconds": 0} == {**whole, "wall_seconds": 0}
+
+
+def test_bad_input_is_one_sentence(compared, tmp_path):
+    study = tmp_path / "study.toml"
+    study.write_text(STUDY.replace("diaphragm.preload", "diaphragm.prelaod"))
+    for name in ("step_80", "step_50"):
+        cut_example(name, 1.2, tmp_path)
+    outcome = run_command("compare", study, "--out", tmp_path / "out")
+    assert (outcome.status, outcome.out) == (2, "")
+    assert outcome.err.startswith("error: ")
+    assert "did you mean 'diaphragm.preload'?" in outcome.err
+    assert not (tmp_path / "out").exists()
