@@ -27,6 +27,17 @@ VANE_FORCE = ("none", "map", "speed-map")
 LINE = ("none", "delay")
 """Not the wave equation, which takes many small steps for the same delay and loss."""
 CHAMBER = ("adiabatic", "wall", "isothermal")
+WIDER = {
+    "map": ("none",),
+    "speed-map": ("none",),
+    "delay": ("none",),
+    "wall": ("adiabatic", "isothermal"),
+    "lugre": ("dahl",),
+    "lugre-passive": ("dahl",),
+    "lugre-squared": ("dahl",),
+    "karnopp": ("coulomb",),
+}
+"""Which variants contain which others as a limit."""
 NO_GAS = "the turbine pressure is zero in all traces"
 
 

@@ -15,7 +15,7 @@ from ..output.console import console
 from ..output.files import REPORT, SUMMARY, write_json, write_text
 from ..resumable import Folders, ProgressFile, run_units
 from ..study.units import Job, Unit, prepare
-from .alternatives import options, own_structure, plan
+from .alternatives import WIDER, options, own_structure, plan
 from .report import render, render_overview
 from .verdict import Verdict, judge
 
@@ -61,7 +61,7 @@ def _comparing(job: Job, unit: Unit, folder: pathlib.Path) -> Steps[Outcome]:
     def fitting(structure: Mapping[str, str], values: Mapping[str, Any], again: bool) -> Steps[Calibration]:
         return _fitting(job, unit, folder, structure, values, again=again)
 
-    compared = yield from comparing_structures(own, options(job.study, unit), fitting)
+    compared = yield from comparing_structures(own, options(job.study, unit), fitting, WIDER)
     return compared, time.monotonic() - began
 
 

@@ -31,6 +31,7 @@ SMALL = 1.0
 """Chi^2 that a further linear step promises and that is not worth a search."""
 CONTRARY = 1.0
 """Standard errors by which traces that were not fitted may favour another."""
+WIDER = "it contains the best one as a limit, so nothing could speak against it"
 FEWEST = 3
 """Traces from which on each can be left out."""
 
@@ -83,8 +84,11 @@ Outcome = Linearised | str
 """A fit, or why there is none."""
 
 
-def rank(outcomes: Mapping[str, Outcome]) -> Steps[Ranking]:
-    """Ranks fits of the same traces, as a computation."""
+def rank(outcomes: Mapping[str, Outcome], wider: Mapping[str, Sequence[str]] | None = None) -> Steps[Ranking]:
+    """Ranks fits of the same traces, as a computation.
+
+    **Arguments:** `wider`: which structures contain which others as a limit. Nothing can speak against those.
+    """
     fits = {name: each for name, each in outcomes.items() if isinstance(each, Linearised)}
     reasons = {name: unusable(each) for name, each in outcomes.items()}
     able = [name for name in fits if not reasons[name]]
@@ -119,7 +123,12 @@ def rank(outcomes: Mapping[str, Outcome]) -> Steps[Ranking]:
         difference = criteria[name] - promised - criteria[best]
         steadiness = _favour(weighed[name].by_block - weighed[best].by_block, promised * scale)
         elsewhere = None if unseen is None else _favour(unseen.blocks[name] - unseen.blocks[best])
-        doubt = _doubt((difference, by_fit, steadiness), elsewhere, needed, agreed=best == likeliest)
+        contained = best in (wider or {}).get(name, ())
+        doubt = (
+            WIDER
+            if contained
+            else _doubt((difference, by_fit, steadiness), elsewhere, needed, agreed=best == likeliest)
+        )
         against[name] = Duel(difference, steadiness, elsewhere, doubt)
     return Ranking(rows, best, against, "none" if unseen is None else unseen.what, remains)
 

@@ -16,6 +16,8 @@ MOST_SWEEPS = 3
 
 Structure = Mapping[str, str]
 """The variant of every component."""
+Wider = Mapping[str, Sequence[str]]
+"""Which variants of a component contain which others as a limit."""
 Values = Mapping[str, Any]
 """Values of parameters by name, to start from those that a structure has."""
 Fitting = Callable[[Structure, Values, bool], Steps[Calibration]]
@@ -36,21 +38,25 @@ class Compared:
     settled: bool
 
 
-def compare_structures(own: Structure, options: Mapping[str, Sequence[str]], fitting: Fitting) -> Compared:
+def compare_structures(
+    own: Structure, options: Mapping[str, Sequence[str]], fitting: Fitting, wider: Wider | None = None
+) -> Compared:
     """Fits the alternatives of each component and ranks them.
 
     The search is greedy: one component is changed at a time, beginning at `own`, and what is clearly better stays. A
     structure that is better only with two components changed together is not found.
 
     **Arguments:** `options`: of each component, among them that of `own`; `fitting`: makes a computation that fits a
-    structure, e.g. with [`starting_fit`][].
+    structure, e.g. with [`starting_fit`][]; `wider`: which variants contain which others as a limit.
     """
-    return run_alone(comparing_structures(own, options, fitting))
+    return run_alone(comparing_structures(own, options, fitting, wider))
 
 
-def comparing_structures(own: Structure, options: Mapping[str, Sequence[str]], fitting: Fitting) -> Steps[Compared]:
+def comparing_structures(
+    own: Structure, options: Mapping[str, Sequence[str]], fitting: Fitting, wider: Wider | None = None
+) -> Steps[Compared]:
     """`compare_structures` as a computation."""
-    search, base = _Search(fitting), dict(own)
+    search, base = _Search(fitting, {} if wider is None else wider), dict(own)
     rankings: dict[str, Ranking] = {}
     ranked_in: dict[str, Structure] = {}
     for _ in range(MOST_SWEEPS):
@@ -78,8 +84,8 @@ def _better(ranking: Ranking, now: str) -> str:
 class _Search:
     """The fits so far, by structure."""
 
-    def __init__(self, fitting: Fitting):
-        self._fitting = fitting
+    def __init__(self, fitting: Fitting, wider: Wider):
+        self._fitting, self._wider = fitting, wider
         self._fits: dict[tuple[str, ...], Outcome] = {}
         self._again: set[tuple[str, ...]] = set()
 
@@ -94,12 +100,16 @@ class _Search:
         structures = {name: {**base, component: name} for name in names}
         for structure in structures.values():
             yield from self._fit(structure, self._values(base))
-        ranking = yield from rank({name: self._fits[_key(structure)] for name, structure in structures.items()})
+        ranking = yield from rank(
+            {name: self._fits[_key(structure)] for name, structure in structures.items()}, self._wider
+        )
         if ranking.best is None or ranking.best == base[component] or _key(base) in self._again:
             return ranking
         # The others began where the base ended; the base may begin at the best one's end as well.
         yield from self._fit(base, self._values(structures[ranking.best]), again=True)
-        return (yield from rank({name: self._fits[_key(structure)] for name, structure in structures.items()}))
+        return (
+            yield from rank({name: self._fits[_key(structure)] for name, structure in structures.items()}, self._wider)
+        )
 
     def _fit(self, structure: Structure, values: Values, *, again: bool = False) -> Steps[None]:
         key = _key(structure)
