@@ -127,7 +127,7 @@ def rank(outcomes: Mapping[str, Outcome], wider: Mapping[str, Sequence[str]] | N
         doubt = (
             WIDER
             if contained
-            else _doubt((difference, by_fit, steadiness), elsewhere, needed, agreed=best == likeliest)
+            else _doubt((difference, by_fit, steadiness), elsewhere, needed, agreed=name != likeliest)
         )
         against[name] = Duel(difference, steadiness, elsewhere, doubt)
     return Ranking(rows, best, against, "none" if unseen is None else unseen.what, remains)

@@ -9,7 +9,7 @@ import numpy as np
 from .._errors import SimulationError
 from ..estimation import Calibration, Linearised, Steps, run_alone
 from ..parameters import get_parameter, parameter_table
-from ._ranking import STRONG, Outcome, Ranking, own_criterion, rank, unusable
+from ._ranking import Outcome, Ranking, own_criterion, rank, unusable
 
 MOST_SWEEPS = 3
 """Times that all components are gone through; after that nothing is decided."""
@@ -73,12 +73,11 @@ def comparing_structures(
 
 
 def _better(ranking: Ranking, now: str) -> str:
-    """The variant to go on with: another one only if it is clearly better."""
+    """The variant to go on with: another one only if it is better beyond doubt, or this one's fit may not be used."""
     if ranking.best is None or ranking.best == now:
         return now
-    duel = ranking.against[now]
     unusable_now = next(row.reason for row in ranking.rows if row.name == now)
-    return ranking.best if unusable_now or duel.difference > STRONG else now
+    return ranking.best if unusable_now or not ranking.against[now].doubt else now
 
 
 class _Search:
