@@ -105,6 +105,7 @@ def _add(name: str, does: str, *parameters: click.Parameter) -> None:
 for _name, _does, _given, *_options in (
     ("simulate", f"Runs the model on every trace of STUDY {SMALL}", START),
     ("fit", f"Calibrates the model to the traces of STUDY {SMALL}", START),
+    ("compare", f"Fits other structures to STUDY and says which one its traces favour {SMALL}", START),
     ("identify", f"Identifies part by part from STUDY, as its traces allow {SMALL}", START),
     ("tune", f"Tunes a controller's gains by the gradient of its closed loops {FLEET}", START),
     ("tolerance", f"Simulates a population of actuators: spread, yield, envelopes {FLEET}", POPULATION, *PROCESSES),

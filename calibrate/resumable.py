@@ -99,7 +99,7 @@ class ProgressFile(Generic[P]):
             return
         try:
             content = read_json(self._path)
-            fields = {name: tuple(v) if isinstance(v, list) else v for name, v in content["progress"].items()}
+            fields = {name: _tuples(value) for name, value in content["progress"].items()}
             progress, seconds = kind(**fields), float(content["seconds"])
         except (InputError, AttributeError, KeyError, TypeError, ValueError):
             console.print(f"note: {self._path} can't be read, so {what} starts again")
@@ -122,3 +122,8 @@ class ProgressFile(Generic[P]):
     def remove_from(folder: pathlib.Path) -> None:
         """Once the results are written."""
         (folder / PROGRESS).unlink(missing_ok=True)
+
+
+def _tuples(value: Any) -> Any:
+    """JSON has lists for tuples, also for those inside of others."""
+    return tuple(map(_tuples, value)) if isinstance(value, list) else value

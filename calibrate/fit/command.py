@@ -5,7 +5,7 @@ import pathlib
 from typing import Any
 
 from vgtjax import Calibration, SimulationError
-from vgtjax.estimation import Progress, Steps, Task, Unknown, run_alone, run_together
+from vgtjax.estimation import Progress, Steps, Task, run_alone, run_together
 from vgtjax.identification import plan_fit, starting_fit
 
 from ..output.console import console
@@ -43,9 +43,12 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
 
 def _plan(job: Job, unit: Unit) -> Task:
     chosen = job.study.fit
-    table = chosen.unknown.model_copy(update=dict.fromkeys(unit.stated, False))
-    unknown = Unknown(loss=chosen.loss, **dict(table))
-    wanted = {"free": chosen.free, "fixed": chosen.fixed, "bounds": unit.bounds, "unknown": unknown}
+    wanted = {
+        "free": chosen.free,
+        "fixed": chosen.fixed,
+        "bounds": unit.bounds,
+        "unknown": unit.unknown(job.study),
+    }
     return plan_fit(unit.model, unit.used("fit"), unit.used("validate"), **wanted)
 
 

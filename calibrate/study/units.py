@@ -7,6 +7,7 @@ from typing import Any
 
 import vgtjax
 from vgtjax import InputError
+from vgtjax.estimation import Unknown
 from vgtjax.parameters import Bounds
 from vgtjax.traces import STANDARD_ATMOSPHERE, TRAVEL
 
@@ -58,6 +59,11 @@ class Unit:
     def used(self, use: str) -> list[vgtjax.Trace]:
         """The traces for one use."""
         return [trace for kind, trace in self.traces if kind == use]
+
+    def unknown(self, study: Study) -> Unknown:
+        """What a fit of its traces finds out besides the parameters."""
+        table = study.fit.unknown.model_copy(update=dict.fromkeys(self.stated, False))
+        return Unknown(loss=study.fit.loss, **dict(table))
 
     def folder(self, out: pathlib.Path) -> pathlib.Path:
         """Where this unit's files go."""

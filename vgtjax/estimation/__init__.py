@@ -28,8 +28,10 @@ from ._least_squares import (
     robust_deviation as robust_deviation,
 )
 from ._progress import CHI2_TOLERANCE as CHI2_TOLERANCE, Progress as Progress
-from ._residuals import FitProblem as FitProblem, build_fit_problem as build_fit_problem
+from ._remains import VERDICTS as VERDICTS, Remains as Remains, find_remains as find_remains
+from ._residuals import FitProblem as FitProblem, Sensors as Sensors, build_fit_problem as build_fit_problem
 from ._search import LevenbergMarquardt as LevenbergMarquardt
 from ._sensitivities import jacobian as jacobian, observe as observe, observe_with_jacobian as observe_with_jacobian
 from ._sensors import Sensor as Sensor
 from ._task import Task as Task, plan_task as plan_task
+from ._weighed import BLOCKS as BLOCKS, Linearised as Linearised, Weighed as Weighed

@@ -15,6 +15,9 @@ from jaxtyping import Float, Int
 from ..traces import Trace
 from ._least_squares import estimate_uncertainty, reduce_rows
 
+EVIDENT, SHARP = 3.0, 10.0
+"""Standard errors by which a delay must differ from none to be one, and that half a sample must have for a delay of
+none to tell a held duty from a linear one."""
 PERCEPTIBLE = 9.0
 """Increase of chi^2 from which an explanation is evidently worse than another: three standard errors."""
 
@@ -55,25 +58,29 @@ def read_holds(
     last = slice(columns.shape[1] - 1, None)
     if not np.all(found.determined[last]):
         return Holds((), delay, False)
-    delays = delay - slope * found.values[last]
-    information = np.linalg.inv(slope**2 * found.covariance[last, last])
+    return judge_holds(delay - slope * found.values[last], slope**2 * found.covariance[last, last], kinds)
+
+
+def judge_holds(
+    delays: Float[np.ndarray, " kinds"],
+    covariance: Float[np.ndarray, "kinds kinds"],
+    intervals: Float[np.ndarray, " kinds"],
+) -> Holds:
+    """How duties were held that, all of them taken for held, arrive `delays` s late, by sample interval in s."""
+    information = np.linalg.inv(covariance)
+    weight = float(np.sum(information))
     explanations = []
-    for linear in itertools.product((False, True), repeat=len(kinds)):
-        shifted = delays + np.where(linear, kinds / 2, 0.0)
-        weight = np.sum(information)
-        common = float(np.sum(information @ shifted) / weight)
-        misfit = float((shifted - common) @ information @ (shifted - common)) + weight * min(common, 0.0) ** 2
-        explanations.append((misfit, abs(common), Holds(tuple(kinds[list(linear)].tolist()), common, False)))
-    best = min(misfit for misfit, _, _ in explanations)
-    left = sorted(((size, holds) for misfit, size, holds in explanations if misfit <= best + PERCEPTIBLE), key=_size)
-    # Where a delay is left even so, half a sample more of it may be another hold.
-    error = 1 / np.sqrt(np.sum(information))
-    decided = len(left) == 1 or bool(left[0][0] <= 3 * error < kinds[0] / 2)
-    return dataclasses.replace(left[0][1], decided=decided)
-
-
-def _size(explanation: tuple[float, Holds]) -> float:
-    return explanation[0]
+    for linear in itertools.product((False, True), repeat=len(intervals)):
+        late = delays + np.where(linear, intervals / 2, 0.0)
+        common = float(np.sum(information @ late)) / weight
+        misfit = float((late - common) @ information @ (late - common)) + weight * min(common, 0.0) ** 2
+        explanations.append((misfit, Holds(tuple(intervals[list(linear)].tolist()), common, False)))
+    best = min(misfit for misfit, _ in explanations)
+    left = sorted((holds for misfit, holds in explanations if misfit <= best + PERCEPTIBLE), key=lambda h: abs(h.delay))
+    # Where a delay is left even so, half a sample more of it may be another hold; a delay of none is the simplest.
+    none = abs(left[0].delay) <= EVIDENT / np.sqrt(weight) and SHARP / np.sqrt(weight) < np.min(intervals) / 2
+    decided = (len(left) == 1 or bool(none)) and best < PERCEPTIBLE + len(intervals)
+    return dataclasses.replace(left[0], decided=decided)
 
 
 def ramped(traces: Sequence[Trace], intervals: Sequence[float]) -> list[Trace]:

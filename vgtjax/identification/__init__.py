@@ -6,7 +6,14 @@ from ._bristles import bristle_force as bristle_force
 from ._chamber_flow import read_chamber as read_chamber
 from ._dahl import identify_dahl as identify_dahl
 from ._filters import holds as holds, sensor_offset as sensor_offset, slow_blocks as slow_blocks, smooth as smooth
-from ._fit import fit as fit, plan_fit as plan_fit, start_fit as start_fit, starting_fit as starting_fit
+from ._fit import (
+    GASLESS as GASLESS,
+    fit as fit,
+    gauge_pressures as gauge_pressures,
+    plan_fit as plan_fit,
+    start_fit as start_fit,
+    starting_fit as starting_fit,
+)
 from ._flow_areas import identify_flow_areas as identify_flow_areas, plunger_lift as plunger_lift
 from ._flow_map import fit_measured_flow as fit_measured_flow, measured_flow as measured_flow
 from ._limits import LIMITS as LIMITS, Limit as Limit
@@ -27,9 +34,15 @@ from ._motion import (
 )
 from ._pipeline import apply as apply, identify as identify, plan as plan
 from ._plunger import identify_plunger as identify_plunger
+from ._ranking import Duel as Duel, Ranking as Ranking, Row as Row, rank as rank, worst_verdict as worst_verdict
 from ._result import Curve as Curve, Identified as Identified, NotPossible as NotPossible
 from ._second_order import identify_mass_and_damping as identify_mass_and_damping
 from ._spring import identify_spring as identify_spring
+from ._structures import (
+    Compared as Compared,
+    compare_structures as compare_structures,
+    comparing_structures as comparing_structures,
+)
 from ._vane_force import identify_vane_map as identify_vane_map, identify_vane_polynomial as identify_vane_polynomial
 from ._weak_form import (
     TraceEquations as TraceEquations,

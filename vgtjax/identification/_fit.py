@@ -101,7 +101,7 @@ def _unheard_gas(task: Task) -> list[str]:
     """That a trace has exhaust gas and the model no force of it, if so."""
     if not isinstance(task.model, AbstractRodModel) or not isinstance(task.model.vane_force, NoVaneForce):
         return []
-    gassed = {trace.name: float(np.max(trace.p_trb)) for trace in task.fit if trace.p_trb is not None}
+    gassed = gauge_pressures(task.fit)
     name, pressure = max(gassed.items(), key=lambda pair: pair[1], default=("", 0.0))
     if pressure <= GASLESS:
         return []
@@ -109,3 +109,8 @@ def _unheard_gas(task: Task) -> list[str]:
         f"the turbine pressure of {name} reaches {pressure:.4g} Pa gauge, but the model has no vane force; choose one, "
         "or what exhaust gas does is read as friction and springs"
     ]
+
+
+def gauge_pressures(traces: Sequence[Trace]) -> dict[str, float]:
+    """The largest turbine pressure of each trace that has one, in Pa gauge."""
+    return {trace.name: float(np.max(trace.p_trb)) for trace in traces if trace.p_trb is not None}

@@ -67,10 +67,11 @@ def test_the_derivative_by_the_delay_is_that_of_the_simulation(bundle, actuator)
         assert np.linalg.norm(exact - approximate) < 1e-3 * np.linalg.norm(exact)  # measured: 1e-5 and 3e-5
 
 
-def recorded(seed, late=0, keep=0.0, outliers=0.0):
+def recorded(seed, late=0, keep=0.0, outliers=0.0, linear=False):
     """A bench of known truth that our own simulator did not smooth: sharp seat, 0.1 ms; the file's duty is early."""
     trace = duty_trace(*LEVELS, p_res=2.0e4)
     applied = trace.replace(pwm=np.concatenate([np.zeros(late), trace.pwm[: len(trace.pwm) - late]]))
+    applied = applied.with_ramped_duty() if linear else applied
     plant = with_sharp_seat(vgtjax.replace_parameters(vgtjax.Actuator(), TRUTH))
     run = vgtjax.simulate(plant, applied, stepping=FixedStep(max_step=1e-4))
     rng, count = np.random.default_rng(seed), len(trace.time)
@@ -117,6 +118,17 @@ def test_a_late_duty_is_found_with_its_error(late):
     assert abs(late.duty_delay - 4e-3) < 4 * late.duty_delay_error
     assert np.all(np.abs(scores(late)) < 4)
     assert late.uncertainty.scale == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_duty_that_went_in_a_line_is_told_from_a_held_one(plain, late):
+    """It would have to arrive half a sample early, had it been held; one that arrives late may have been either."""
+    run = fit(recorded(4, linear=True))
+    assert run.converged
+    assert (run.duty_hold(run.task.fit[0]), run.progress.hold_decided) == ("linear", True)
+    assert abs(run.duty_delay) < 4 * (run.duty_delay_error or 1e-5)
+    assert np.all(np.abs(scores(run)) < 4)
+    assert (plain.duty_hold(plain.task.fit[0]), plain.progress.hold_decided) == ("zero-order", True)
+    assert (late.duty_hold(late.task.fit[0]), late.progress.hold_decided) == ("zero-order", False)
 
 
 def test_a_delay_that_is_not_looked_for_spoils_the_parameters(late):

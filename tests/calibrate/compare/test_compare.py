@@ -1,0 +1,100 @@
+"""The command `compare` on a rod driven by its pressure: friction is told from traces of an independent plant."""
+
+import dataclasses
+import pathlib
+
+import pytest
+from commands import Outcome, cut_example, read, run_command
+
+from calibrate.compare import alternatives, command
+from calibrate.output.files import MARKER
+
+FRICTION = ("lugre", "coulomb")
+STUDY = """name = "rod"
+model = "mechanical"
+[[trace]]
+file = "step_80.csv"
+[[trace]]
+file = "step_50.csv"
+use = "validate"
+[fit]
+free = ["diaphragm.preload", "diaphragm.stiffness", "friction.coulomb_force", "friction.viscous_damping"]
+"""
+
+
+@dataclasses.dataclass(frozen=True)
+class Compared:
+    """A study, what a comparison of it wrote, and what the user saw."""
+
+    study: pathlib.Path
+    out: pathlib.Path
+    outcome: Outcome
+
+
+@pytest.fixture(scope="module")
+def few():
+    """Only two variants of friction, to be quick."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(alternatives, "FRICTION", FRICTION)
+        yield
+
+
+@pytest.fixture(scope="module")
+def compared(tmp_path_factory, few) -> Compared:
+    folder = tmp_path_factory.mktemp("compare")
+    for name in ("step_80", "step_50"):
+        cut_example(name, 1.2, folder)
+    (folder / "study.toml").write_text(STUDY)
+    outcome = run_command("compare", folder / "study.toml", "--out", folder / "out")
+    return Compared(folder / "study.toml", folder / "out", outcome)
+
+
+def test_the_contract(compared):
+    assert (compared.outcome.status, compared.outcome.err) == (0, "")
+    assert {path.name for path in compared.out.iterdir()} == {MARKER, "summary.json", "report.html"}
+    summary = read(compared.out / "summary.json")
+    print(summary)
+    assert set(summary["chosen"]) == set(summary["decided"]) == {"vane_force", "friction", "stribeck_exponent"}
+    assert summary["chosen"]["vane_force"] == "none"
+    assert summary["decided"]["vane_force"] is False
+    assert summary["reasons"]["vane_force"] == "the turbine pressure is zero in all traces"
+    assert [row["name"] for row in summary["table"]] in (["lugre", "coulomb"], ["coulomb", "lugre"])
+
+
+def test_the_report_says_what_was_compared(compared):
+    page = (compared.out / "report.html").read_text()
+    for words in ("coulomb", "as of noise", "the turbine pressure is zero in all traces", "search"):
+        assert words in page
+
+
+def test_a_second_run_does_nothing(compared):
+    outcome = run_command("compare", compared.study, "--out", compared.out)
+    assert (outcome.status, outcome.err) == (0, "")
+    assert outcome.out.startswith(f"nothing to do: {compared.out} holds the results already\n")
+
+
+def test_an_interrupted_comparison_keeps_its_finished_fits(compared, tmp_path, monkeypatch):
+    def killed(*arguments):
+        raise RuntimeError("killed")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(command, "judge", killed)
+        with pytest.raises(RuntimeError, match="killed"):
+            run_command("compare", compared.study, "--out", tmp_path / "out")
+    assert {path.name for path in (tmp_path / "out" / command.FITS).iterdir()} >= {"none+lugre", "none+coulomb"}
+    outcome = run_command("compare", compared.study, "--out", tmp_path / "out")
+    assert outcome.out.count("resuming after step") >= 2
+    resumed, whole = (read(folder / "summary.json") for folder in (tmp_path / "out", compared.out))
+    assert {**resumed, "wall_seconds": 0} == {**whole, "wall_seconds": 0}
+
+
+def test_bad_input_is_one_sentence(compared, tmp_path):
+    study = tmp_path / "study.toml"
+    study.write_text(STUDY.replace("diaphragm.preload", "diaphragm.prelaod"))
+    for name in ("step_80", "step_50"):
+        cut_example(name, 1.2, tmp_path)
+    outcome = run_command("compare", study, "--out", tmp_path / "out")
+    assert (outcome.status, outcome.out) == (2, "")
+    assert outcome.err.startswith("error: ")
+    assert "did you mean 'diaphragm.preload'?" in outcome.err
+    assert not (tmp_path / "out").exists()

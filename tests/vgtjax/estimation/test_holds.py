@@ -1,0 +1,44 @@
+"""What fitted delays say of how a duty was held, by numbers."""
+
+import numpy as np
+import pytest
+
+from vgtjax.estimation._holds import judge_holds
+
+SLOW, FAST = 10e-3, 1e-3
+
+
+def judged(delays, intervals, error=2e-5):
+    return judge_holds(np.array(delays), np.diag(np.full(len(delays), error**2)), np.array(intervals))
+
+
+def test_a_duty_that_would_arrive_early_was_linear():
+    holds = judged([-4.5e-3], [SLOW])
+    assert (holds.linear, holds.decided) == ((SLOW,), True)
+    assert holds.delay == pytest.approx(0.5e-3)
+
+
+def test_no_delay_is_held_where_it_is_known_well_enough():
+    assert (judged([1e-5], [SLOW]).linear, judged([1e-5], [SLOW]).decided) == ((), True)
+    assert (judged([1e-4], [FAST], 1e-4).linear, judged([1e-4], [FAST], 1e-4).decided) == ((), False)
+
+
+def test_one_interval_does_not_tell_the_hold_of_a_late_duty():
+    holds = judged([6e-3], [SLOW])
+    assert (holds.linear, holds.decided) == ((), False)
+    assert holds.delay == pytest.approx(6e-3)
+
+
+@pytest.mark.parametrize(
+    ("delays", "linear", "delay"),
+    [([4e-3, 4e-3], (), 4e-3), ([3e-3, 7.5e-3], (SLOW, FAST), 8e-3), ([-5e-3, 0.0], (SLOW,), 0.0)],
+)
+def test_two_intervals_do(delays, linear, delay):
+    holds = judged(delays, [SLOW, FAST])
+    assert (holds.linear, holds.decided) == (linear, True)
+    assert holds.delay == pytest.approx(delay, abs=1e-5)
+
+
+@pytest.mark.parametrize("delays", [[3e-3, 20e-3], [-9e-3, -9e-3]])
+def test_what_nothing_explains_is_not_decided(delays):
+    assert not judged(delays, [SLOW, FAST]).decided

@@ -1,0 +1,44 @@
+"""A trace left out of a linear problem, to first order: exactly what a fit of the others predicts."""
+
+import numpy as np
+import pytest
+
+from vgtjax.estimation import BLOCKS, Weighed
+
+
+def weighed(columns, residuals, traces):
+    trace = np.repeat(np.arange(traces), len(residuals) // traces)
+    block = BLOCKS * trace + np.tile(np.arange(len(residuals) // traces) * BLOCKS * traces // len(residuals), traces)
+    return Weighed(residuals, columns, trace, block, len(residuals))
+
+
+@pytest.fixture
+def problem():
+    rng = np.random.default_rng(3)
+    columns, target = rng.normal(size=(192, 5)) * np.array([1.0, 1e4, 1e-3, 1.0, 1.0]), rng.normal(size=192)
+    return columns, target - columns @ np.linalg.lstsq(columns, target)[0]
+
+
+def test_a_trace_left_out_is_predicted_by_the_others(problem):
+    columns, residuals = problem
+    found = weighed(columns, residuals, 3)
+    for trace in range(3):
+        mine = found.trace == trace
+        step = np.linalg.lstsq(columns[~mine], -residuals[~mine])[0]
+        predicted = residuals[mine] + columns[mine] @ step
+        blocks = slice(BLOCKS * trace, BLOCKS * (trace + 1))
+        np.testing.assert_allclose(np.sum(found.left_out[blocks]), predicted @ predicted, rtol=1e-9)
+    assert np.sum(found.left_out) > found.chi2 == pytest.approx(np.sum(found.by_block))
+
+
+def test_what_one_trace_alone_tells_stays(problem):
+    columns, _ = problem
+    columns[64:, 1] = 0.0
+    residuals = np.random.default_rng(4).normal(size=192)
+    residuals -= columns @ np.linalg.lstsq(columns, residuals)[0]
+    others = np.delete(columns, 1, axis=1)
+    step = np.linalg.lstsq(others[64:], -residuals[64:])[0]
+    predicted = residuals[:64] + others[:64] @ step
+    np.testing.assert_allclose(
+        np.sum(weighed(columns, residuals, 3).left_out[:BLOCKS]), predicted @ predicted, rtol=0.2
+    )

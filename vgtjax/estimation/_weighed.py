@@ -1,0 +1,146 @@
+"""A finished fit in the weights of any sensors: residuals, their derivatives, and what each stretch of time says."""
+
+import dataclasses
+import functools
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ..parameters import build_transform, parameter_table
+from ._calibration import Calibration, comparing
+from ._evaluation import Evaluated, Steps, ask
+from ._evidence import DELAY_SCALE, LONGEST_DELAY
+from ._least_squares import LeastSquares, estimate_uncertainty, reduce_rows
+from ._progress import Progress
+from ._residuals import FitProblem, Sensors, build_fit_problem
+from ._search import LevenbergMarquardt
+
+BLOCKS = 16
+"""Stretches of a trace that count as independent of each other: few enough that residuals forget from one to the next,
+many enough that three traces show the scatter between them."""
+MOST_STEPS = 30
+"""Steps of a search in the weights of other sensors, which begins near its end."""
+TOLD_BY_OTHERS = 0.01
+"""Part of the information on a direction that the other traces must have for it to move when a trace is left out."""
+
+Blocks = Float[np.ndarray, " blocks"]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Linearised:
+    """A calibration, and what its traces do with its free values around the end of the fit.
+
+    With a duty that may be late its delay is the last coordinate, also where the fit found none.
+    """
+
+    calibration: Calibration
+    problem: FitProblem
+    at: Float[np.ndarray, " coordinates"]
+    evaluated: Evaluated
+
+    @staticmethod
+    def of(calibration: Calibration) -> Steps["Linearised"]:
+        """As a computation: one evaluation with derivatives."""
+        task, progress = calibration.task, calibration.progress
+        start = np.asarray(task.selection.pack(task.model))
+        transform = build_transform(parameter_table(task.model), task.selection.entries, start, task.bounds)
+        transform = transform.holding(progress.held, start)
+        if task.late_duty:
+            transform = transform.extended(DELAY_SCALE, -LONGEST_DELAY, LONGEST_DELAY)
+        problem = build_fit_problem(
+            task.model, task.selection, transform, task.traces, channels=task.channels, stepping=task.stepping
+        )
+        at = np.array(progress.coordinates)
+        evaluated = yield from ask(problem.evaluation(at, slopes=True))
+        return Linearised(calibration, problem, at, evaluated)
+
+    def _with_noise(self, sensors: Sensors) -> FitProblem:
+        """The problem with the noise of these sensors; values have this fit's own numerical errors taken away."""
+        own = [
+            {name: dataclasses.replace(sensor, values=mine[name].values) for name, sensor in each.items()}
+            for each, mine in zip(sensors, self.calibration.sensors, strict=True)
+        ]
+        return self.problem.with_sensors(self.calibration.task.traces, own)
+
+    def searched(self, sensors: Sensors) -> Steps["Linearised"]:
+        """Where the search ends in the weights of these sensors, which are not those of the fit itself."""
+        search = yield from LevenbergMarquardt.begin(self._with_noise(sensors), Progress(tuple(self.at.tolist())))
+        while not search.progress.finished and search.progress.iteration < MOST_STEPS:
+            yield from search.steps()
+        at, task = np.array(search.progress.coordinates), self.calibration.task
+        model, delay = self.problem.at(at)
+        compared = yield from comparing(task, model, 0.0 if delay is None else float(delay), self.calibration.sensors)
+        calibration = dataclasses.replace(self.calibration, traces=compared)
+        return dataclasses.replace(self, calibration=calibration, at=at, evaluated=search.slopes.evaluated)
+
+    def weighed(self, sensors: Sensors) -> "Weighed":
+        """Seen with the noise of these sensors."""
+        problem = self._with_noise(sensors)
+        residuals = problem.residuals_of(self.evaluated.observed)
+        columns = problem.columns_of(self.evaluated.columns, self.at)
+        columns = np.where(np.isfinite(columns).all(0), columns, 0.0)
+        pinned = np.asarray(problem.transform.pinned(self.at, residuals @ columns))
+        trace, block = _owners(problem)
+        return Weighed(residuals, np.where(pinned, 0.0, columns), trace, block, problem.count - problem.offsets)
+
+
+def _owners(problem: FitProblem) -> tuple[Int[np.ndarray, " rows"], Int[np.ndarray, " rows"]]:
+    """The trace and the block that every residual belongs to."""
+    traces, blocks = [], []
+    for bundle, measured in zip(problem.bundles, problem.measured, strict=True):
+        segments = np.bincount(bundle.lane_trace[bundle._owned()])[bundle.lane_trace]
+        trace = np.array(bundle.indices)[bundle.lane_trace]
+        rows = int(np.prod(np.shape(measured.weights)[1:]))
+        traces.append(np.repeat(trace, rows))
+        blocks.append(np.repeat(BLOCKS * trace + BLOCKS * bundle.lane_segment // segments, rows))
+    return np.concatenate(traces), np.concatenate(blocks)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Weighed:
+    """Residuals in units of the sensors' noise, their derivatives, and the trace and the block that each is in.
+
+    `count` is the number of measurements less that of the offsets.
+    """
+
+    residuals: Float[np.ndarray, " rows"]
+    columns: Float[np.ndarray, "rows coordinates"]
+    trace: Int[np.ndarray, " rows"]
+    block: Int[np.ndarray, " rows"]
+    count: int
+
+    @functools.cached_property
+    def uncertainty(self) -> LeastSquares:
+        """Of the linear problem; its `gain` is what a full linear step promises."""
+        return estimate_uncertainty(*reduce_rows(self.residuals, self.columns), self.count)
+
+    @property
+    def chi2(self) -> float:
+        """Sum of the squared residuals."""
+        return float(self.residuals @ self.residuals)
+
+    @functools.cached_property
+    def by_block(self) -> Blocks:
+        """`chi2` block by block."""
+        return np.bincount(self.block, self.residuals**2, BLOCKS * (int(self.trace.max()) + 1))
+
+    @functools.cached_property
+    def left_out(self) -> Blocks:
+        """`by_block` of every trace when it is left out of the fit, to first order.
+
+        Directions that the other traces do not tell stay where the whole fit has them.
+        """
+        lengths = np.linalg.norm(self.columns, axis=0)
+        columns = self.columns / np.where(lengths > 0, lengths, 1.0)
+        sizes, directions = np.linalg.eigh(columns.T @ columns)
+        known = sizes > 1e-12 * max(float(sizes.max()), 1e-300)
+        columns = columns @ (directions[:, known] / np.sqrt(sizes[known]))  # all traces together tell one of each
+        moved = self.residuals.copy()
+        for trace in np.unique(self.trace):
+            mine = self.trace == trace
+            here = columns[mine]
+            others, ways = np.linalg.eigh(np.eye(here.shape[1]) - here.T @ here)
+            told = others > TOLD_BY_OTHERS
+            pull = ways[:, told].T @ (here.T @ self.residuals[mine])
+            moved[mine] += here @ (ways[:, told] @ (pull / others[told]))
+        return np.bincount(self.block, moved**2, len(self.by_block))

@@ -1,0 +1,145 @@
+"""Which structure the traces favour: one component changed at a time, each alternative fitted."""
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from .._errors import SimulationError
+from ..estimation import Calibration, Linearised, Steps, run_alone
+from ..parameters import get_parameter, parameter_table
+from ._ranking import Outcome, Ranking, own_criterion, rank, unusable
+
+MOST_SWEEPS = 3
+"""Times that all components are gone through; after that nothing is decided."""
+
+Structure = Mapping[str, str]
+"""The variant of every component."""
+Wider = Mapping[str, Sequence[str]]
+"""Which variants of a component contain which others as a limit."""
+Values = Mapping[str, Any]
+"""Values of parameters by name, to start from those that a structure has."""
+Fitting = Callable[[Structure, Values, bool], Steps[Calibration]]
+"""The fit of a structure that starts from given values; `True` for the second one of a structure."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Compared:
+    """A ranking for every component, the best structure (`None` where no fit may be used), and its fit.
+
+    The others of a component were fitted with the rest of `structure`. `settled` is whether a last sweep changed
+    nothing.
+    """
+
+    rankings: Mapping[str, Ranking]
+    structure: Structure
+    fit: Linearised | None
+    settled: bool
+
+
+def compare_structures(
+    own: Structure, options: Mapping[str, Sequence[str]], fitting: Fitting, wider: Wider | None = None
+) -> Compared:
+    """Fits the alternatives of each component and ranks them.
+
+    The search is greedy: one component is changed at a time, beginning at `own`, and what is clearly better stays. A
+    structure that is better only with two components changed together is not found.
+
+    **Arguments:** `options`: of each component, among them that of `own`; `fitting`: makes a computation that fits a
+    structure, e.g. with [`starting_fit`][]; `wider`: which variants contain which others as a limit.
+    """
+    return run_alone(comparing_structures(own, options, fitting, wider))
+
+
+def comparing_structures(
+    own: Structure, options: Mapping[str, Sequence[str]], fitting: Fitting, wider: Wider | None = None
+) -> Steps[Compared]:
+    """`compare_structures` as a computation."""
+    search, base = _Search(fitting, {} if wider is None else wider), dict(own)
+    rankings: dict[str, Ranking] = {}
+    ranked_in: dict[str, Structure] = {}
+    for _ in range(MOST_SWEEPS):
+        before = dict(base)
+        for component, names in options.items():
+            if ranked_in.get(component) == base:
+                continue
+            rankings[component] = yield from search.rank(base, component, names)
+            base[component] = _better(rankings[component], base[component])
+            ranked_in[component] = dict(base)
+        if base == before:
+            return Compared(rankings, base, search.usable(base), True)
+    return Compared(rankings, base, search.usable(base), False)
+
+
+def _better(ranking: Ranking, now: str) -> str:
+    """The variant to go on with: another one only if it is better beyond doubt, or this one's fit may not be used."""
+    if ranking.best is None or ranking.best == now:
+        return now
+    unusable_now = next(row.reason for row in ranking.rows if row.name == now)
+    return ranking.best if unusable_now or not ranking.against[now].doubt else now
+
+
+class _Search:
+    """The fits so far, by structure."""
+
+    def __init__(self, fitting: Fitting, wider: Wider):
+        self._fitting, self._wider = fitting, wider
+        self._fits: dict[tuple[str, ...], Outcome] = {}
+        self._again: set[tuple[str, ...]] = set()
+
+    def usable(self, structure: Structure) -> Linearised | None:
+        """The fit of a structure, if it may be used."""
+        found = self._fits.get(_key(structure))
+        return found if isinstance(found, Linearised) and not unusable(found) else None
+
+    def rank(self, base: Structure, component: str, names: Sequence[str]) -> Steps[Ranking]:
+        """The variants of a component in a structure, those fitted that aren't yet."""
+        yield from self._fit(base, {})
+        structures = {name: {**base, component: name} for name in names}
+        for structure in structures.values():
+            yield from self._fit(structure, self._values(base))
+        ranking = yield from rank(
+            {name: self._fits[_key(structure)] for name, structure in structures.items()}, self._wider
+        )
+        if ranking.best is None or ranking.best == base[component] or _key(base) in self._again:
+            return ranking
+        # The others began where the base ended; the base may begin at the best one's end as well.
+        yield from self._fit(base, self._values(structures[ranking.best]), again=True)
+        return (
+            yield from rank({name: self._fits[_key(structure)] for name, structure in structures.items()}, self._wider)
+        )
+
+    def _fit(self, structure: Structure, values: Values, *, again: bool = False) -> Steps[None]:
+        key = _key(structure)
+        if key in self._fits and not again:
+            return
+        try:
+            calibration = yield from self._fitting(structure, values, again)
+            found: Outcome = yield from Linearised.of(calibration)
+        except SimulationError as error:
+            found = str(error)
+        if again:
+            self._again.add(key)
+            found = _of_two(self._fits[key], found)
+        self._fits[key] = found
+
+    def _values(self, structure: Structure) -> Values:
+        found = self._fits[_key(structure)]
+        if not isinstance(found, Linearised):
+            return {}
+        model = found.calibration.model
+        return {name: np.asarray(get_parameter(model, name)).tolist() for name in parameter_table(model)}
+
+
+def _of_two(first: Outcome, second: Outcome) -> Outcome:
+    """The better of two fits of one structure."""
+    if isinstance(second, str) or unusable(second):
+        return first
+    if isinstance(first, str) or unusable(first):
+        return second
+    return min(first, second, key=own_criterion)
+
+
+def _key(structure: Structure) -> tuple[str, ...]:
+    return tuple(structure.values())
