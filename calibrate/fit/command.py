@@ -48,6 +48,7 @@ def _plan(job: Job, unit: Unit) -> Task:
         "fixed": chosen.fixed,
         "bounds": unit.bounds,
         "unknown": unit.unknown(job.study),
+        "deviations": unit.deviations,
     }
     return plan_fit(unit.model, unit.used("fit"), unit.used("validate"), **wanted)
 

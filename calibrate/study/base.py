@@ -22,8 +22,20 @@ Gauge = Annotated[float, pydantic.Field(ge=0, le=1e6)]
 
 
 class StartValue(Table):
-    """Start value and bounds of a parameter in SI units; lists for vectors."""
+    """Start value and bounds of a parameter in SI units; lists for vectors.
+
+    `deviation` in the same unit, or `relative` to the value, says how well it is known beforehand: of what is fitted a
+    Gaussian prior, of what is held a tolerance that goes into every error.
+    """
 
     value: float | list[float] | None = None
     lower: float | list[float] | None = None
     upper: float | list[float] | None = None
+    deviation: Positive | None = None
+    relative: Positive | None = None
+
+    @pydantic.model_validator(mode="after")
+    def _one_size(self) -> "StartValue":
+        if self.deviation is not None and self.relative is not None:
+            raise ValueError("a parameter has a deviation or a relative one, but there are both; drop one")
+        return self

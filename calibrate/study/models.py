@@ -83,6 +83,26 @@ def start_values(model: eqx.Module, stated: Mapping[str, StartValue]) -> tuple[d
     return values, bounds
 
 
+def deviations_of(model: eqx.Module, stated: Mapping[str, StartValue]) -> dict[str, float]:
+    """How well values are known beforehand, by entry in the units of the table."""
+    found: dict[str, float] = {}
+    for name, given in stated.items():
+        if given.deviation is None and given.relative is None:
+            continue
+        entries = _entries_of(model, name)
+        sizes = np.abs(np.asarray(vgtjax.Selection(tuple(entries)).pack(model)))
+        for entry, size in zip(entries, sizes.tolist(), strict=True):
+            deviation = given.deviation if given.deviation is not None else (given.relative or 0.0) * size
+            if not deviation > 0:
+                raise InputError(
+                    f"the deviation of '{entry}' relative to its value must be positive, but that is {size:g}; state "
+                    "it in the unit of the parameter with deviation",
+                    "values",
+                )
+            found[entry] = deviation
+    return found
+
+
 def _entries_of(model: eqx.Module, name: str) -> list[str]:
     table = vgtjax.parameter_table(model)
     if any(letter in name for letter in "*?"):

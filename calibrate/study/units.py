@@ -11,7 +11,7 @@ from vgtjax.estimation import Unknown
 from vgtjax.parameters import Bounds
 from vgtjax.traces import STANDARD_ATMOSPHERE, TRAVEL
 
-from .models import build_model, parameters_of, start_model, start_values
+from .models import build_model, deviations_of, parameters_of, start_model, start_values
 from .parameter_file import FoundDuty, load_duties, load_values
 from .read import EXAMPLE, TraceSource, expand_traces, fingerprint, load_study
 from .tables import Study
@@ -49,6 +49,8 @@ class Unit:
     name: str | None
     model: vgtjax.AbstractModel
     bounds: Bounds
+    deviations: Mapping[str, float]
+    """How well start values are known beforehand, by entry."""
     traces: Sequence[tuple[str, vgtjax.Trace]]
     """`fit` or `validate`, and the trace."""
     duties: Mapping[str, FoundDuty]
@@ -100,7 +102,8 @@ def prepare(path: pathlib.Path | None, parameters: pathlib.Path | None, *, to_fi
         traces = [(source.use, load_source(source, start, bounds, needs)) for source in mine]
         duties = {} if parameters is None else load_duties(parameters, name)
         stated = {key for key in ("duty_delay", "duty_hold") for each in mine if getattr(each, key) is not None}
-        units.append(Unit(name, start, bounds, traces, duties, frozenset(stated)))
+        deviations = deviations_of(start, parameters_of(study))
+        units.append(Unit(name, start, bounds, deviations, traces, duties, frozenset(stated)))
     for unit in units:
         if to_fit and not unit.used("fit"):
             where = "" if unit.name is None else f" of unit '{unit.name}'"

@@ -4,15 +4,16 @@ import dataclasses
 from collections.abc import Callable
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 
 from .._errors import InputError, SimulationError
 from .._types import Vector
-from ..parameters import Transform, build_transform, parameter_table
+from ..parameters import Transform, build_transform, parameter_table, select
 from ..parts import with_sharp_seat
+from ..plants import AbstractModel
 from ..simulation import model_dtype
 from ._calibration import RUNAWAY, Calibration, comparing
-from ._evaluation import Steps, ask, run_alone
+from ._evaluation import Evaluation, Steps, ask, run_alone
 from ._evidence import (
     DELAY_SCALE,
     EVIDENT,
@@ -29,7 +30,7 @@ from ._evidence import (
     turns,
 )
 from ._holds import read_holds
-from ._least_squares import LeastSquares, estimate_uncertainty
+from ._least_squares import LeastSquares, estimate_uncertainty, least_squares
 from ._progress import NEAR, Progress
 from ._residuals import FitProblem, Sensors, build_fit_problem, white_sensors
 from ._search import LevenbergMarquardt, Point, Slopes
@@ -187,6 +188,17 @@ class Calibrator:
         problem = self.minimiser.problem
         return estimate_uncertainty(*self.minimiser.point.reduced, problem.count - problem.offsets)
 
+    def _shifts(self, model: AbstractModel) -> Steps[Float[np.ndarray, "coordinates tolerances"]]:
+        """By how much every coordinate moves when one that is held moves by its tolerance, to first order."""
+        problem, point, tolerances = self.minimiser.problem, self.minimiser.point, self.task.tolerances
+        held = select(model, list(tolerances))
+        late = problem.evaluation(np.asarray(self.minimiser.progress.coordinates)).delay
+        evaluated = yield from ask(Evaluation(model, problem.bundles, late, held))
+        sizes = np.array([tolerances[entry] for entry in held.entries])
+        columns = problem.whitened(evaluated.columns)[:, : len(sizes)] * sizes
+        padded = np.concatenate([columns, np.zeros((len(point.columns) - len(columns), len(sizes)))])
+        return np.stack([-least_squares(point.columns, column).values for column in padded.T], axis=1)
+
     def finish(self) -> Calibration:
         """What came of it: values, covariance, and every trace simulated with them."""
         return run_alone(self.finishing())
@@ -207,6 +219,10 @@ class Calibrator:
             last = wanted[int(first[0]) :] if len(first) else wanted[-1:]
             scatter = last.T @ last / len(last)
             uncertainty = dataclasses.replace(uncertainty, covariance=uncertainty.covariance + scatter)
+        if self.task.tolerances:
+            shifts = (yield from self._shifts(model))[:count]
+            more = np.where(uncertainty.determined[:, None], shifts, 0.0)
+            uncertainty = dataclasses.replace(uncertainty, covariance=uncertainty.covariance + more @ more.T)
         with np.errstate(over="ignore"):  # the error of a value that ran away may be beyond every number
             covariance = uncertainty.covariance * np.outer(slope[:count], slope[:count])
         late = self.task.late_duty and progress.coordinates[-1] != 0.0
@@ -259,6 +275,7 @@ def starting(task: Task, resume: Progress | None = None, notes: tuple[str, ...] 
         channels=task.channels,
         sensors=sensors,
         stepping=task.stepping,
+        prior=task.prior,
     )
     if not progress.corrections:
         minimiser = yield from LevenbergMarquardt.begin(problem, progress, task.unknown.anything)

@@ -125,6 +125,17 @@ def _jacobian_block(measured: Measured, columns: Array) -> Float[Array, "residua
     return _whiten(measured, columns).reshape(-1, columns.shape[-1])
 
 
+class Prior(eqx.Module):
+    """What is known of coordinates beforehand: `center`, and one over its standard deviation, zero for nothing."""
+
+    center: Float[np.ndarray, " coordinates"]
+    precision: Float[np.ndarray, " coordinates"]
+
+    def residuals(self, coordinates: Vector) -> Float[Array | np.ndarray, " coordinates"]:
+        """Distances from the centers in standard deviations."""
+        return self.precision * (coordinates - self.center)
+
+
 class FitProblem(eqx.Module):
     """A least-squares problem: a model, its free parameters, and measured traces.
 
@@ -144,6 +155,7 @@ class FitProblem(eqx.Module):
     offsets: int = eqx.field(static=True)
     """Number of eliminated sensor offsets."""
     late_duty: bool = eqx.field(static=True, default=False)
+    prior: Prior | None = None
 
     def at(self, coordinates: Vector) -> tuple[Any, Scalar | None]:
         """The model at coordinates of the transform, and the delay of the duty in s if that is one of them."""
@@ -162,18 +174,22 @@ class FitProblem(eqx.Module):
         blocks = [_residual_block(*block) for block in zip(self.measured, map(jnp.asarray, observed), strict=True)]
         return np.concatenate([np.asarray(block) for block in blocks])
 
-    def cost_of(self, observed: Sequence[np.ndarray]) -> float:
-        """Half the mean squared residual in units of the noise."""
+    def cost_of(self, observed: Sequence[np.ndarray], coordinates: Float[np.ndarray, " coordinates"]) -> float:
+        """Half the mean squared residual in units of the noise, with what is known of the coordinates beforehand."""
         residuals = self.residuals_of(observed)
-        return 0.5 * float(residuals @ residuals) / self.count
+        known = 0.0 if self.prior is None else float(np.sum(np.square(self.prior.residuals(coordinates))))
+        return 0.5 * (float(residuals @ residuals) + known) / self.count
 
     def columns_of(
         self, columns: Sequence[np.ndarray], at: Float[np.ndarray, " coordinates"]
     ) -> Float[np.ndarray, "residuals coordinates"]:
         """Derivatives of `residuals_of` with respect to the coordinates, from those of what is observed at `at`."""
+        return self.whitened(columns) * np.asarray(self.transform.slope(at))
+
+    def whitened(self, columns: Sequence[np.ndarray]) -> Float[np.ndarray, "residuals columns"]:
+        """Derivatives of `residuals_of`, from those of what is observed, with respect to the same quantities."""
         blocks = [_jacobian_block(*block) for block in zip(self.measured, map(jnp.asarray, columns), strict=True)]
-        slope = np.asarray(self.transform.slope(at))
-        return np.concatenate([np.asarray(block) for block in blocks]) * slope
+        return np.concatenate([np.asarray(block) for block in blocks])
 
     @property
     def owner(self) -> Int[np.ndarray, " residuals"]:
@@ -193,7 +209,10 @@ class FitProblem(eqx.Module):
 
         Its derivative is the exact segment-parallel Jacobian, not the one of the march itself.
         """
-        return _residuals(coordinates, self)
+        found = _residuals(coordinates, self)
+        if self.prior is None:
+            return found
+        return jnp.concatenate([found, self.prior.residuals(coordinates) / np.sqrt(self.count)])
 
     def residuals_and_jacobian(
         self, coordinates: Vector
@@ -239,6 +258,7 @@ def build_fit_problem(
     channels: Sequence[str] = CHANNELS,
     sensors: Sensors | None = None,
     stepping: FixedStep | None = None,
+    prior: Prior | None = None,
 ) -> FitProblem:
     """The problem of fitting the selected parameters of `model` to `traces`.
 
@@ -246,6 +266,7 @@ def build_fit_problem(
 
     - `transform`: of the selected entries; with one coordinate more, that is the delay of the duty in s.
     - `channels`: the measured signals to fit; those that a trace lacks are skipped.
+    - `prior`: what is known of the coordinates beforehand.
     - `sensors`: what is known of them; by default white noise of the size that their signals show.
     """
     sensors = white_sensors(traces, channels) if sensors is None else sensors
@@ -253,4 +274,4 @@ def build_fit_problem(
     measured = [_measure(bundle, traces, sensors) for bundle in bundles]
     offsets = sum(len(each) for each in sensors)
     late_duty = len(transform.scale) > len(selection.entries)
-    return FitProblem(model, selection, transform, bundles, measured, _count(sensors), offsets, late_duty)
+    return FitProblem(model, selection, transform, bundles, measured, _count(sensors), offsets, late_duty, prior)

@@ -72,13 +72,18 @@ class Point:
         """A problem with what is observed at `here`; derivatives may be those of a point nearby."""
         residuals = problem.residuals_of(observed.observed)
         columns = problem.columns_of(slopes.evaluated.columns, slopes.at)
+        if problem.prior is not None:
+            residuals = np.concatenate([residuals, np.asarray(problem.prior.residuals(here))])
+            columns = np.concatenate([columns, np.diag(problem.prior.precision)])
         held = np.asarray(problem.transform.pinned(here, residuals @ columns))
         return Point(residuals, np.where(held, 0.0, columns))
 
     def bend(self, problem: FitProblem, here: Float[np.ndarray, " coordinates"], slopes: "Slopes") -> float:
         """By how many standard errors, over all directions, a linear step goes wrong for derivatives from elsewhere."""
-        moved = self.residuals - problem.residuals_of(slopes.evaluated.observed)
-        bent, _ = reduce_rows(moved - self.columns @ (here - slopes.at), self.columns)
+        there = problem.residuals_of(slopes.evaluated.observed)
+        traces = slice(len(there))
+        moved = self.residuals[traces] - there
+        bent, _ = reduce_rows(moved - self.columns[traces] @ (here - slopes.at), self.columns[traces])
         return float(np.linalg.norm(bent[:-1]))
 
     @functools.cached_property
@@ -159,7 +164,7 @@ class LevenbergMarquardt:
         # A trial outside the bounds goes to the nearest point inside; what it then gains is judged by that move.
         trial = np.asarray(problem.transform.clip(here + np.asarray(_damped_step(residuals, columns, size))))
         evaluated = yield from ask(problem.evaluation(trial))
-        cost = np.inf if evaluated.failed else problem.cost_of(evaluated.observed)
+        cost = np.inf if evaluated.failed else problem.cost_of(evaluated.observed, trial)
         following, accepted = _judge(residuals, columns, here, trial, np.array(cost), size)
         if accepted:
             self.slopes = yield from Slopes.find(problem, trial)

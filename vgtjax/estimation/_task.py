@@ -1,20 +1,30 @@
 """What to calibrate: which parameters, by which traces."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
-from .._errors import InputError
-from ..parameters import Bounds, Selection, bounds_by_entry, replace_parameters, select
+from .._errors import InputError, require_positive
+from ..parameters import (
+    Bounds,
+    Selection,
+    bounds_by_entry,
+    build_transform,
+    match_entries,
+    parameter_table,
+    replace_parameters,
+    select,
+)
 from ..plants import AbstractModel, MechanicalActuator
 from ..simulation import FixedStep
 from ..traces import Trace
 from ._bundle import CHANNELS
 from ._evidence import NOTHING, Unknown
 from ._holds import ramped
+from ._residuals import Prior
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -22,8 +32,9 @@ class Task:
     """What to calibrate: a model with its start values, the free entries, and the traces.
 
     `bounds` are by entry, in the units of the table; `channels` the measured signals to fit; `unknown` is what the fit
-    finds out besides; `linear` has the sample intervals in s of traces whose duty is linear between samples, though
-    they don't say so.
+    finds out besides. `deviations` by entry, in the units of the table, say how well a start value is known beforehand:
+    of a free entry that is a Gaussian prior, of one that is held a tolerance that goes into every error. `linear` has
+    the sample intervals in s of traces whose duty is linear between samples, though they don't say so.
     """
 
     model: AbstractModel
@@ -34,12 +45,31 @@ class Task:
     channels: Sequence[str] = CHANNELS
     stepping: FixedStep = dataclasses.field(default_factory=FixedStep)
     unknown: Unknown = NOTHING
+    deviations: dict[str, float] = dataclasses.field(default_factory=dict)
     linear: Sequence[float] = ()
 
     @property
     def traces(self) -> list[Trace]:
         """Traces to fit, with the duty as it is read."""
         return ramped(self.fit, self.linear)
+
+    @property
+    def tolerances(self) -> dict[str, float]:
+        """Deviations of entries that are held."""
+        return {entry: each for entry, each in self.deviations.items() if entry not in self.selection.entries}
+
+    @property
+    def prior(self) -> Prior | None:
+        """What is known of the free entries beforehand; `None` for nothing."""
+        count = len(self.selection.entries)
+        start = np.asarray(self.selection.pack(self.model))
+        transform = build_transform(parameter_table(self.model), self.selection.entries, start, {})
+        stated = np.array([self.deviations.get(entry, np.inf) for entry in self.selection.entries]).reshape(count)
+        if not np.any(np.isfinite(stated)):
+            return None
+        precision = np.asarray(transform.slope(transform.to_coordinates(start))) / stated
+        more = np.zeros(int(self.late_duty))
+        return Prior(np.append(np.asarray(transform.to_coordinates(start)), more), np.append(np.abs(precision), more))
 
     @property
     def late_duty(self) -> bool:
@@ -63,6 +93,7 @@ def plan_task(
     bounds: Bounds | None = None,
     channels: Sequence[str] | None = None,
     unknown: Unknown = NOTHING,
+    deviations: Mapping[str, float] | None = None,
 ) -> Task:
     """Puts a task together from names.
 
@@ -73,8 +104,10 @@ def plan_task(
     - `bounds`: `(lower, upper)` by name or entry, either `None`.
     - `channels`: measured signals to fit; by default those that are no input of the model.
     - `unknown`: what the fit finds out besides the parameters; nothing by default.
+    - `deviations`: standard deviations of start values by name or entry, in the units of the table: of what is free a
+      Gaussian prior (of its logarithm, if it is positive), of what is held a tolerance that goes into every error.
 
-    **Raises:** `InputError` for unknown names, and when no trace is to be fitted.
+    **Raises:** `InputError` for unknown names, a deviation that is not positive, and when no trace is to be fitted.
     """
     if not fit:
         raise InputError("a fit needs at least one trace, but there is none; give one", "traces")
@@ -89,4 +122,16 @@ def plan_task(
         bounds_by_entry(model, bounds or {}),
         channels,
         unknown=unknown,
+        deviations=_by_entry(model, deviations or {}),
     )
+
+
+def _by_entry(model: AbstractModel, deviations: Mapping[str, float]) -> dict[str, float]:
+    for name, deviation in deviations.items():
+        require_positive(f"the deviation of {name}", deviation, "number", "use its standard deviation")
+    table = parameter_table(model)
+    return {
+        entry: float(deviation)
+        for name, deviation in deviations.items()
+        for entry in sorted(match_entries(table, [name], "deviations"))
+    }

@@ -1,0 +1,25 @@
+"""What a bench would record of an actuator whose parameters we know."""
+
+import numpy as np
+from support import duty_trace
+
+import vgtjax
+from vgtjax import simulate
+
+TRUTH = {"diaphragm.stiffness": 12600.0, "diaphragm.preload": 51.0, "chamber.volume": 57e-6}
+FREE = list(TRUTH)
+NOISE = {"x_d": 8e-6, "p_act": 60.0}
+
+
+def bench(seed, truth=TRUTH, offset=(2e-5, -150.0)):
+    """What a bench would record of an actuator whose parameters we know: noise, and an offset of each sensor."""
+    trace = duty_trace((0, 0.05), (70, 0.35), (40, 0.3), (60, 0.3), p_res=2.0e4)
+    run = simulate(vgtjax.replace_parameters(vgtjax.Actuator(), truth), trace)
+    rng = np.random.default_rng(seed)
+    return vgtjax.Trace(
+        time=trace.time,
+        pwm=trace.pwm,
+        p_res=trace.p_res,
+        x_d=np.asarray(run.x_d) + offset[0] + rng.normal(0, NOISE["x_d"], len(trace.time)),
+        p_act=np.asarray(run.p_act) + offset[1] + rng.normal(0, NOISE["p_act"], len(trace.time)),
+    )

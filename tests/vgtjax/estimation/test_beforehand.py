@@ -1,0 +1,76 @@
+"""What is known of values beforehand: priors of free ones, tolerances of held ones."""
+
+import jax
+import numpy as np
+import pytest
+from known_truth import FREE, TRUTH, bench
+
+import vgtjax
+from vgtjax.estimation import calibrate, plan_task, start_calibration
+
+
+def fit(free, values=None, **deviations):
+    named = {name.replace("__", "."): each for name, each in deviations.items()}
+    return calibrate(plan_task(vgtjax.Actuator(), [bench(0)], free=free, values=values, deviations=named))
+
+
+@pytest.fixture(scope="module")
+def plain():
+    return fit(FREE)
+
+
+def error_of(run, entry):
+    return float(run.std_errors[run.task.selection.entries.index(entry)])
+
+
+def value_of(run, entry):
+    return float(run.values[run.task.selection.entries.index(entry)])
+
+
+def test_a_prior_adds_its_information():
+    """Of one parameter: the inverse variances add, and the value is the mean weighed by them."""
+    others = {name: value for name, value in TRUTH.items() if name != "diaphragm.stiffness"}
+    alone = fit(["diaphragm.stiffness"], others)
+    size = error_of(alone, "diaphragm.stiffness")
+    start = value_of(alone, "diaphragm.stiffness") + 4 * size
+    both = fit(["diaphragm.stiffness"], {**others, "diaphragm.stiffness": start}, diaphragm__stiffness=2 * size)
+    expected = (value_of(alone, "diaphragm.stiffness") + 0.25 * start) / 1.25
+    # Each fit ends within a tenth of a standard error of its minimum.
+    assert value_of(both, "diaphragm.stiffness") == pytest.approx(expected, abs=0.15 * size)
+    # Errors are scaled by what remains, to a percent or two the same in both.
+    assert error_of(both, "diaphragm.stiffness") == pytest.approx(size / np.sqrt(1.25), rel=0.03)
+
+
+def test_a_tight_prior_holds_and_a_wide_one_says_nothing(plain):
+    tight = fit(FREE, {"chamber.volume": 5.7e-5}, chamber__volume=1e-12)
+    assert value_of(tight, "chamber.volume") == pytest.approx(5.7e-5, rel=1e-6)
+    wide = fit(FREE, chamber__volume=1.0)
+    np.testing.assert_allclose(wide.values, plain.values, rtol=1e-6)
+    np.testing.assert_allclose(wide.std_errors, plain.std_errors, rtol=1e-6)
+
+
+def test_the_tolerance_of_what_is_held_goes_into_every_error(plain):
+    """Each variance grows by the square of what the value moves by when the held one is off by its tolerance."""
+    area = float(vgtjax.Actuator().diaphragm.area)
+    moved = fit(FREE, {"diaphragm.area": 1.002 * area})
+    tolerant = fit(FREE, diaphragm__area=0.002 * area)
+    np.testing.assert_allclose(tolerant.values, plain.values, rtol=1e-9)
+    grown = np.sqrt(plain.std_errors**2 + (moved.values - plain.values) ** 2)
+    # First order, and each fit ends within a tenth of a standard error of its minimum.
+    np.testing.assert_allclose(tolerant.std_errors, grown, rtol=0.1)
+    assert np.any(tolerant.std_errors > 3 * plain.std_errors)
+
+
+def test_residuals_carry_the_prior():
+    """So that any optimiser minimises the same."""
+    task = plan_task(vgtjax.Actuator(), [bench(0)], free=FREE, deviations={"chamber.volume": 1e-6})
+    minimiser = start_calibration(task).minimiser
+    here = np.array(minimiser.progress.coordinates) + 0.1
+    residuals = minimiser.problem.residuals(jax.numpy.asarray(here))
+    assert len(residuals) == len(minimiser.point.residuals)
+    assert float(np.sum(np.square(residuals[-3:]))) > 0
+
+
+def test_a_deviation_that_is_not_positive_is_refused():
+    with pytest.raises(vgtjax.InputError, match=r"the deviation of chamber.volume must be a positive number"):
+        fit(FREE, chamber__volume=0.0)
