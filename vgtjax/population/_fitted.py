@@ -10,7 +10,7 @@ from .._errors import InputError
 from ..parameters import Selection, get_parameter, parameter_table
 from ..plants import AbstractModel
 from ._factors import Factors, is_curve
-from ._hierarchical import separate
+from ._hierarchical import separate, separate_each
 from ._population import Margin, Population, domain, lognormal, normal
 
 SMALLEST = 1e-12
@@ -108,13 +108,18 @@ def _without_errors(
         block = np.ix_(known, known)
         precision[block] = np.linalg.pinv(errors[block], hermitian=True)
     centre, covariance = separate(scores, precisions)
-    deviation = np.sqrt(np.diag(covariance))
+    spread = np.diag(covariance)
+    if len(units) <= len(spread):
+        own = np.einsum("uii->ui", relative)
+        centre, spread = separate_each(scores, np.where(np.isfinite(own), own, np.inf))
+    deviation = np.sqrt(spread)
     mean = np.where(positive, np.exp(np.where(positive, centre, 0.0)), centre)
     # What no unit determines stays where the fits left it, and does not spread.
     told = np.einsum("uii->i", precisions) > 0
     mean = np.where(told, mean, _moments(units, positive)[0])
     deviation = np.where(told, deviation, 0.0)
-    sizes = np.where(deviation > 0, deviation, 1.0)
+    sizes = np.sqrt(np.diag(covariance))
+    sizes = np.where(sizes > 0, sizes, 1.0)
     return mean, deviation, covariance / sizes / sizes[:, None]
 
 

@@ -6,6 +6,9 @@ from jaxtyping import Float
 ITERATIONS = 1000
 """Of the expectation-maximisation below, whose last digits come slowly where a quantity hardly spreads."""
 
+SETTLED = 1e-4
+"""Change of a variance, in parts of what the units scatter by, below which a step is the last."""
+
 Units = Float[np.ndarray, "units factors"]
 Matrices = Float[np.ndarray, "units factors factors"]
 Matrix = Float[np.ndarray, "factors factors"]
@@ -35,9 +38,37 @@ def separate(found: Units, precisions: Matrices) -> tuple[Float[np.ndarray, " fa
         left = covariance - covariance @ marginal @ covariance
         # The mean was estimated as well, and what that costs belongs to the covariance.
         shared = covariance @ marginal @ error @ marginal @ covariance
+        before = covariance
         covariance = np.mean(moved[:, :, None] * moved[:, None, :] + left + shared, axis=0)
         covariance = 0.5 * (covariance + covariance.T)
+        if np.max(np.abs(covariance - before)) < SETTLED:
+            break
     return mean * scale, covariance * scale * scale[:, None]
+
+
+def separate_each(
+    found: Units, variances: Units
+) -> tuple[Float[np.ndarray, " factors"], Float[np.ndarray, " factors"]]:
+    """Mean and variance of every factor by itself, by the same model and method.
+
+    With more factors than units the joint model can explain errors of one factor by the spread of others; what one
+    factor's own values and errors say of its spread can't be fooled like that.
+
+    **Arguments:** `variances` of each unit's errors, infinite for what it does not determine.
+    """
+    information = np.where(variances > 0, 1 / np.maximum(variances, 1e-300), 0.0)
+    known = information > 0
+    values = np.where(known, found, 0.0)
+    errors = np.where(known, variances, np.inf)
+    mean = np.sum(values * information, axis=0) / np.maximum(information.sum(axis=0), 1e-300)
+    spread = np.sum(np.where(known, values - mean, 0.0) ** 2, axis=0) / np.maximum(known.sum(axis=0), 1)
+    for _ in range(ITERATIONS):
+        weights = 1 / np.maximum(spread + errors, 1e-300)
+        total = np.maximum(weights.sum(axis=0), 1e-300)
+        mean = np.sum(weights * values, axis=0) / total
+        moved = np.where(known, spread * weights * (values - mean), 0.0)
+        spread = np.mean(moved**2 + spread - spread**2 * weights + (spread * weights) ** 2 / total, axis=0)
+    return mean, spread
 
 
 def _sizes(found: Units, precisions: Matrices) -> Float[np.ndarray, " factors"]:

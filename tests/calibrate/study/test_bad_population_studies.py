@@ -119,7 +119,7 @@ BAD = [
     ),
     (
         "units and spread",
-        f'[components]\nvane_force = "map"\n[population]\nrelative = 0.1\nunits = "{EXAMPLE}/fleet/units"',
+        f'[components]\nvane_force = "speed-map"\n[population]\nrelative = 0.1\nunits = "{EXAMPLE}/fleet/units"',
         "a population of fitted units has their spread, but [population] states relative too; drop that, or give the "
         "parameters of one actuator",
     ),

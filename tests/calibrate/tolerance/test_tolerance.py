@@ -81,8 +81,8 @@ def test_fitted_units_are_the_population(tmp_path):
     """Units of a fit given by --parameters: their geometric mean is the nominal actuator, each is simulated itself."""
     study = tmp_path / "study.toml"
     study.write_text(
-        '[components]\nvane_force = "map"\n[experiments]\nturbine_pressure = [0, 3e5]\nloop_seconds = 4\nsteps = []\n'
-        "[tolerance]\nsamples = 8\n"
+        '[components]\nvane_force = "speed-map"\n'
+        "[experiments]\nturbine_pressure = [0, 3e5]\nloop_seconds = 4\nsteps = []\n[tolerance]\nsamples = 8\n"
     )
     units = EXAMPLE / "fleet" / "units"
     outcome = run_command("tolerance", study, "--parameters", units, "--out", tmp_path / "out")

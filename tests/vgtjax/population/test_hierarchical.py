@@ -7,6 +7,7 @@ import pytest
 import vgtjax
 from vgtjax import Selection
 from vgtjax.population import fitted_population
+from vgtjax.population._hierarchical import separate_each
 
 ENTRIES = ("diaphragm.mass", "diaphragm.preload", "diaphragm.stiffness", "friction.static_force")
 MEAN = np.array([0.63, 49.0, 12000.0, 3.2])
@@ -58,6 +59,20 @@ def test_spread_and_correlation_are_those_of_the_units(found):
     at = [freed.factors.entries.index(entry) for entry in (ENTRIES[0], ENTRIES[2])]
     assert freed.correlation[tuple(at)] == pytest.approx(0.6, abs=0.3)
     assert np.all(np.linalg.eigvalsh(freed.correlation) > -1e-9)
+
+
+def test_each_by_itself_where_factors_are_many(found):
+    """As the joint model has it for what is well known, and no less than nothing for what only errors spread."""
+    units, estimates, covariances = found
+    values = np.log(estimates)
+    relative = np.array([c / e / e[:, None] for c, e in zip(covariances, estimates, strict=True)])
+    mean, spread = separate_each(values, np.einsum("uii->ui", relative))
+    truth = np.std(np.log(units), axis=0, ddof=1)
+    np.testing.assert_allclose(np.sqrt(spread)[1:3], truth[1:3], rtol=0.1)
+    # Errors as large as the spread and no help from the others: half of it is two of its own errors.
+    np.testing.assert_allclose(np.sqrt(spread)[0], truth[0], rtol=0.5)
+    assert np.sqrt(spread)[3] < 0.3 * np.std(values[:, 3])
+    np.testing.assert_allclose(mean[1:3], np.mean(np.log(units), axis=0)[1:3], atol=0.01)
 
 
 def test_without_errors_it_is_the_plain_spread(found):
