@@ -94,7 +94,8 @@ def test_fitted_units_are_the_population(tmp_path):
         for name in found["simulated_units"]
     ]
     quantity = found["quantities"]["diaphragm.stiffness"]
-    assert quantity["nominal"] == pytest.approx(np.exp(np.mean(np.log(stiffness))), rel=1e-12)
+    # Each weighs by its error as well, which is a thousandth of the spread.
+    assert quantity["nominal"] == pytest.approx(np.exp(np.mean(np.log(stiffness))), rel=1e-6)
     # A lognormal's deviation against that of the units: equal to second order in its 4 %.
     assert quantity["deviation"] == pytest.approx(np.std(stiffness, ddof=1), rel=0.01)
     widths = [unit["hysteresis_3000mbar"] for unit in found["simulated_units"].values()]
