@@ -5,7 +5,7 @@ import pathlib
 from typing import Any
 
 from vgtjax import Calibration, SimulationError
-from vgtjax.estimation import Progress, Steps, Task, run_alone, run_together
+from vgtjax.estimation import End, Progress, Slices, Steps, Task, run_alone, run_together, slicing
 from vgtjax.identification import plan_fit, starting_fit
 
 from ..output.console import console
@@ -16,6 +16,7 @@ from ..study.models import passivity_note
 from ..study.parameter_file import calibrated, covariance, nuisance, to_json
 from ..study.units import Job, Unit, prepare
 from .report import found_besides, render, render_overview
+from .slices import slice_summary
 
 
 def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathlib.Path) -> None:
@@ -54,9 +55,13 @@ def _plan(job: Job, unit: Unit) -> Task:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class _Fitted:
-    """A fit that came to its end, the seconds it took, and what its traces did not determine at the start."""
+    """A fit that came to its end, the seconds it took, and what its traces did not determine at the start.
+
+    The misfit around its end is looked at where that is one.
+    """
 
     calibration: Calibration
+    slices: Slices | None
     seconds: float
     undetermined: list[str]
 
@@ -105,10 +110,12 @@ def _fitting(job: Job, unit: Unit, folder: pathlib.Path) -> Steps[_Fitted]:
 
     console.print(f"{who}{'step':>6} {'chi^2/N':>12} {'damping':>10} {'seconds':>8}")
     show(calibrator.minimiser.progress)
-    calibration = yield from calibrator.steps(report)
+    calibrator = yield from calibrator.ending(report)
+    calibration = yield from calibrator.finishing()
+    slices = (yield from slicing(End.of(calibrator))) if calibration.converged else None
     for sentence in found_besides(calibration):
         console.print(f"{who}found: {sentence}")
-    return _Fitted(calibration, saved.seconds, undetermined)
+    return _Fitted(calibration, slices, saved.seconds, undetermined)
 
 
 def _write(job: Job, unit: Unit, folder: pathlib.Path, outcome: _Fitted | SimulationError) -> None:
@@ -125,7 +132,7 @@ def _write(job: Job, unit: Unit, folder: pathlib.Path, outcome: _Fitted | Simula
         folder / "parameters.json",
         to_json(job.study, table, nuisance=nuisance(calibration), covariance=covariance(calibration)),
     )
-    write_json(folder / SUMMARY, _summary(calibration, outcome.seconds, outcome.undetermined, job))
+    write_json(folder / SUMMARY, _summary(outcome, job))
     page = render(job, unit.name, calibration, table, outcome.seconds, outcome.undetermined)
     write_text(folder / REPORT, page)
     ProgressFile.remove_from(folder)
@@ -137,8 +144,8 @@ def _population(job: Job, out: pathlib.Path) -> dict[str, dict[str, Any]]:
     return {name: read_json(file)["parameters"] for name, file in files.items() if name and file.exists()}
 
 
-def _summary(calibration: Calibration, seconds: float, undetermined: list[str], job: Job) -> dict[str, Any]:
-    progress = calibration.progress
+def _summary(fitted: _Fitted, job: Job) -> dict[str, Any]:
+    calibration, progress = fitted.calibration, fitted.calibration.progress
     learned = zip(calibration.task.fit, calibration.sensors, strict=True)
     sensors = {trace.name: {"sensors": sensor_summary(known)} for trace, known in learned}
     return {
@@ -159,9 +166,10 @@ def _summary(calibration: Calibration, seconds: float, undetermined: list[str], 
         "duty_hold_decided": progress.hold_decided,
         "duty_delay": calibration.duty_delay,
         "duty_delay_std_error": calibration.duty_delay_error,
-        "unidentifiable_at_start": undetermined,
+        "unidentifiable_at_start": fitted.undetermined,
         "friction_is_passive": passivity_note(calibration.model) is None,
-        **job.account(seconds),
+        **job.account(fitted.seconds),
+        "slices": None if fitted.slices is None else slice_summary(fitted.slices),
         "traces": {
             result.trace.name: {**trace_summary(result), **sensors.get(result.trace.name, {})}
             for result in calibration.traces

@@ -33,5 +33,6 @@ from ._residuals import FitProblem as FitProblem, Sensors as Sensors, build_fit_
 from ._search import LevenbergMarquardt as LevenbergMarquardt
 from ._sensitivities import jacobian as jacobian, observe as observe, observe_with_jacobian as observe_with_jacobian
 from ._sensors import Sensor as Sensor
+from ._slices import WORDS as WORDS, End as End, Slice as Slice, Slices as Slices, slicing as slicing
 from ._task import Task as Task, plan_task as plan_task
 from ._weighed import BLOCKS as BLOCKS, Linearised as Linearised, Weighed as Weighed
