@@ -5,7 +5,7 @@ import pathlib
 from typing import Any
 
 from vgtjax import Calibration, SimulationError
-from vgtjax.estimation import End, Progress, Slices, Steps, Task, run_alone, run_together, slicing
+from vgtjax.estimation import Progress, Steps, Task, run_alone, run_together
 from vgtjax.identification import plan_fit, starting_fit
 
 from ..output.console import console
@@ -15,8 +15,8 @@ from ..resumable import Folders, ProgressFile, run_units
 from ..study.models import passivity_note
 from ..study.parameter_file import calibrated, covariance, nuisance, to_json
 from ..study.units import Job, Unit, prepare
+from .around import Around, looking_around
 from .report import found_besides, render, render_overview
-from .slices import slice_summary
 
 
 def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathlib.Path) -> None:
@@ -61,7 +61,7 @@ class _Fitted:
     """
 
     calibration: Calibration
-    slices: Slices | None
+    around: Around | None
     seconds: float
     undetermined: list[str]
 
@@ -112,10 +112,12 @@ def _fitting(job: Job, unit: Unit, folder: pathlib.Path) -> Steps[_Fitted]:
     show(calibrator.minimiser.progress)
     calibrator = yield from calibrator.ending(report)
     calibration = yield from calibrator.finishing()
-    slices = (yield from slicing(End.of(calibrator))) if calibration.converged else None
-    for sentence in found_besides(calibration):
+    around = None
+    if calibration.converged:
+        around = yield from looking_around(calibrator, job.study.fit.profiles)
+    for sentence in (*found_besides(calibration), *(() if around is None else around.sentences)):
         console.print(f"{who}found: {sentence}")
-    return _Fitted(calibration, slices, saved.seconds, undetermined)
+    return _Fitted(calibration, around, saved.seconds, undetermined)
 
 
 def _write(job: Job, unit: Unit, folder: pathlib.Path, outcome: _Fitted | SimulationError) -> None:
@@ -124,7 +126,8 @@ def _write(job: Job, unit: Unit, folder: pathlib.Path, outcome: _Fitted | Simula
         failure = {"converged": False, "error": str(outcome), "iterations": 0, "traces": {}}
         write_json(folder / SUMMARY, {**failure, **job.account(0.0)})
         return
-    calibration, table = outcome.calibration, calibrated(outcome.calibration)
+    calibration, around = outcome.calibration, outcome.around
+    table = calibrated(calibration, {} if around is None else around.intervals(calibration))
     note = passivity_note(calibration.model)
     if note is not None:
         console.print(f"warning: {'' if unit.name is None else f'{unit.name}: '}{note}")
@@ -133,7 +136,7 @@ def _write(job: Job, unit: Unit, folder: pathlib.Path, outcome: _Fitted | Simula
         to_json(job.study, table, nuisance=nuisance(calibration), covariance=covariance(calibration)),
     )
     write_json(folder / SUMMARY, _summary(outcome, job))
-    page = render(job, unit.name, calibration, table, outcome.seconds, outcome.undetermined)
+    page = render(job, unit.name, calibration, around, table, outcome.seconds, outcome.undetermined)
     write_text(folder / REPORT, page)
     ProgressFile.remove_from(folder)
 
@@ -169,7 +172,7 @@ def _summary(fitted: _Fitted, job: Job) -> dict[str, Any]:
         "unidentifiable_at_start": fitted.undetermined,
         "friction_is_passive": passivity_note(calibration.model) is None,
         **job.account(fitted.seconds),
-        "slices": None if fitted.slices is None else slice_summary(fitted.slices),
+        **({} if fitted.around is None else fitted.around.summary()),
         "traces": {
             result.trace.name: {**trace_summary(result), **sensors.get(result.trace.name, {})}
             for result in calibration.traces

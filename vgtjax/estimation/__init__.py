@@ -2,6 +2,7 @@
 
 from ._bundle import CHANNELS as CHANNELS, SEGMENT as SEGMENT, Bundle as Bundle, bundle_traces as bundle_traces
 from ._calibration import (
+    NORMAL_95 as NORMAL_95,
     RUNAWAY as RUNAWAY,
     Calibration as Calibration,
     Comparison as Comparison,
@@ -27,6 +28,7 @@ from ._least_squares import (
     least_squares as least_squares,
     robust_deviation as robust_deviation,
 )
+from ._profiles import Profile as Profile, Profiles as Profiles, profiling as profiling
 from ._progress import CHI2_TOLERANCE as CHI2_TOLERANCE, Progress as Progress
 from ._remains import VERDICTS as VERDICTS, Remains as Remains, find_remains as find_remains
 from ._residuals import FitProblem as FitProblem, Sensors as Sensors, build_fit_problem as build_fit_problem
