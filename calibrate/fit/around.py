@@ -1,5 +1,6 @@
 """What a fit says of the misfit around its end: slices along all directions, and profiles of what they flag."""
 
+import collections
 import dataclasses
 import itertools
 from typing import Any, Literal
@@ -42,13 +43,15 @@ class Around:
         """What is worth a word in the terminal."""
         found = []
         if bent := self.slices.no_parabolas:
-            named = ", ".join(f"{each.verdict} ({each.carried_by[0]})" for each in bent)
+            counts = collections.Counter(each.verdict for each in bent)
+            named = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
             found.append(
-                f"the misfit is no parabola along {len(bent)} of {len(self.slices.slices)} directions: {named}"
+                f"the misfit is no parabola along {len(bent)} of {len(self.slices.slices)} directions ({named}); the "
+                f"least determined of these is carried by {', '.join(bent[0].carried_by)}"
             )
         found += [f"profile of {name}: {profile.verdict}" for name, profile in self.profiles.profiles.items()]
         if self.profiles.left_out:
-            found.append(f"no profile, as they would be too many: {', '.join(self.profiles.left_out)}")
+            found.append(f"{len(self.profiles.left_out)} more carry such directions, and have no profile")
         return found
 
     def summary(self) -> dict[str, Any]:
@@ -63,6 +66,7 @@ class Around:
                 },
                 "reaches": list(each.reaches),
                 "values": finite(each.values),
+                "shift": each.shift,
                 "verdict": each.verdict,
             }
             for each in self.slices.slices
@@ -102,10 +106,11 @@ def looking_around(calibrator: Calibrator, profiles: Literal["flagged", "all", "
     """Slices at the end of a calibration, and profiles of the parameters that are asked for, as a computation."""
     end = End.of(calibrator)
     slices = yield from slicing(end)
-    flagged = slices.flagged()
-    rest = [entry for entry in end.entries if entry not in flagged]
-    wanted = {"flagged": flagged, "all": [*flagged, *rest], "none": []}[profiles]
-    return Around(slices, (yield from profiling(end, wanted)))
+    flagged = [] if profiles == "none" else slices.flagged()
+    if profiles == "all":
+        everything = [*flagged, *(entry for entry in end.entries if entry not in flagged)]
+        return Around(slices, (yield from profiling(end, everything, len(everything))))
+    return Around(slices, (yield from profiling(end, flagged)))
 
 
 def slices_figure(slices: Slices) -> go.Figure:
@@ -115,10 +120,11 @@ def slices_figure(slices: Slices) -> go.Figure:
     figure.add_trace(figures.curve(reach, reach**2, "parabola", figures.MEASURED, width=6, opacity=0.4))
     same = [each for each in slices.slices if each.is_parabola]
     pairs = [pair for each in same for pair in zip(each.reaches, each.values, strict=True)]
-    figure.add_trace(figures.points(*np.reshape(pairs, (-1, 2)).T, "parabolas", figures.DUTY, 5, opacity=0.6))
+    x, y = np.reshape(pairs, (-1, 2)).T
+    figure.add_trace(figures.points(x, y, "parabolas", figures.DUTY, 5, opacity=0.6))
     for each, color in zip(slices.no_parabolas, itertools.cycle(figures.PALETTE), strict=False):
-        x, y = zip(*sorted([*zip(each.reaches, each.values, strict=True), (0.0, 0.0)]), strict=True)
-        shown = [value if np.isfinite(value) else np.nan for value in y]
+        x, y = np.transpose(sorted([*zip(each.reaches, each.values, strict=True), (0.0, 0.0)]))
+        shown = np.where(np.isfinite(y), y, np.nan)
         name = f"{each.direction}: {each.carried_by[0]}, {each.verdict}"
         figure.add_trace(figures.curve(x, shown, name, color, mode="lines+markers"))
     return figures.styled(figure, 380, "standard errors", "rise of chi^2", hovermode="closest")

@@ -24,8 +24,7 @@ CHORDS = 3
 ENOUGH = 0.1
 """Gain in chi^2 below which no further linear step is taken: it moves the end of an interval by a fortieth of it."""
 MOST_PROFILES = 6
-MOST_EVALUATIONS = 80
-"""Parameters with a profile, and simulations of all traces that profiles may take."""
+"""Parameters that get a profile unless more are asked for: each takes about six simulations of all traces."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -76,18 +75,16 @@ class Profiles:
     evaluations: int
 
 
-def profiling(end: End, entries: Sequence[str]) -> Steps[Profiles]:
-    """Profiles of some entries, the first ones first, as a computation; those not determined have none."""
+def profiling(end: End, entries: Sequence[str], most: int = MOST_PROFILES) -> Steps[Profiles]:
+    """Profiles of the first entries, `most` of them, as a computation; those not determined have none."""
     found: dict[str, Profile] = {}
     wanted = [entry for entry in entries if end.found.determined[end.entries.index(entry)]]
     evaluations = 0
-    for entry in wanted:
-        if len(found) >= MOST_PROFILES or evaluations >= MOST_EVALUATIONS:
-            break
+    for entry in wanted[:most]:
         held = _Held(end, end.entries.index(entry))
         found[entry] = yield from held.profile()
         evaluations += held.evaluations
-    return Profiles(found, [entry for entry in wanted if entry not in found], evaluations)
+    return Profiles(found, wanted[most:], evaluations)
 
 
 class _Held:

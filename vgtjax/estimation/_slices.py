@@ -25,7 +25,7 @@ MOST_EVALUATIONS = 110
 """Simulations of all traces that slices may take, the least determined directions first."""
 MINOR = 0.3
 """Largest loading below which a direction is looked at on one side only, unless that is no parabola: it carries less
-than a tenth of any variance. With all on both sides, slices took a third of the time of the rest of the example's fit."""
+than a tenth of any variance. With all on both sides, slices took a third as long as the rest of a fit."""
 HONEST = 1.25
 """Factor by which the error that a misfit really shows may differ from the linear one: what intervals are measured to
 be right to (`calibrate.bench`, coverage), and more than the chatter of a search that settles to a fifth of an error."""
@@ -33,6 +33,8 @@ FLAT = 0.5
 """Part of the linear distance at which a misfit two standard errors away is called flat: it is below one."""
 KINKED = 1.4
 """How much wider than a parabola a misfit is near its minimum where it has a kink; 1 is none, 2 nothing else."""
+SHIFTED = 0.5
+"""Standard errors from the end to the minimum of a parabola that count: corrections that have settled leave 0.2."""
 DOWNHILL = -1.0
 """Rise of the misfit below which the fit did not end at a minimum: one standard error."""
 CARRIES = 0.5
@@ -130,7 +132,7 @@ class Slice:
 
     `loadings` are those of all entries, by name; infinite values are simulations that failed. `bent` has the same
     values without what the slope at the end explains, by the square of the distance that the bounds left: one for a
-    parabola, NaN where they left none.
+    parabola, NaN where they left none. `shift` is where that slope puts the minimum, in standard errors.
     """
 
     direction: int
@@ -138,6 +140,7 @@ class Slice:
     reaches: tuple[float, ...]
     values: tuple[float, ...]
     bent: tuple[float, ...]
+    shift: float = 0.0
 
     @property
     def carried_by(self) -> list[str]:
@@ -163,7 +166,7 @@ class Slice:
             return "at bounds"
         distance = np.sqrt(np.maximum(far, 0.0))  # 1 for a parabola
         if np.all((distance > 1 / HONEST) & (distance < HONEST)):
-            return "parabola"
+            return "shifted" if abs(self.shift) > SHIFTED else "parabola"
         if np.all(distance < FLAT):
             return "flat"
         if len(near) == len(far) and np.all(np.isfinite(near)) and np.mean(near) > KINKED * np.mean(far) > 0:
@@ -175,6 +178,7 @@ class Slice:
 
 WORDS = {
     "parabola": "errors are as linear as they claim",
+    "shifted": "a parabola, but its minimum is more than half a standard error away",
     "flat": "the misfit hardly rises: less is known than errors say",
     "kinked": "the misfit rises like a roof: the model has a kink here",
     "skewed": "the misfit rises faster on one side",
@@ -239,7 +243,9 @@ def _slice(end: End, direction: int, reaches: Sequence[float]) -> Steps[Slice]:
         reached = square > (0.25 * reach) ** 2 * end.found.scale
         bent.append((rise * end.found.scale - slope) / square if reached else np.nan)
     loadings = dict(zip(end.entries, end.directions.loadings[:, direction].tolist(), strict=True))
-    return Slice(direction, loadings, tuple(reaches), tuple(values), tuple(bent))
+    ahead = end.point.reduced[1] @ move
+    shift = -float(end.point.reduced[0] @ ahead) / float(ahead @ ahead)
+    return Slice(direction, loadings, tuple(reaches), tuple(values), tuple(bent), shift)
 
 
 def _joined(far: Slice, near: Slice) -> Slice:
