@@ -28,6 +28,28 @@ def test_profiles_of_all_are_there_and_shorten_no_interval(small, parameters, su
     assert "Profile likelihoods" in (out / "report.html").read_text()
 
 
+def test_what_is_flagged_gets_a_profile_and_its_rows(small, monkeypatch):
+    monkeypatch.setattr("vgtjax.estimation._slices.HONEST", 1.0)  # then nothing is a parabola
+    outcome = run_command("fit", small, "--out", small.parent / "out")
+    summary, page = read(small.parent / "out/summary.json"), (small.parent / "out/report.html").read_text()
+    assert outcome.status == 0
+    assert "found: the misfit is no parabola along " in outcome.out
+    bent = [each for each in summary["slices"] if each["verdict"] != "parabola"]
+    assert all(each["reaches"] == [-2, -1, 1, 2] for each in bent)
+    for each in bent:
+        assert f'<td class="text">{each["verdict"]}: ' in page
+    for name, profile in summary["profiles"].items():
+        assert f"found: profile of {name}: {profile['verdict']}\n" in outcome.out
+        assert f'<code>{name}</code></td><td class="text">{profile["verdict"]}</td>' in page
+
+
+def test_none_has_none(small, monkeypatch):
+    monkeypatch.setattr("vgtjax.estimation._slices.HONEST", 1.0)
+    small.write_text(small.read_text().replace("[fit]", '[fit]\nprofiles = "none"'))
+    assert run_command("fit", small, "--out", small.parent / "out").status == 0
+    assert read(small.parent / "out/summary.json")["profiles"] == {}
+
+
 @pytest.mark.parametrize(
     ("ends", "limits", "interval"),
     [
@@ -69,7 +91,8 @@ def test_what_is_no_parabola_is_named(kinked):
     slices = Slices([same, kinked], 0, 6)
     around = Around(slices, Profiles({}, ["b"], 0))
     assert around.sentences == [
-        "the misfit is no parabola along 1 of 2 directions (1 kinked); the least determined of these is carried by a, b",
+        "the misfit is no parabola along 1 of 2 directions (1 kinked); the least determined of these is carried by "
+        "a, b",
         "1 more carry such directions, and have no profile",
     ]
     assert [each["verdict"] for each in around.summary()["slices"]] == ["parabola", "kinked"]
