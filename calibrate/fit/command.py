@@ -15,6 +15,7 @@ from ..resumable import Folders, ProgressFile, run_units
 from ..study.models import passivity_note
 from ..study.parameter_file import calibrated, covariance, nuisance, to_json
 from ..study.units import Job, Unit, prepare
+from .around import Around, looking_around
 from .report import found_besides, render, render_overview
 
 
@@ -55,9 +56,13 @@ def _plan(job: Job, unit: Unit) -> Task:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class _Fitted:
-    """A fit that came to its end, the seconds it took, and what its traces did not determine at the start."""
+    """A fit that came to its end, the seconds it took, and what its traces did not determine at the start.
+
+    The misfit around its end is looked at where that is one.
+    """
 
     calibration: Calibration
+    around: Around | None
     seconds: float
     undetermined: list[str]
 
@@ -106,10 +111,14 @@ def _fitting(job: Job, unit: Unit, folder: pathlib.Path) -> Steps[_Fitted]:
 
     console.print(f"{who}{'step':>6} {'chi^2/N':>12} {'damping':>10} {'seconds':>8}")
     show(calibrator.minimiser.progress)
-    calibration = yield from calibrator.steps(report)
-    for sentence in found_besides(calibration):
+    calibrator = yield from calibrator.ending(report)
+    calibration = yield from calibrator.finishing()
+    around = None
+    if calibration.converged:
+        around = yield from looking_around(calibrator, job.study.fit.profiles)
+    for sentence in (*found_besides(calibration), *(() if around is None else around.sentences)):
         console.print(f"{who}found: {sentence}")
-    return _Fitted(calibration, saved.seconds, undetermined)
+    return _Fitted(calibration, around, saved.seconds, undetermined)
 
 
 def _write(job: Job, unit: Unit, folder: pathlib.Path, outcome: _Fitted | SimulationError) -> None:
@@ -118,7 +127,8 @@ def _write(job: Job, unit: Unit, folder: pathlib.Path, outcome: _Fitted | Simula
         failure = {"converged": False, "error": str(outcome), "iterations": 0, "traces": {}}
         write_json(folder / SUMMARY, {**failure, **job.account(0.0)})
         return
-    calibration, table = outcome.calibration, calibrated(outcome.calibration)
+    calibration, around = outcome.calibration, outcome.around
+    table = calibrated(calibration, {} if around is None else around.intervals(calibration))
     note = passivity_note(calibration.model)
     if note is not None:
         console.print(f"warning: {'' if unit.name is None else f'{unit.name}: '}{note}")
@@ -126,8 +136,8 @@ def _write(job: Job, unit: Unit, folder: pathlib.Path, outcome: _Fitted | Simula
         folder / "parameters.json",
         to_json(job.study, table, nuisance=nuisance(calibration), covariance=covariance(calibration)),
     )
-    write_json(folder / SUMMARY, _summary(calibration, outcome.seconds, outcome.undetermined, job))
-    page = render(job, unit.name, calibration, table, outcome.seconds, outcome.undetermined)
+    write_json(folder / SUMMARY, _summary(outcome, job))
+    page = render(job, unit.name, calibration, around, table, outcome.seconds, outcome.undetermined)
     write_text(folder / REPORT, page)
     ProgressFile.remove_from(folder)
 
@@ -138,8 +148,8 @@ def _population(job: Job, out: pathlib.Path) -> dict[str, dict[str, Any]]:
     return {name: read_json(file)["parameters"] for name, file in files.items() if name and file.exists()}
 
 
-def _summary(calibration: Calibration, seconds: float, undetermined: list[str], job: Job) -> dict[str, Any]:
-    progress = calibration.progress
+def _summary(fitted: _Fitted, job: Job) -> dict[str, Any]:
+    calibration, progress = fitted.calibration, fitted.calibration.progress
     learned = zip(calibration.task.fit, calibration.sensors, strict=True)
     sensors = {trace.name: {"sensors": sensor_summary(known)} for trace, known in learned}
     return {
@@ -160,9 +170,10 @@ def _summary(calibration: Calibration, seconds: float, undetermined: list[str], 
         "duty_hold_decided": progress.hold_decided,
         "duty_delay": calibration.duty_delay,
         "duty_delay_std_error": calibration.duty_delay_error,
-        "unidentifiable_at_start": undetermined,
+        "unidentifiable_at_start": fitted.undetermined,
         "friction_is_passive": passivity_note(calibration.model) is None,
-        **job.account(seconds),
+        **job.account(fitted.seconds),
+        **({} if fitted.around is None else fitted.around.summary()),
         "traces": {
             result.trace.name: {**trace_summary(result), **sensors.get(result.trace.name, {})}
             for result in calibration.traces

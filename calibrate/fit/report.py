@@ -13,14 +13,22 @@ from ..resumable import Summaries
 from ..study.models import passivity_note
 from ..study.parameter_file import Entry, by_entry, start_as_study
 from ..study.units import Job
+from .around import Around, slices_figure
 
 
 def render(
-    job: Job, unit: str | None, calibration: Calibration, table: list[Entry], seconds: float, undetermined: list[str]
+    job: Job,
+    unit: str | None,
+    calibration: Calibration,
+    around: Around | None,
+    table: list[Entry],
+    seconds: float,
+    undetermined: list[str],
 ) -> str:
     """The report of one unit as HTML, with plots, their library and the study inside.
 
-    **Arguments:** `undetermined`: free parameters that the traces did not determine at the start values.
+    **Arguments:** `around`: the misfit around the end of the fit; `undetermined`: free parameters that the traces did
+    not determine at the start values.
     """
     known = calibration.uncertainty.determined
     entries = [e for e, is_known in zip(calibration.task.selection.entries, known, strict=True) if is_known]
@@ -40,6 +48,8 @@ def render(
         **model_sections(calibration.model, calibration.traces),
         convergence=figures.convergence_figure(cost, "chi^2 / N"),
         autocorrelation=figures.autocorrelation_figure(calibration.traces),
+        around=around,
+        slices=None if around is None else slices_figure(around.slices),
         correlation=figures.correlation_figure(entries, covariance) if len(entries) > 1 else None,
     )
 

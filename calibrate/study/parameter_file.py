@@ -19,6 +19,9 @@ from ..output.files import finite, read_json
 from .models import check_length, values_of
 from .tables import Study
 
+Interval = tuple[float | None, float | None]
+"""Ends of a 95 % interval; `None` for an open one."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Entry:
@@ -35,7 +38,7 @@ class Entry:
     upper: float | None
     at_bound: bool
     identifiable: bool
-    interval: tuple[float, float] | None
+    interval: Interval | None
     assumed: bool
     source: str
 
@@ -47,7 +50,7 @@ class Estimate:
     std_error: float = math.nan
     at_bound: bool = False
     identifiable: bool = False
-    interval: tuple[float, float] | None = None
+    interval: Interval | None = None
 
 
 def tabulate(
@@ -70,14 +73,20 @@ def tabulate(
     return found
 
 
-def calibrated(calibration: Calibration) -> list[Entry]:
-    """Every entry of the fitted model, free and held."""
+def calibrated(calibration: Calibration, profiled: Mapping[str, Interval | None] | None = None) -> list[Entry]:
+    """Every entry of the fitted model, free and held.
+
+    **Arguments:** `profiled`: intervals by profiles, in place of the linear ones; `None` where one says nothing.
+    """
     entries = calibration.task.selection.entries
     known = calibration.uncertainty.determined.tolist()
     errors, ends = calibration.std_errors.tolist(), calibration.at_bound.tolist()
     intervals = [tuple(found) if np.all(np.isfinite(found)) else None for found in calibration.intervals.tolist()]
     columns = zip(entries, errors, ends, known, intervals, strict=True)
     estimates = {entry: Estimate(*found) for entry, *found in columns}
+    for entry, interval in (profiled or {}).items():
+        believed = estimates[entry].identifiable and interval is not None
+        estimates[entry] = dataclasses.replace(estimates[entry], interval=interval, identifiable=believed)
     return tabulate(calibration.task.model, calibration.model, estimates, calibration.task.bounds)
 
 

@@ -47,6 +47,8 @@ class Fit(Table):
     free: list[str] | None = None
     fixed: list[str] = []
     loss: Literal["evidence", "gaussian", "huber"] = "evidence"
+    profiles: Literal["flagged", "all", "none"] = "flagged"
+    """Which parameters get a profile likelihood: those of directions whose misfit is no parabola, all, or none."""
     unknown: UnknownTable = UnknownTable()
 
 

@@ -2,6 +2,7 @@
 
 from ._bundle import CHANNELS as CHANNELS, SEGMENT as SEGMENT, Bundle as Bundle, bundle_traces as bundle_traces
 from ._calibration import (
+    NORMAL_95 as NORMAL_95,
     RUNAWAY as RUNAWAY,
     Calibration as Calibration,
     Comparison as Comparison,
@@ -14,7 +15,13 @@ from ._calibrator import (
     start_calibration as start_calibration,
     starting as starting,
 )
-from ._evaluation import Steps as Steps, run_alone as run_alone, run_together as run_together
+from ._evaluation import (
+    Evaluated as Evaluated,
+    Evaluation as Evaluation,
+    Steps as Steps,
+    run_alone as run_alone,
+    run_together as run_together,
+)
 from ._evidence import Unknown as Unknown
 from ._least_squares import (
     LeastSquares as LeastSquares,
@@ -27,11 +34,13 @@ from ._least_squares import (
     least_squares as least_squares,
     robust_deviation as robust_deviation,
 )
+from ._profiles import Profile as Profile, Profiles as Profiles, profiling as profiling
 from ._progress import CHI2_TOLERANCE as CHI2_TOLERANCE, Progress as Progress
 from ._remains import VERDICTS as VERDICTS, Remains as Remains, find_remains as find_remains
 from ._residuals import FitProblem as FitProblem, Sensors as Sensors, build_fit_problem as build_fit_problem
-from ._search import LevenbergMarquardt as LevenbergMarquardt
+from ._search import LevenbergMarquardt as LevenbergMarquardt, Point as Point
 from ._sensitivities import jacobian as jacobian, observe as observe, observe_with_jacobian as observe_with_jacobian
 from ._sensors import Sensor as Sensor
+from ._slices import WORDS as WORDS, End as End, Slice as Slice, Slices as Slices, slicing as slicing
 from ._task import Task as Task, plan_task as plan_task
 from ._weighed import BLOCKS as BLOCKS, Linearised as Linearised, Weighed as Weighed

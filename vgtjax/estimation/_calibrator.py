@@ -66,7 +66,7 @@ class Calibrator:
 
     def undetermined(self) -> list[str]:
         """Free entries that the traces do not determine at the current values."""
-        known = self._uncertainty().determined.tolist()
+        known = self.uncertainty().determined.tolist()
         return [entry for entry, is_known in zip(self.task.selection.entries, known, strict=False) if not is_known]
 
     def run(self, report: Report = quiet) -> Calibration:
@@ -75,6 +75,11 @@ class Calibrator:
 
     def steps(self, report: Report = quiet) -> Steps[Calibration]:
         """`run` as a computation."""
+        calibrator = yield from self.ending(report)
+        return (yield from calibrator.finishing())
+
+    def ending(self, report: Report = quiet) -> "Steps[Calibrator]":
+        """`run` as a computation, as far as to the end of all steps."""
         calibrator = self
         yield from calibrator._search(report)
         for _ in range(MOST_RESCUES):
@@ -88,7 +93,7 @@ class Calibrator:
         while (following := (yield from calibrator.correcting())) is not None:
             calibrator = following
             report(calibrator.minimiser.progress)
-        return (yield from calibrator.finishing())
+        return calibrator
 
     def _search(self, report: Report) -> Steps[None]:
         """Steps until the search has ended, and what was held on the way is judged."""
@@ -110,7 +115,7 @@ class Calibrator:
             return None
         if not progress.corrections:
             return (yield from self._try(np.zeros(len(progress.coordinates)), 1.0))
-        found = self._uncertainty()
+        found = self.uncertainty()
         errors = np.where(found.determined, found.std_errors, np.inf)
         step = np.where(found.determined, -found.values, 0.0)
         wanted = (*progress.wanted, tuple(step.tolist()))
@@ -176,7 +181,7 @@ class Calibrator:
 
     def _go_on(self, step: Vector, part: float) -> "Steps[Calibrator]":
         """Corrected after a part of a step, without a delay of the duty that may as well be none."""
-        progress, errors = self.minimiser.progress, self._uncertainty().std_errors
+        progress, errors = self.minimiser.progress, self.uncertainty().std_errors
         coordinates = np.array(self.transform.clip(np.asarray(progress.coordinates) + part * step))
         if self.task.late_duty and self.task.unknown.duty_delay is not True:
             coordinates[-1] *= abs(coordinates[-1]) > EVIDENT * np.nan_to_num(errors[-1])
@@ -184,7 +189,8 @@ class Calibrator:
         corrected = progress.corrected(coordinates.tolist(), step.tolist(), slopes.at.tolist())
         return (yield from corrected_calibration(self.task, self.minimiser.problem, corrected, slopes, self.notes))
 
-    def _uncertainty(self) -> LeastSquares:
+    def uncertainty(self) -> LeastSquares:
+        """Of the linear problem at the current coordinates, without the scatter of corrections."""
         problem = self.minimiser.problem
         return estimate_uncertainty(*self.minimiser.point.reduced, problem.count - problem.offsets)
 
@@ -206,7 +212,7 @@ class Calibrator:
     def finishing(self) -> Steps[Calibration]:
         """`finish` as a computation."""
         problem, progress = self.minimiser.problem, self.minimiser.progress
-        everything, count = self._uncertainty(), len(self.task.selection.entries)
+        everything, count = self.uncertainty(), len(self.task.selection.entries)
         coordinates = np.asarray(progress.coordinates)
         values = np.asarray(self.transform.to_physical(coordinates))
         slope = np.asarray(self.transform.slope(coordinates))

@@ -92,6 +92,16 @@ def test_the_summary_says_how_it_went(summary):
     }
 
 
+def test_the_summary_has_a_slice_of_every_direction(summary):
+    assert [each["direction"] for each in summary["slices"]] == list(range(len(FREE)))
+    for each in summary["slices"]:
+        assert set(each["loadings"]) <= {*FREE, "duty_delay"}
+        assert len(each["values"]) == len(each["reaches"])
+        if each["verdict"] == "parabola":
+            assert all(2.5 < value < 6.5 for value in each["values"])  # 4, and errors that are right to a quarter
+    assert summary["not_looked_at"] == {"slices": 0, "profiles": []}
+
+
 @pytest.mark.parametrize(("name", "atmosphere"), [("step_80", 101013.0), ("step_50", 101100.0)])
 @pytest.mark.parametrize("channel", ["x_d", "p_act"])
 def test_rmse_is_what_remains_after_the_offset(fitted, fitted_actuator, summary, name, atmosphere, channel):
@@ -110,23 +120,6 @@ def test_the_fit_is_better_than_its_start(fitted, actuator, summary):
 
 
 # -- the same from Python ----------------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def calibration(fitted):
-    """The study of the command, as a user of the library writes it."""
-    fit, validate = (
-        vgtjax.load_trace(fitted.study.parent / f"{name}.csv", atmosphere=atmosphere)
-        for name, atmosphere in (("step_80", 101013.0), ("step_50", 101100.0))
-    )
-    return vgtjax.fit(
-        vgtjax.Actuator(),
-        [fit],
-        [validate],
-        free=sorted(FREE),
-        values={"diaphragm.stiffness": 11500.0},
-        bounds={"diaphragm.stiffness": (8000.0, 16000.0)},
-    )
 
 
 def test_one_call_from_python_gives_the_same_answer(calibration, parameters, summary):

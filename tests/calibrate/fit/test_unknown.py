@@ -95,7 +95,9 @@ def test_parameters_that_say_nonsense_of_traces_are_refused(folder, tmp_path, ch
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("line", ['loss = "cauchy"', 'unknown = {noise = "pink"}', "unknown = {duty_hold = true}"])
+@pytest.mark.parametrize(
+    "line", ['loss = "cauchy"', 'profiles = "some"', 'unknown = {noise = "pink"}', "unknown = {duty_hold = true}"]
+)
 def test_an_unknown_choice_is_refused(folder, tmp_path, line):
     (folder / "wrong.toml").write_text(STUDY + line + "\n")
     outcome = run_command("fit", folder / "wrong.toml", "--out", tmp_path / "out")
