@@ -139,8 +139,8 @@ def measure() -> Section:
 
 
 def _problem(study: str) -> TuningProblem:
-    units = EXAMPLE.parents[1] / "fleet" / "units"
-    header = f'[components]\nvane_force = "speed-map"\n[population]\nunits = "{units}"\n'
+    units = EXAMPLE.parents[1] / "fleet_hard" / "units"
+    header = f'[components]\nvane_force = "map"\n[population]\nunits = "{units}"\n'
     with tempfile.TemporaryDirectory() as folder:
         path = pathlib.Path(folder) / "study.toml"
         path.write_text(header + study, encoding="utf-8")
