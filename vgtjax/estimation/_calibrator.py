@@ -31,13 +31,16 @@ from ._evidence import (
 )
 from ._holds import read_holds
 from ._least_squares import LeastSquares, estimate_uncertainty, least_squares
-from ._progress import NEAR, Progress
+from ._progress import Progress
 from ._residuals import FitProblem, Sensors, build_fit_problem, white_sensors
 from ._search import LevenbergMarquardt, Point, Slopes
 from ._task import Task
 
 HELD_MATTERS = 9.0
 """Increase of chi^2 from which a value that ran away was worth something: three standard errors of one parameter."""
+MEETS_NOISE = 1.05
+"""chi^2 per measurement up to which a model meets the noise; at 1.08 the levels of one unit were called linear that the
+plant had held."""
 MOST_RESCUES = 4
 """Times that a search goes on without what ran away before it is lost."""
 Report = Callable[[Progress], None]
@@ -166,7 +169,7 @@ class Calibrator:
         progress, wanted = self.minimiser.progress, self.task.late_duty and self.task.unknown.duty_hold
         if not (wanted and progress.converged and progress.hold_decided is None) or progress.lost:
             return self
-        if 2 * progress.cost > NEAR:  # what a wrong model leaves over looks like a late duty, too
+        if 2 * progress.cost > MEETS_NOISE:  # what a wrong model leaves over looks like a late duty, too
             self.minimiser.progress = dataclasses.replace(progress, hold_decided=False)
             return self
         problem, point = self.minimiser.problem, self.minimiser.point
