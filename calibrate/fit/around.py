@@ -85,7 +85,8 @@ class Around:
 
     def intervals(self, calibration: Calibration) -> dict[str, Interval | None]:
         """95 % intervals of what has a profile, in the units of the table: open ends are `None`, or zero below a
-        positive value; `None` for one that is open on both sides."""
+        positive value; `None` for one that is open on both sides, and for what carries a direction along which the fit
+        did not end at its minimum."""
         found: dict[str, Interval | None] = {}
         entries, transform = calibration.task.selection.entries, calibration.transform
         for number, name in enumerate(entries):
@@ -99,7 +100,8 @@ class Around:
                 bounded = [end if np.isfinite(end) else None for end in (low, high)]
                 nothing = bounded[1] is None and (bounded[0] is None or (positive and low == 0.0))
                 found[name] = None if nothing else (bounded[0], bounded[1])
-        return found
+        lower = [each for each in self.slices.slices if each.verdict == "downhill"]
+        return found | {name: None for each in lower for name in each.carried_by if name in entries}
 
 
 def looking_around(calibrator: Calibrator, profiles: Literal["flagged", "all", "none"]) -> Steps[Around]:

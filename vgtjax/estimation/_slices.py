@@ -76,7 +76,10 @@ class End:
             answer = yield from ask(question)
         except SimulationError:
             return None
-        return None if answer.failed else self.problem.residuals_of(answer.observed)
+        if answer.failed:
+            return None
+        found, prior = self.problem.residuals_of(answer.observed), self.problem.prior
+        return found if prior is None else np.concatenate([found, np.asarray(prior.residuals(coordinates))])
 
     def rise(self, residuals: Float[np.ndarray, " residuals"] | None) -> float:
         """By how much chi^2 is above the end's, in units of the variance of what remains there."""

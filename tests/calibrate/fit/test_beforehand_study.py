@@ -23,6 +23,18 @@ def test_the_tolerance_of_a_held_parameter_widens_every_error(small, parameters)
     assert np.max(wider) > 3  # the stiffness, which the area multiplies
 
 
+def test_a_prior_is_part_of_the_misfit_around_the_end(small, parameters):
+    """So that slices don't begin below the end, and profiles can be computed."""
+    before = parameters["diaphragm.preload"]
+    deviation = 5 * before["std_error"]
+    small.write_text(small.read_text().replace("[fit]\n", '[fit]\nprofiles = "all"\n'))
+    outcome, out = fitted_with(small, f'"diaphragm.preload" = {{value = {before["value"]}, deviation = {deviation}}}')
+    assert (outcome.status, outcome.err) == (0, "")
+    said = read(out / "summary.json")
+    assert said["profiles"]
+    assert all(each["verdict"] != "downhill" for each in said["slices"])
+
+
 @pytest.mark.parametrize(
     ("line", "sentence"),
     [
