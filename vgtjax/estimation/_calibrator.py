@@ -13,16 +13,17 @@ from ..parts import with_sharp_seat
 from ..plants import AbstractModel
 from ..simulation import model_dtype
 from ._calibration import RUNAWAY, Calibration, comparing
+from ._corrections import trusted
 from ._evaluation import Evaluation, Steps, ask, run_alone
 from ._evidence import (
     DELAY_SCALE,
     EVIDENT,
     LONGEST_DELAY,
-    LONGEST_STEP,
     MOST_CORRECTIONS,
     NEARBY,
     SETTLED,
     SHORTEST,
+    SMALL_GAIN,
     by_trace,
     learn_sensors,
     observe_traces,
@@ -116,24 +117,36 @@ class Calibrator:
         lost = progress.lost or bool(np.any(self._away()))
         if not (self.task.unknown.anything and progress.converged) or progress.settled or lost:
             return None
+        nowhere = np.zeros(len(progress.coordinates))
         if not progress.corrections:
-            return (yield from self._try(np.zeros(len(progress.coordinates)), 1.0))
+            return (yield from self._try(nowhere, 1.0, nowhere))
         found = self.uncertainty()
         errors = np.where(found.determined, found.std_errors, np.inf)
         step = np.where(found.determined, -found.values, 0.0)
         wanted = (*progress.wanted, tuple(step.tolist()))
         part = 1 / (1 + len(turns(np.array(wanted) / errors)))
-        settled = bool(np.all(np.abs(part * step) <= SETTLED * errors))
-        if settled or progress.corrections >= MOST_CORRECTIONS:
-            self.minimiser.progress = dataclasses.replace(progress, wanted=wanted, settled=settled)
-            return None
-        return (yield from self._try(step, min(part, LONGEST_STEP / float(np.max(np.abs(step))))))
+        small = bool(np.all(np.abs(part * step) <= SETTLED * errors))
+        if not small and progress.corrections < MOST_CORRECTIONS:
+            following = yield from self._try(step, part, SETTLED * errors)
+            if following is not None:
+                return following
+            small = found.gain < SMALL_GAIN
+        self.minimiser.progress = dataclasses.replace(progress, wanted=wanted, settled=small)
+        return None
 
-    def _try(self, step: Vector, part: float) -> "Steps[Calibrator | None]":
-        """Corrected after a part of a step, or less of it where a simulation fails; `None` where all of them do."""
+    def _try(self, step: Vector, part: float, least: Vector) -> "Steps[Calibrator | None]":
+        """Corrected after a part of a step, or less of it where the misfit does not bear it out or a simulation fails;
+        `None` where that is so for all of it, or what is left moves nothing by more than `least`."""
+        search = self.minimiser
+        here = np.asarray(search.progress.coordinates)
         while part > SHORTEST:
+            there = here
+            if np.any(step):
+                there = yield from trusted(search.problem, search.point, here, step, part)
+                if np.all(np.abs(there - here) <= least):
+                    return None
             try:
-                return (yield from self._go_on(step, part))
+                return (yield from self._go_on(step, there))
             except SimulationError:
                 part /= 4
         return None
@@ -182,10 +195,10 @@ class Calibrator:
             return self
         return (yield from starting(self.task, self.minimiser.progress, self.notes))
 
-    def _go_on(self, step: Vector, part: float) -> "Steps[Calibrator]":
-        """Corrected after a part of a step, without a delay of the duty that may as well be none."""
+    def _go_on(self, step: Vector, there: Vector) -> "Steps[Calibrator]":
+        """Corrected at `there` on the way of the step that is wanted, without a delay that may as well be none."""
         progress, errors = self.minimiser.progress, self.uncertainty().std_errors
-        coordinates = np.array(self.transform.clip(np.asarray(progress.coordinates) + part * step))
+        coordinates = np.array(there)
         if self.task.late_duty and self.task.unknown.duty_delay is not True:
             coordinates[-1] *= abs(coordinates[-1]) > EVIDENT * np.nan_to_num(errors[-1])
         slopes = self.minimiser.slopes
@@ -316,10 +329,7 @@ def corrected_calibration(
     asked = problem.evaluation(here)
     smooth = yield from ask(asked)
     observed = by_trace(problem.bundles, smooth)
-    exact = observed
-    if task.unknown.numerics:
-        bundles = sharp_bundles(task.model, task.traces, task.stepping)
-        exact = yield from observe_traces(with_sharp_seat(asked.model), bundles, asked.delay)
+    exact = observed if not task.unknown.numerics else (yield from _sharp(task, asked))
     sensors = learn_sensors(task.traces, task.channels, observed, exact, task.unknown)
     problem = problem.with_sensors(task.traces, sensors)
     point = Point.of(problem, here, smooth, slopes)
@@ -330,6 +340,12 @@ def corrected_calibration(
     if len(progress.history) <= progress.iteration:
         progress = dataclasses.replace(progress, history=(*progress.history, 0.5 * point.chi2 / problem.count))
     return Calibrator(task, sensors, LevenbergMarquardt(problem, progress, slopes, point), notes)
+
+
+def _sharp(task: Task, asked: Evaluation) -> Steps[list[Float[np.ndarray, "time channel"]]]:
+    """What would be observed of every trace without a smooth seat and long steps."""
+    bundles = sharp_bundles(task.model, task.traces, task.stepping)
+    return (yield from observe_traces(with_sharp_seat(asked.model), bundles, asked.delay))
 
 
 def calibrate(task: Task, report: Report = quiet) -> Calibration:

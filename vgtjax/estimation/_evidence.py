@@ -35,11 +35,11 @@ EVIDENT = 3.0
 """Standard errors by which a delay must differ from zero to be one."""
 SETTLED = 0.2
 """Standard errors: corrections that move nothing by more have settled. The sharp model chatters by about a tenth."""
+SMALL_GAIN = 1.0
+"""Gain in chi^2 that full steps may still promise where no step moves anything: one standard error."""
 MOST_CORRECTIONS = 10
 SHORTEST = 1 / 64
 """Part of a correction below which no simulation that succeeds is looked for."""
-LONGEST_STEP = 0.5
-"""Coordinates by which a correction moves at most."""
 NEARBY = 1.0
 """Standard errors by which a linear step may go wrong because its derivatives were taken elsewhere."""
 

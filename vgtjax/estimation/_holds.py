@@ -18,8 +18,9 @@ from ._least_squares import estimate_uncertainty, reduce_rows
 EVIDENT, SHARP = 3.0, 10.0
 """Standard errors by which a delay must differ from none to be one, and that half a sample must have for a delay of
 none to tell a held duty from a linear one."""
-PERCEPTIBLE = 9.0
-"""Increase of chi^2 from which an explanation is evidently worse than another: three standard errors."""
+PERCEPTIBLE = 25.0
+"""Increase of chi^2 from which an explanation is evidently worse than another: five standard errors. With three, edges
+of a duty that its record rounds to whole samples, half of one early in the mean, were taken for linear."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -91,6 +91,18 @@ class Point:
         """The same linear problem in as many rows as there are coordinates, and one."""
         return reduce_rows(self.residuals, self.columns)
 
+    def damped_step(self, size: float) -> Float[np.ndarray, " coordinates"]:
+        """The step of Levenberg and Marquardt whose damping is `1 / size` times the mean square of a residual."""
+        few, columns = self.reduced
+        root = np.sqrt(len(self.residuals))
+        return np.asarray(_damped_step(few / root, columns / root, np.array(float(size))))
+
+    def promise(self, move: Float[np.ndarray, " coordinates"]) -> float:
+        """By how much chi^2 would change along a move if the problem were linear."""
+        few, columns = self.reduced
+        moved = columns @ move
+        return float(2 * few @ moved + moved @ moved)
+
     @property
     def chi2(self) -> float:
         """Sum of the squared residuals."""

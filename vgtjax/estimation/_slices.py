@@ -11,9 +11,9 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from .._errors import SimulationError
 from ._calibrator import Calibrator
-from ._evaluation import Steps, ask
+from ._corrections import misfit_at
+from ._evaluation import Steps
 from ._least_squares import NULL, LeastSquares
 from ._residuals import FitProblem
 from ._search import Point
@@ -70,16 +70,7 @@ class End:
 
     def residuals(self, coordinates: Coordinates) -> Steps[Float[np.ndarray, " residuals"] | None]:
         """What the misfit is made of elsewhere; `None` where a simulation fails."""
-        with np.errstate(over="ignore"):
-            question = self.problem.evaluation(coordinates)
-        try:
-            answer = yield from ask(question)
-        except SimulationError:
-            return None
-        if answer.failed:
-            return None
-        found, prior = self.problem.residuals_of(answer.observed), self.problem.prior
-        return found if prior is None else np.concatenate([found, np.asarray(prior.residuals(coordinates))])
+        return misfit_at(self.problem, coordinates)
 
     def rise(self, residuals: Float[np.ndarray, " residuals"] | None) -> float:
         """By how much chi^2 is above the end's, in units of the variance of what remains there."""
