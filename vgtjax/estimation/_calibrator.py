@@ -30,7 +30,7 @@ from ._evidence import (
     sharp_bundles,
     turns,
 )
-from ._holds import read_holds
+from ._holds import Holds, read_holds
 from ._least_squares import LeastSquares, estimate_uncertainty, least_squares
 from ._progress import Progress
 from ._residuals import FitProblem, Sensors, build_fit_problem, white_sensors
@@ -84,6 +84,16 @@ class Calibrator:
 
     def ending(self, report: Report = quiet) -> "Steps[Calibrator]":
         """`run` as a computation, as far as to the end of all steps."""
+        calibrator = yield from self._searching(report)
+        if self.task.late_duty and not calibrator.minimiser.progress.corrections:
+            calibrator = yield from calibrator._asking_of_duty(report)
+        while (following := (yield from calibrator.correcting())) is not None:
+            calibrator = following
+            report(calibrator.minimiser.progress)
+        return calibrator
+
+    def _searching(self, report: Report) -> "Steps[Calibrator]":
+        """A search to its end, on without what ran away."""
         calibrator = self
         yield from calibrator._search(report)
         for _ in range(MOST_RESCUES):
@@ -92,11 +102,6 @@ class Calibrator:
                 break
             calibrator = onward
             yield from calibrator._search(report)
-        calibrator = yield from calibrator._reading_duty()
-        yield from calibrator._search(report)
-        while (following := (yield from calibrator.correcting())) is not None:
-            calibrator = following
-            report(calibrator.minimiser.progress)
         return calibrator
 
     def _search(self, report: Report) -> Steps[None]:
@@ -177,30 +182,71 @@ class Calibrator:
         """Whether a difference of costs is evident."""
         return 2 * self.minimiser.problem.count * cost > HELD_MATTERS
 
-    def _reading_duty(self) -> "Steps[Calibrator]":
-        """The search gone on with the duty read as the traces say that it was between their samples."""
-        progress, wanted = self.minimiser.progress, self.task.late_duty and self.task.unknown.duty_hold
-        if not (wanted and progress.converged and progress.hold_decided is None) or progress.lost:
-            return self
-        if 2 * progress.cost > MEETS_NOISE:  # what a wrong model leaves over looks like a late duty, too
-            self.minimiser.progress = dataclasses.replace(progress, hold_decided=False)
-            return self
-        problem, point = self.minimiser.problem, self.minimiser.point
+    def _asking_of_duty(self, report: Report) -> "Steps[Calibrator]":
+        """The search begun again where the traces tell of a late duty, or of one that was not held between samples.
+
+        What they tell is read without numerical errors: a smooth seat alone made a duty late by five standard errors.
+        A delay that is free from the first step on trades with the time constants of the plunger, and searches lost
+        their way.
+        """
+        calibrator = (yield from self.correcting()) or self
+        if calibrator._tells_of_delay():
+            again = dataclasses.replace(_first(self.task), late=True)
+            calibrator = yield from starting(self.task, again, self.notes)
+            report(calibrator.minimiser.progress)
+            calibrator = yield from calibrator._searching(report)
+            calibrator = (yield from calibrator.correcting()) or calibrator
+        holds = calibrator._read_holds()
+        if holds is None:
+            return calibrator
+        progress = calibrator.minimiser.progress
+        calibrator.minimiser.progress = dataclasses.replace(progress, hold_decided=holds.decided)
+        if not holds.linear:
+            return calibrator
+        coordinates = (*(progress.found or progress.coordinates)[:-1], holds.delay / float(self.transform.scale[-1]))
+        onward = calibrator.minimiser.progress.reading_duty(coordinates, holds.linear)
+        return (yield from (yield from starting(self.task, onward, self.notes))._searching(report))
+
+    def _tells_of_delay(self) -> bool:
+        """Whether the traces tell of a delay where a search ended that took the duty for timely, or ended nowhere."""
+        progress = self.minimiser.progress
+        if progress.late:
+            return False
+        found = estimate_uncertainty(*self._with_delay().reduced, self.minimiser.problem.count)
+        evident = bool(found.determined[-1] and abs(found.values[-1]) > EVIDENT * found.std_errors[-1])
+        return evident or not progress.converged
+
+    def _with_delay(self) -> Point:
+        """The linear problem where a search stands, with the delay of the duty free."""
+        search = self.minimiser
+        here = np.asarray(search.progress.coordinates)
+        transform = _transform(self.task, dataclasses.replace(search.progress, late=True))
+        problem = dataclasses.replace(search.problem, transform=transform)
+        return Point.of(problem, here, search.slopes.evaluated, search.slopes)
+
+    def _read_holds(self) -> Holds | None:
+        """How duties were held by what the traces tell where a search ended; `None` where that is not to be asked."""
+        progress, problem = self.minimiser.progress, self.minimiser.problem
+        if not (self.task.unknown.duty_hold and progress.converged and progress.hold_decided is None) or progress.lost:
+            return None
         scale, freedom = float(self.transform.scale[-1]), problem.count - problem.offsets
         delay = scale * progress.coordinates[-1]
+        searched = progress.history[: -1 if progress.corrections else None]
+        if 2 * searched[-1] > MEETS_NOISE:  # what a wrong model leaves over looks like a late duty, too
+            return Holds((), delay, False)
+        point = self._with_delay()
         holds = read_holds(point.residuals, point.columns, problem.owner, self.task.fit, delay, scale, freedom)
-        coordinates = (*progress.coordinates[:-1], holds.delay / scale)
-        self.minimiser.progress = progress.reading_duty(coordinates, holds.linear, holds.decided)
-        if not holds.linear:
-            return self
-        return (yield from starting(self.task, self.minimiser.progress, self.notes))
+        # No delay, and yet not held: neither is evident.
+        return holds if progress.late or not holds.linear else Holds((), delay, False)
 
     def _go_on(self, step: Vector, there: Vector) -> "Steps[Calibrator]":
         """Corrected at `there` on the way of the step that is wanted, without a delay that may as well be none."""
         progress, errors = self.minimiser.progress, self.uncertainty().std_errors
         coordinates = np.array(there)
-        if self.task.late_duty and self.task.unknown.duty_delay is not True:
-            coordinates[-1] *= abs(coordinates[-1]) > EVIDENT * np.nan_to_num(errors[-1])
+        if progress.late and self.task.unknown.duty_delay is not True:
+            evident = abs(coordinates[-1]) > EVIDENT * np.nan_to_num(errors[-1])
+            coordinates[-1] *= evident
+            progress = dataclasses.replace(progress, late=bool(evident))
         slopes = self.minimiser.slopes
         corrected = progress.corrected(coordinates.tolist(), step.tolist(), slopes.at.tolist())
         return (yield from corrected_calibration(self.task, self.minimiser.problem, corrected, slopes, self.notes))
@@ -284,10 +330,8 @@ def starting(task: Task, resume: Progress | None = None, notes: tuple[str, ...] 
             "a fit needs double precision, but the model's parameters are single; call vgtjax.configure() before "
             "anything else, or set jax_enable_x64"
         )
-    transform = _transform(task, resume)
-    task = task if resume is None else dataclasses.replace(task, linear=resume.linear)
-    progress = Progress(tuple(np.asarray(transform.to_coordinates(task.first_guess)).tolist()))
-    progress = progress if resume is None else resume
+    progress = _first(task) if resume is None else resume
+    task, transform = dataclasses.replace(task, linear=progress.linear), _transform(task, progress)
     sensors = white_sensors(task.traces, task.channels)
     problem = build_fit_problem(
         task.model,
@@ -306,17 +350,21 @@ def starting(task: Task, resume: Progress | None = None, notes: tuple[str, ...] 
     return (yield from corrected_calibration(task, problem, progress, slopes, notes))
 
 
-def _transform(task: Task, progress: Progress | None) -> Transform:
-    """The map between values and coordinates; what ran away is held, and a delay of the duty that was found to be
-    none."""
+def _first(task: Task) -> Progress:
+    """A search at its start; the delay of the duty is free if the traces need not tell of it first."""
+    progress = Progress((), late=task.late_duty and task.unknown.duty_delay is True)
+    start = np.asarray(_transform(task, progress).to_coordinates(task.first_guess))
+    return dataclasses.replace(progress, coordinates=tuple(start.tolist()))
+
+
+def _transform(task: Task, progress: Progress) -> Transform:
+    """The map between values and coordinates; what ran away is held, and a duty that is not late."""
     start = np.asarray(task.selection.pack(task.model))
     transform = build_transform(parameter_table(task.model), task.selection.entries, start, task.bounds)
-    if progress is not None:
-        transform = transform.holding(progress.held, start)
+    transform = transform.holding(progress.held, start)
     if not task.late_duty:
         return transform
-    refused = progress is not None and progress.corrections > 0 and progress.coordinates[-1] == 0.0
-    longest = 0.0 if refused else LONGEST_DELAY
+    longest = LONGEST_DELAY if progress.late else 0.0
     return transform.extended(DELAY_SCALE, -longest, longest)
 
 

@@ -33,7 +33,8 @@ class Progress:
     derivatives are from that they take. `held` numbers the coordinates that ran away and are held at their start
     since, `let_go` is the cost before; `lost` says that holding them made the fit worse. `linear` has the sample
     intervals in s of traces whose duty was found to be linear between samples, and `hold_decided` whether that, or that
-    it was held, is the only explanation; `None` before that was asked.
+    it was held, is the only explanation; `None` before that was asked. `late` says whether the delay of the duty is
+    free.
     """
 
     coordinates: tuple[float, ...]
@@ -55,6 +56,7 @@ class Progress:
     lost: bool = False
     linear: tuple[float, ...] = ()
     hold_decided: bool | None = None
+    late: bool = False
 
     def corrected(
         self, coordinates: Iterable[float], wanted: Iterable[float], linearised: Iterable[float]
@@ -90,18 +92,11 @@ class Progress:
         again = dataclasses.replace(self, step_size=1.0, rejected_in_a_row=0, converged=False, stalled=False)
         return dataclasses.replace(again, held=(), let_go=None)
 
-    def reading_duty(self, coordinates: Iterable[float], linear: Iterable[float], decided: bool) -> "Progress":
-        """A search that goes on with the duty of some traces read as linear between samples, if any."""
-        known = dataclasses.replace(self, linear=tuple(linear), hold_decided=decided)
-        if not known.linear:
-            return known
+    def reading_duty(self, coordinates: Iterable[float], linear: Iterable[float]) -> "Progress":
+        """A search that goes on with the duty of some traces read as linear between samples."""
+        again = dataclasses.replace(self, coordinates=tuple(coordinates), linear=tuple(linear), corrections=0, found=())
         return dataclasses.replace(
-            known,
-            coordinates=tuple(coordinates),
-            step_size=NEAR_STEP_SIZE,
-            rejected_in_a_row=0,
-            converged=False,
-            stalled=False,
+            again, step_size=NEAR_STEP_SIZE, rejected_in_a_row=0, converged=False, stalled=False, linearised=()
         )
 
     @property
