@@ -7,11 +7,12 @@ So a profile is never below the true one: where it says that an interval is long
 import dataclasses
 import itertools
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from ._calibration import NORMAL_95
-from ._evaluation import Steps
+from ._evaluation import Steps, side_by_side
 from ._slices import DOWNHILL, HONEST, Coordinates, End, pseudo_inverse
 
 RISE_95 = NORMAL_95**2
@@ -77,14 +78,18 @@ class Profiles:
 
 def profiling(end: End, entries: Sequence[str], most: int = MOST_PROFILES) -> Steps[Profiles]:
     """Profiles of the first entries, `most` of them, as a computation; those not determined have none."""
-    found: dict[str, Profile] = {}
     wanted = [entry for entry in entries if end.found.determined[end.entries.index(entry)]]
-    evaluations = 0
-    for entry in wanted[:most]:
-        held = _Held(end, end.entries.index(entry))
-        found[entry] = yield from held.profile()
-        evaluations += held.evaluations
-    return Profiles(found, wanted[most:], evaluations)
+    held = [_Held(end, end.entries.index(entry)) for entry in wanted[:most]]
+    found = yield from side_by_side([each.profile() for each in held])
+    return Profiles(dict(zip(wanted, found, strict=False)), wanted[most:], sum(each.evaluations for each in held))
+
+
+class _Side(NamedTuple):
+    """Half of a profile: its points, where it has risen enough, and what bounds leave."""
+
+    rows: list[tuple[float, float]]
+    end: float
+    limit: float
 
 
 class _Held:
@@ -101,30 +106,29 @@ class _Held:
 
     def profile(self) -> Steps[Profile]:
         """Both sides, each until the misfit has risen enough."""
-        points, ends, limits = [(0.0, 0.0)], [], []
-        for side in (-1.0, 1.0):
-            rows = [(0.0, 0.0)]
-            extra, limit = np.zeros(len(self.along)), side * np.inf
-            for reach in REACHES:
-                there, rise, extra = yield from self._at(side * reach, extra * 2)
-                reached = there / self.error
-                if abs(reached) > abs(rows[-1][0]) + 1e-9:
-                    rows.append((reached, rise))
-                if abs(reached) < 0.99 * reach:
-                    limit = reached
-                    break
-                if rise >= RISE_95:
-                    break
-            if rows[-1][1] >= RISE_95 and len(rows) == 2:
-                # The shape between is what the crossing is read from.
-                middle, rise, _ = yield from self._at(rows[-1][0] / 2, extra / 2)
-                rows.insert(1, (middle / self.error, rise))
-            ends.append(side * _crossing(rows))
-            limits.append(limit)
-            points += rows[1:]
-        reaches, values = zip(*sorted(points), strict=True)
+        below, above = yield from side_by_side([self._side(-1.0), self._side(1.0)])
+        reaches, values = zip(*sorted([(0.0, 0.0), *below.rows, *above.rows]), strict=True)
         name = self.end.entries[self.number]
-        return Profile(name, self.error, reaches, values, (ends[0], ends[1]), (limits[0], limits[1]))
+        return Profile(name, self.error, reaches, values, (below.end, above.end), (below.limit, above.limit))
+
+    def _side(self, side: float) -> Steps["_Side"]:
+        rows = [(0.0, 0.0)]
+        extra, limit = np.zeros(len(self.along)), side * np.inf
+        for reach in REACHES:
+            there, rise, extra = yield from self._at(side * reach, extra * 2)
+            reached = there / self.error
+            if abs(reached) > abs(rows[-1][0]) + 1e-9:
+                rows.append((reached, rise))
+            if abs(reached) < 0.99 * reach:
+                limit = reached
+                break
+            if rise >= RISE_95:
+                break
+        if rows[-1][1] >= RISE_95 and len(rows) == 2:
+            # The shape between is what the crossing is read from.
+            middle, rise, _ = yield from self._at(rows[-1][0] / 2, extra / 2)
+            rows.insert(1, (middle / self.error, rise))
+        return _Side(rows[1:], side * _crossing(rows), limit)
 
     def _at(self, reach: float, extra: Coordinates) -> Steps[tuple[float, float, Coordinates]]:
         """How far the held coordinate went, the lowest rise that linear steps of the others found there, and what they

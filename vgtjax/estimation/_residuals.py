@@ -159,9 +159,7 @@ class FitProblem(eqx.Module):
 
     def at(self, coordinates: Vector) -> tuple[Any, Scalar | None]:
         """The model at coordinates of the transform, and the delay of the duty in s if that is one of them."""
-        values = self.transform.to_physical(coordinates)
-        model = self.selection.unpack(self.model, values[: len(self.selection.entries)])
-        return model, values[-1] if self.late_duty else None
+        return _at(self.model, self.selection, self.transform, self.late_duty, coordinates)
 
     def evaluation(self, coordinates: Float[np.ndarray, " coordinates"], *, slopes: bool = False) -> Evaluation:
         """The question what the sensors would see at coordinates, and how that changes with them."""
@@ -230,6 +228,14 @@ class FitProblem(eqx.Module):
         residuals, jacobian = jnp.concatenate(blocks) * scale, jnp.concatenate(columns) * (scale * slope)[None, :]
         held = self.transform.pinned(coordinates, residuals @ jacobian)
         return replicate((residuals, jnp.where(held[None, :], 0.0, jacobian)))
+
+
+@eqx.filter_jit
+def _at(
+    model: AbstractModel, selection: Selection, transform: Transform, late_duty: bool, coordinates: Vector
+) -> tuple[Any, Scalar | None]:
+    values = transform.to_physical(coordinates)
+    return selection.unpack(model, values[: len(selection.entries)]), values[-1] if late_duty else None
 
 
 @eqx.filter_custom_jvp

@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from ._calibrator import Calibrator
 from ._corrections import misfit_at
-from ._evaluation import Steps
+from ._evaluation import Steps, side_by_side
 from ._least_squares import NULL, LeastSquares
 from ._residuals import FitProblem
 from ._search import Point
@@ -210,27 +210,33 @@ class Slices:
 def slicing(end: End) -> Steps[Slices]:
     """Slices along all directions, as a computation."""
     sizes = np.max(np.abs(end.directions.loadings), axis=0, initial=0.0)
-    found, evaluations = [], 0
-    for direction, size in enumerate(sizes):
+    wanted, evaluations = [], 0
+    for size in sizes:
         reaches = (-FAR, FAR) if size >= MINOR else (FAR,)
         if evaluations + len(reaches) > MOST_EVALUATIONS:
             break
-        found.append((yield from _slice(end, direction, reaches)))
+        wanted.append(reaches)
         evaluations += len(reaches)
+    found = yield from side_by_side([_slice(end, *each) for each in enumerate(wanted)])
+    again = {}
     for direction, far in enumerate(found):
         more = [reach for reach in (-FAR, -NEAR_BY, NEAR_BY, FAR) if reach not in far.reaches]
         if not far.is_parabola and evaluations + len(more) <= MOST_EVALUATIONS:
-            found[direction] = _joined(far, (yield from _slice(end, direction, more)))
+            again[direction] = more
             evaluations += len(more)
+    nearer = yield from side_by_side([_slice(end, *each) for each in again.items()])
+    for direction, near in zip(again, nearer, strict=True):
+        found[direction] = _joined(found[direction], near)
     return Slices(found, len(sizes) - len(found), evaluations)
 
 
 def _slice(end: End, direction: int, reaches: Sequence[float]) -> Steps[Slice]:
     move = end.directions.moves[:, direction]
+    places = [end.clipped(end.at + reach * move) for reach in reaches]
+    residuals = yield from side_by_side([end.residuals(there) for there in places])
     values, bent = [], []
-    for reach in reaches:
-        there = end.clipped(end.at + reach * move)
-        rise = end.rise((yield from end.residuals(there)))
+    for reach, there, left in zip(reaches, places, residuals, strict=True):
+        rise = end.rise(left)
         moved = end.point.reduced[1] @ (there - end.at)
         slope, square = 2 * float(end.point.reduced[0] @ moved), float(moved @ moved)
         values.append(rise)

@@ -8,6 +8,7 @@ from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from .._types import Vector
@@ -69,14 +70,18 @@ class Selection(eqx.Module):
 
     def unpack(self, model: eqx.Module, vector: Vector) -> Any:
         """`model` with its free values replaced by `vector`."""
-        replaced: dict[str, Any] = {}
+        # Once for every parameter, not for every entry: outside of a compiled function each is a program of its own.
+        places: dict[str, list[tuple[int | None, int]]] = {}
         for position, entry in enumerate(self.entries):
             name, index = _split(entry)
-            if index is None:
-                replaced[name] = vector[position]
+            places.setdefault(name, []).append((index, position))
+        replaced: dict[str, Any] = {}
+        for name, each in places.items():
+            indices, positions = zip(*each, strict=True)
+            if indices == (None,):
+                replaced[name] = vector[positions[0]]
             else:
-                old = replaced.get(name, get_parameter(model, name))
-                replaced[name] = old.at[index].set(vector[position])
+                replaced[name] = get_parameter(model, name).at[np.array(indices)].set(vector[np.array(positions)])
         return replace_parameters(model, replaced)
 
 

@@ -73,13 +73,17 @@ class Answer(Evaluated):
 
 def driven(computation, problem=None):
     """What a computation comes to, whose questions are answered with their coordinates."""
-    answer = None
+
+    def fails(at):
+        return problem is not None and not np.all(np.isfinite(problem.function([at])))
+
+    answers = None
     while True:
         try:
-            asked = computation.send(answer).coordinates
+            asked = [each.coordinates for each in computation.send(answers)]
         except StopIteration as end:
             return end.value
-        answer = Answer([asked], problem is not None and not np.all(np.isfinite(problem.function([asked]))))
+        answers = [Answer([at], fails(at)) for at in asked]
 
 
 REMAINS = np.sqrt(ROWS - 3) * COLUMNS[:, 4]
