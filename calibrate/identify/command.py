@@ -19,6 +19,7 @@ from ..output.sections import model_sections, trace_summary
 from ..resumable import Folders, run_units
 from ..study.parameter_file import Estimate, by_entry, tabulate, to_json
 from ..study.units import Job, Unit, prepare
+from ..workers import each_unit
 from .report import render, render_overview
 
 
@@ -40,8 +41,7 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
 
 
 def _identify_units(job: Job, folders: Folders) -> None:
-    for unit, folder in folders:
-        _identify_unit(job, unit, folder)
+    each_unit(job, folders, _identify_unit)
 
 
 def _identify_unit(job: Job, unit: Unit, folder: pathlib.Path) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from vgtjax.estimation import TraceResult
+from vgtjax.estimation import NORMAL_95, Comparison, TraceResult
 
 MEASURED, SIMULATED, DUTY = "#9aa5b1", "#c2410c", "#64748b"
 PALETTE = ("#c2410c", "#1d4ed8", "#15803d", "#7c3aed", "#0e7490", "#b45309", "#be185d", "#4d7c0f", "#334155", "#a16207")
@@ -87,6 +87,8 @@ def trace_figure(result: TraceResult) -> go.Figure:
         label, scale = RESIDUAL[name]
         residual = curve(channel.time, channel.residual * scale, "residual", MEASURED, width=0.7, showlegend=False)
         figure.add_trace(residual, row=row + 1, col=1)
+        for band in _band(channel, scale, shown=number == 0):
+            figure.add_trace(band, row=row + 1, col=1)
         figure.update_yaxes(title_text=LABEL[name], row=row, col=1)
         figure.update_yaxes(title_text=label, row=row + 1, col=1)
     if trace.pwm is not None:
@@ -95,6 +97,17 @@ def trace_figure(result: TraceResult) -> go.Figure:
         figure.update_yaxes(title_text="duty, %", row=rows, col=1)
     figure.update_xaxes(title_text="time, s", row=rows, col=1)
     return styled(figure, round(75 * sum(heights)))
+
+
+def _band(channel: Comparison, scale: float, *, shown: bool) -> list[go.Scatter]:
+    """Where 95 % of what the parameters' errors leave open lies, around the simulated signal."""
+    if channel.error is None or not np.all(np.isfinite(channel.error)):
+        return []
+    reach = NORMAL_95 * scale * channel.error
+    style: dict[str, Any] = {"width": 0.8, "hoverinfo": "skip"}
+    low = curve(channel.time, -reach, "95 % by parameters", SIMULATED, showlegend=False, **style)
+    high = curve(channel.time, reach, "95 % by parameters", SIMULATED, showlegend=shown, fill="tonexty", **style)
+    return [low, high]
 
 
 def loop_figure(result: TraceResult) -> go.Figure:

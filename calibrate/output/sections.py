@@ -82,6 +82,7 @@ def trace_section(result: TraceResult) -> dict[str, Any]:
                 "unit": unit,
                 "rmse": channel.rmse * scale,
                 "noise": channel.noise * scale,
+                "error": None if channel.error is None else float(np.max(channel.error)) * scale,
                 "offset": channel.offset * scale,
                 "peak": float(np.max(np.abs(channel.residual))) * scale,
                 "correlation": figures.autocorrelation(channel.residual, 1),
@@ -113,6 +114,11 @@ def trace_summary(result: TraceResult) -> dict[str, Any]:
         "rmse": finite(result.rmse),
         "offset": finite(result.offset),
         "noise": {name: channel.noise for name, channel in result.channels.items()},
+        "largest_error": {
+            name: finite(float(np.max(channel.error)))
+            for name, channel in result.channels.items()
+            if channel.error is not None
+        },
         **({} if pair is None else {"loop_width": pair.widths}),
         "notes": list(result.trace.notes),
     }

@@ -1,6 +1,8 @@
 """What came of a calibration: values, errors, and how every trace is met."""
 
 import dataclasses
+import itertools
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -30,13 +32,15 @@ NORMAL_95 = 1.959964
 class Comparison:
     """One channel of a trace against a model, at the channel's own valid samples, each array `(samples,)`.
 
-    `time` in s; `measured`, `simulated` in m or Pa, and `noise`, the standard deviation of the sensor's.
+    `time` in s; `measured`, `simulated` in m or Pa, and `noise`, the standard deviation of the sensor's. `error` is the
+    standard error of `simulated` by those of the parameters, to first order; `None` where these are not known.
     """
 
     time: Float[np.ndarray, " samples"]
     measured: Float[np.ndarray, " samples"]
     simulated: Float[np.ndarray, " samples"]
     noise: float
+    error: Float[np.ndarray, " samples"] | None = None
 
     @property
     def offset(self) -> float:
@@ -234,24 +238,33 @@ def compare(task: Task, model: AbstractModel, delay: float = 0.0, sensors: Senso
 
 
 def comparing(
-    task: Task, model: AbstractModel, delay: float = 0.0, sensors: Sensors | None = None
+    task: Task,
+    model: AbstractModel,
+    delay: float = 0.0,
+    sensors: Sensors | None = None,
+    errors: Sequence[Float[np.ndarray, "time channel"]] | None = None,
 ) -> Steps[list[TraceResult]]:
-    """`compare` as a computation."""
+    """`compare` as a computation; `errors` of what is observed of every trace, those to fit first."""
     results = []
+    left: Iterator[np.ndarray | None] = itertools.repeat(None) if errors is None else iter(errors)
     for use, traces in (("fit", task.fit), ("validate", task.validate)):
         bundles = bundle_traces(model, ramped(traces, task.linear), task.stepping)
         observed = yield from observe_traces(model, bundles, delay or None)
         known = sensors if use == "fit" and sensors is not None else white_sensors(traces, task.channels)
-        compared = zip(traces, observed, known, strict=True)
-        results += [_compare_one(trace, use, seen, each) for trace, seen, each in compared]
+        for trace, seen, each in zip(traces, observed, known, strict=True):
+            results.append(_compare_one(trace, use, seen, each, next(left)))
     return results
 
 
-def _compare_one(trace: Trace, use: str, observed: np.ndarray, sensors: dict[str, Sensor]) -> TraceResult:
+def _compare_one(
+    trace: Trace, use: str, observed: np.ndarray, sensors: dict[str, Sensor], errors: np.ndarray | None
+) -> TraceResult:
     simulated = dict(zip(CHANNELS, observed.T, strict=True))
     compared = {}
     for name, sensor in sensors.items():
         sampled = trace.sampled(name)
         if sampled is not None:
-            compared[name] = Comparison(sampled.time, sampled.value, simulated[name][trace.rows(name)], sensor.level)
+            rows = trace.rows(name)
+            error = None if errors is None else errors[rows, CHANNELS.index(name)]
+            compared[name] = Comparison(sampled.time, sampled.value, simulated[name][rows], sensor.level, error)
     return TraceResult(trace, use, simulated, compared)

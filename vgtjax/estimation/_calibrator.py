@@ -12,6 +12,7 @@ from ..parameters import Transform, build_transform, parameter_table, select
 from ..parts import with_sharp_seat
 from ..plants import AbstractModel
 from ..simulation import model_dtype
+from ._bands import predicted_spread
 from ._calibration import RUNAWAY, Calibration, comparing
 from ._corrections import trusted
 from ._evaluation import Evaluation, Steps, ask, run_alone
@@ -291,18 +292,19 @@ class Calibrator:
             shifts = (yield from self._shifts(model))[:count]
             more = np.where(uncertainty.determined[:, None], shifts, 0.0)
             uncertainty = dataclasses.replace(uncertainty, covariance=uncertainty.covariance + more @ more.T)
-        with np.errstate(over="ignore"):  # the error of a value that ran away may be beyond every number
-            covariance = uncertainty.covariance * np.outer(slope[:count], slope[:count])
         late = self.task.late_duty and progress.coordinates[-1] != 0.0
         delay = float(values[-1]) if late else 0.0
-        compared = yield from comparing(self.task, model, delay, self.sensors)
+        units = self._covariance(uncertainty.covariance)
+        fitted = (problem.bundles, self.minimiser.slopes.evaluated)
+        errors = yield from predicted_spread(self.task, model, delay, fitted, units)
+        compared = yield from comparing(self.task, model, delay, self.sensors, errors)
         return Calibration(
             model,
             self.task,
             self.transform,
             progress,
             values[:count],
-            covariance,
+            units[:count, :count],
             uncertainty,
             compared,
             problem.count,
@@ -311,6 +313,15 @@ class Calibrator:
             float(slope[-1] * everything.std_errors[-1]) if late else None,
             self.notes,
         )
+
+    def _covariance(self, covariance: Float[np.ndarray, "entries entries"]) -> Float[np.ndarray, "units units"]:
+        """Of all that is free, the delay of the duty last, in the units of the table; `covariance` is that of the
+        coordinates of the entries."""
+        everything, count = np.array(self.uncertainty().covariance), len(covariance)
+        everything[:count, :count] = covariance
+        slope = np.asarray(self.transform.slope(np.asarray(self.minimiser.progress.coordinates)))
+        with np.errstate(over="ignore", invalid="ignore"):  # of a value that ran away
+            return everything * np.outer(slope, slope)
 
 
 def start_calibration(task: Task, resume: Progress | None = None) -> Calibrator:

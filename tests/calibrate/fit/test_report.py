@@ -28,6 +28,8 @@ class Page(html.parser.HTMLParser):
         self.tags.append(tag)
         if tag == "tr":
             self.rows.append([])
+        if tag == "table":
+            self.rows.append([])  # nothing of one table is below another's heading
         if tag in ("td", "th"):
             self.rows[-1].append("")
         self._open.append(tag)
