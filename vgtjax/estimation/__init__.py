@@ -15,12 +15,14 @@ from ._calibrator import (
     start_calibration as start_calibration,
     starting as starting,
 )
+from ._corrections import trusted as trusted
 from ._evaluation import (
     Evaluated as Evaluated,
     Evaluation as Evaluation,
     Steps as Steps,
     run_alone as run_alone,
     run_together as run_together,
+    side_by_side as side_by_side,
 )
 from ._evidence import Unknown as Unknown
 from ._least_squares import (

@@ -1,11 +1,10 @@
 """Slices and profiles of problems whose misfit is known: linear, flat, kinked, skewed, bounded; and of a small fit."""
 
 import dataclasses
-from collections.abc import Callable
 
-import equinox as eqx
 import numpy as np
 import pytest
+from known_problem import Known, driven
 from support import duty_trace
 
 import vgtjax
@@ -13,9 +12,6 @@ from vgtjax import simulate
 from vgtjax.estimation import (
     NORMAL_95,
     End,
-    Evaluated,
-    Evaluation,
-    FitProblem,
     Point,
     estimate_uncertainty,
     plan_task,
@@ -37,53 +33,6 @@ def free(lower=-np.inf, upper=np.inf):
     """Coordinates that are values, between bounds."""
     lower, upper = (np.broadcast_to(end, 3).astype(float) for end in (lower, upper))
     return Transform(np.zeros(3, bool), np.ones(3), lower, upper)
-
-
-class Known(FitProblem):
-    """A problem whose residuals are a function of the coordinates."""
-
-    function: Callable = eqx.field(static=True)
-
-    def __init__(self, function, transform):
-        actuator = vgtjax.Actuator()
-        super().__init__(actuator, vgtjax.select(actuator), transform, [], [], ROWS, 0)
-        self.function = function
-
-    def evaluation(self, coordinates):
-        return Question(coordinates)
-
-    def residuals_of(self, observed):
-        return self.function(observed)
-
-
-class Question(Evaluation):
-    def __init__(self, coordinates):
-        object.__setattr__(self, "coordinates", coordinates)
-
-
-class Answer(Evaluated):
-    def __init__(self, coordinates, failed):
-        super().__init__(coordinates, [])
-        object.__setattr__(self, "bad", failed)
-
-    @property
-    def failed(self):
-        return self.bad
-
-
-def driven(computation, problem=None):
-    """What a computation comes to, whose questions are answered with their coordinates."""
-
-    def fails(at):
-        return problem is not None and not np.all(np.isfinite(problem.function([at])))
-
-    answers = None
-    while True:
-        try:
-            asked = [each.coordinates for each in computation.send(answers)]
-        except StopIteration as end:
-            return end.value
-        answers = [Answer([at], fails(at)) for at in asked]
 
 
 REMAINS = np.sqrt(ROWS - 3) * COLUMNS[:, 4]
