@@ -1,6 +1,6 @@
 """A fit of all free parameters at once, begun where identification says that it had better begin."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -27,6 +27,8 @@ def fit(
     values: dict[str, Any] | None = None,
     bounds: Bounds | None = None,
     channels: Sequence[str] | None = None,
+    unknown: Unknown | None = None,
+    deviations: Mapping[str, float] | None = None,
     report: Callable[[Progress], None] = lambda progress: None,
 ) -> Calibration:
     """Calibrates a model to traces by exact gradients; the same as the command `fit`.
@@ -38,13 +40,27 @@ def fit(
     - `values`: start values by name, in the units of the table; by default those of `model`.
     - `bounds`: `(lower, upper)` by name, pattern or entry, either `None`.
     - `channels`: measured signals to fit; by default those that are no input of the model.
+    - `unknown`: what the fit finds out besides the parameters; by default all that [`Unknown`][] has.
+    - `deviations`: standard deviations of start values by name or entry, in the units of the table: of what is free a
+      Gaussian prior (of its logarithm, if it is positive), of what is held a tolerance that goes into every error.
     - `report`: called with the progress after every step.
 
     **Returns:** values, standard errors, and how the traces are met; it prints itself as a table. Ask `converged`.
 
     **Raises:** `InputError` as [`plan_fit`][]; `SimulationError` when the start can't be simulated.
     """
-    task = plan_fit(model, traces, validate, free=free, fixed=fixed, values=values, bounds=bounds, channels=channels)
+    task = plan_fit(
+        model,
+        traces,
+        validate,
+        free=free,
+        fixed=fixed,
+        values=values,
+        bounds=bounds,
+        channels=channels,
+        unknown=Unknown() if unknown is None else unknown,
+        deviations=deviations,
+    )
     return start_fit(task).run(report)
 
 

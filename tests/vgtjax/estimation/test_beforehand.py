@@ -6,7 +6,7 @@ import pytest
 from known_truth import FREE, TRUTH, bench
 
 import vgtjax
-from vgtjax.estimation import calibrate, plan_task, start_calibration
+from vgtjax.estimation import Unknown, calibrate, plan_task, start_calibration
 
 
 def fit(free, values=None, **deviations):
@@ -69,6 +69,19 @@ def test_residuals_carry_the_prior():
     residuals = minimiser.problem.residuals(jax.numpy.asarray(here))
     assert len(residuals) == len(minimiser.point.residuals)
     assert float(np.sum(np.square(residuals[-3:]))) > 0
+
+
+def test_the_fit_of_the_library_knows_it_too(plain):
+    """`vgtjax.fit` takes what the study of the command `fit` says."""
+    tight = {"chamber.volume": 1e-12}
+    values = {"chamber.volume": 5.7e-5}
+    parameters_only = Unknown(duty_delay=False, duty_hold=False, noise="white", loss="gaussian", numerics=False)
+    found = vgtjax.fit(
+        vgtjax.Actuator(), [bench(0)], free=FREE, values=values, unknown=parameters_only, deviations=tight
+    )
+    assert value_of(found, "chamber.volume") == pytest.approx(5.7e-5, rel=1e-6)
+    assert found.progress.corrections == 0
+    assert found.task.deviations == tight
 
 
 def test_a_deviation_that_is_not_positive_is_refused():
