@@ -1,5 +1,6 @@
 """Estimation: exact Jacobians, weighted residuals, Levenberg-Marquardt, and what the data can tell."""
 
+from ._bands import spread_along as spread_along
 from ._bundle import CHANNELS as CHANNELS, SEGMENT as SEGMENT, Bundle as Bundle, bundle_traces as bundle_traces
 from ._calibration import (
     NORMAL_95 as NORMAL_95,

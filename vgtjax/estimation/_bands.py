@@ -1,12 +1,12 @@
 """How well the parameters' errors leave a simulated trace known."""
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float
 
 from .._errors import SimulationError
-from ..plants import AbstractModel
 from ._bundle import CHANNELS, Bundle, bundle_traces
 from ._evaluation import Evaluated, Evaluation, Steps, ask
 from ._evidence import by_trace
@@ -21,33 +21,40 @@ def spread_of(bundles: Sequence[Bundle], slopes: Evaluated, covariance: Float[np
 
     **Arguments:** `slopes` with respect to the same quantities as the covariance.
     """
-    sizes, ways = np.linalg.eigh(covariance)
-    factor = ways * np.sqrt(np.maximum(sizes, 0.0))
-    errors = [np.sqrt(np.sum(np.square(columns @ factor), axis=-1)) for columns in slopes.columns]
+    errors = [spread_along(columns, covariance) for columns in slopes.columns]
     return by_trace(bundles, Evaluated(errors, []))
 
 
+def spread_along(
+    columns: Float[np.ndarray, "*samples units"], covariance: Float[np.ndarray, "units units"]
+) -> Float[np.ndarray, "*samples"]:
+    """Standard errors of what has these derivatives, whatever the units."""
+    deviations = np.sqrt(np.diag(covariance))
+    sizes = np.where(deviations > 0, deviations, 1.0)
+    # By the correlation: variances here lie 20 orders apart, and those of a sum far below those of its parts.
+    parts, ways = np.linalg.eigh(covariance / np.outer(sizes, sizes))
+    factor = deviations[:, None] * ways * np.sqrt(np.maximum(parts, 0.0))
+    return np.sqrt(np.sum(np.square(columns @ factor), axis=-1))
+
+
 def predicted_spread(
-    task: Task,
-    model: AbstractModel,
-    delay: float,
-    fitted: tuple[Sequence[Bundle], Evaluated],
-    covariance: Float[np.ndarray, "units units"],
+    task: Task, asked: Evaluation, slopes: Evaluated, covariance: Float[np.ndarray, "units units"]
 ) -> Steps[Bands]:
     """`spread_of` all traces of a task, those to fit first; NaN where a simulation fails.
 
-    **Arguments:** `fitted`: bundles of the traces to fit, and their slopes; those of the others are asked for.
+    **Arguments:** `asked` and `slopes`: the derivatives along the traces to fit; those of the others are asked for, of
+    the same model.
     """
     others = ramped(task.validate, task.linear)
     nothing = [np.full((len(trace.time), len(CHANNELS)), np.nan) for trace in (*task.fit, *others)]
     if not np.all(np.isfinite(covariance)):
         return nothing
-    found, missing = spread_of(*fitted, covariance), nothing[len(task.fit) :]
+    found, missing = spread_of(asked.bundles, slopes, covariance), nothing[len(task.fit) :]
     if not others:
         return found
-    bundles = bundle_traces(model, others, task.stepping)
+    bundles = bundle_traces(asked.model, others, task.stepping)
     try:
-        slopes = yield from ask(Evaluation(model, bundles, delay if task.late_duty else None, task.selection))
+        beyond = yield from ask(dataclasses.replace(asked, bundles=bundles))
     except SimulationError:
         return [*found, *missing]
-    return [*found, *(missing if slopes.failed else spread_of(bundles, slopes, covariance))]
+    return [*found, *(missing if beyond.failed else spread_of(bundles, beyond, covariance))]

@@ -12,7 +12,7 @@ from ..parameters import Transform, build_transform, parameter_table, select
 from ..parts import with_sharp_seat
 from ..plants import AbstractModel
 from ..simulation import model_dtype
-from ._bands import predicted_spread
+from ._bands import Bands, predicted_spread
 from ._calibration import RUNAWAY, Calibration, comparing
 from ._corrections import trusted
 from ._evaluation import Evaluation, Steps, ask, run_alone
@@ -294,9 +294,9 @@ class Calibrator:
             uncertainty = dataclasses.replace(uncertainty, covariance=uncertainty.covariance + more @ more.T)
         late = self.task.late_duty and progress.coordinates[-1] != 0.0
         delay = float(values[-1]) if late else 0.0
-        units = self._covariance(uncertainty.covariance)
-        fitted = (problem.bundles, self.minimiser.slopes.evaluated)
-        errors = yield from predicted_spread(self.task, model, delay, fitted, units)
+        with np.errstate(over="ignore"):  # the error of a value that ran away may be beyond every number
+            covariance = uncertainty.covariance * np.outer(slope[:count], slope[:count])
+        errors = yield from self._bands(uncertainty.covariance)
         compared = yield from comparing(self.task, model, delay, self.sensors, errors)
         return Calibration(
             model,
@@ -304,7 +304,7 @@ class Calibrator:
             self.transform,
             progress,
             values[:count],
-            units[:count, :count],
+            covariance,
             uncertainty,
             compared,
             problem.count,
@@ -314,14 +314,20 @@ class Calibrator:
             self.notes,
         )
 
-    def _covariance(self, covariance: Float[np.ndarray, "entries entries"]) -> Float[np.ndarray, "units units"]:
-        """Of all that is free, the delay of the duty last, in the units of the table; `covariance` is that of the
-        coordinates of the entries."""
+    def _bands(self, covariance: Float[np.ndarray, "entries entries"]) -> Steps[Bands]:
+        """Standard errors of what is observed of all traces, by the covariance of the coordinates of the entries.
+
+        Derivatives are those that told the covariance, and from where they are: what traces tell of a sum is far more
+        than of its parts, and other derivatives, though as good, would not cancel.
+        """
         everything, count = np.array(self.uncertainty().covariance), len(covariance)
         everything[:count, :count] = covariance
-        slope = np.asarray(self.transform.slope(np.asarray(self.minimiser.progress.coordinates)))
+        slopes = self.minimiser.slopes
+        scale = np.asarray(self.transform.slope(slopes.at))
         with np.errstate(over="ignore", invalid="ignore"):  # of a value that ran away
-            return everything * np.outer(slope, slope)
+            units = everything * np.outer(scale, scale)
+        asked = self.minimiser.problem.evaluation(slopes.at, slopes=True)
+        return (yield from predicted_spread(self.task, asked, slopes.evaluated, units))
 
 
 def start_calibration(task: Task, resume: Progress | None = None) -> Calibrator:
