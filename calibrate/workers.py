@@ -42,9 +42,8 @@ def each_unit(job: Job, folders: Folders, work: Work) -> None:
         try:
             for future in as_completed(futures):
                 console.print(future.result(), end="")
-        except BaseException:
+        finally:
             pool.shutdown(cancel_futures=True)
-            raise
 
 
 def _cores() -> int:

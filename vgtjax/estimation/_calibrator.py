@@ -8,12 +8,10 @@ from jaxtyping import Bool, Float
 
 from .._errors import InputError, SimulationError
 from .._types import Vector
-from ..parameters import Transform, build_transform, parameter_table, select
+from ..parameters import Transform, build_transform, parameter_table
 from ..parts import with_sharp_seat
-from ..plants import AbstractModel
 from ..simulation import model_dtype
-from ._bands import Bands, predicted_spread
-from ._calibration import RUNAWAY, Calibration, comparing
+from ._calibration import RUNAWAY, Calibration
 from ._corrections import trusted
 from ._evaluation import Evaluation, Steps, ask, run_alone
 from ._evidence import (
@@ -31,8 +29,9 @@ from ._evidence import (
     sharp_bundles,
     turns,
 )
+from ._finish import finishing
 from ._holds import Holds, read_holds
-from ._least_squares import LeastSquares, estimate_uncertainty, least_squares
+from ._least_squares import LeastSquares, estimate_uncertainty
 from ._progress import Progress
 from ._residuals import FitProblem, Sensors, build_fit_problem, white_sensors
 from ._search import LevenbergMarquardt, Point, Slopes
@@ -254,19 +253,7 @@ class Calibrator:
 
     def uncertainty(self) -> LeastSquares:
         """Of the linear problem at the current coordinates, without the scatter of corrections."""
-        problem = self.minimiser.problem
-        return estimate_uncertainty(*self.minimiser.point.reduced, problem.count - problem.offsets)
-
-    def _shifts(self, model: AbstractModel) -> Steps[Float[np.ndarray, "coordinates tolerances"]]:
-        """By how much every coordinate moves when one that is held moves by its tolerance, to first order."""
-        problem, point, tolerances = self.minimiser.problem, self.minimiser.point, self.task.tolerances
-        held = select(model, list(tolerances))
-        late = problem.evaluation(np.asarray(self.minimiser.progress.coordinates)).delay
-        evaluated = yield from ask(Evaluation(model, problem.bundles, late, held))
-        sizes = np.array([tolerances[entry] for entry in held.entries])
-        columns = problem.whitened(evaluated.columns)[:, : len(sizes)] * sizes
-        padded = np.concatenate([columns, np.zeros((len(point.columns) - len(columns), len(sizes)))])
-        return np.stack([-least_squares(point.columns, column).values for column in padded.T], axis=1)
+        return self.minimiser.uncertainty()
 
     def finish(self) -> Calibration:
         """What came of it: values, covariance, and every trace simulated with them."""
@@ -274,60 +261,7 @@ class Calibrator:
 
     def finishing(self) -> Steps[Calibration]:
         """`finish` as a computation."""
-        problem, progress = self.minimiser.problem, self.minimiser.progress
-        everything, count = self.uncertainty(), len(self.task.selection.entries)
-        coordinates = np.asarray(progress.coordinates)
-        values = np.asarray(self.transform.to_physical(coordinates))
-        slope = np.asarray(self.transform.slope(coordinates))
-        model = self.task.selection.unpack(self.task.model, values[:count])
-        uncertainty = everything.first(count)
-        if progress.wanted:
-            # Corrections that go to and fro say how well the numbers themselves are known.
-            wanted = np.where(uncertainty.determined, np.array(progress.wanted)[:, :count], 0.0)
-            first = turns(wanted / np.where(uncertainty.determined, uncertainty.std_errors, 1.0))[:1]
-            last = wanted[int(first[0]) :] if len(first) else wanted[-1:]
-            scatter = last.T @ last / len(last)
-            uncertainty = dataclasses.replace(uncertainty, covariance=uncertainty.covariance + scatter)
-        if self.task.tolerances:
-            shifts = (yield from self._shifts(model))[:count]
-            more = np.where(uncertainty.determined[:, None], shifts, 0.0)
-            uncertainty = dataclasses.replace(uncertainty, covariance=uncertainty.covariance + more @ more.T)
-        late = self.task.late_duty and progress.coordinates[-1] != 0.0
-        delay = float(values[-1]) if late else 0.0
-        with np.errstate(over="ignore"):  # the error of a value that ran away may be beyond every number
-            covariance = uncertainty.covariance * np.outer(slope[:count], slope[:count])
-        errors = yield from self._bands(uncertainty.covariance)
-        compared = yield from comparing(self.task, model, delay, self.sensors, errors)
-        return Calibration(
-            model,
-            self.task,
-            self.transform,
-            progress,
-            values[:count],
-            covariance,
-            uncertainty,
-            compared,
-            problem.count,
-            self.sensors,
-            delay,
-            float(slope[-1] * everything.std_errors[-1]) if late else None,
-            self.notes,
-        )
-
-    def _bands(self, covariance: Float[np.ndarray, "entries entries"]) -> Steps[Bands]:
-        """Standard errors of what is observed of all traces, by the covariance of the coordinates of the entries.
-
-        Derivatives are those that told the covariance, and from where they are: what traces tell of a sum is far more
-        than of its parts, and other derivatives, though as good, would not cancel.
-        """
-        everything, count = np.array(self.uncertainty().covariance), len(covariance)
-        everything[:count, :count] = covariance
-        slopes = self.minimiser.slopes
-        scale = np.asarray(self.transform.slope(slopes.at))
-        with np.errstate(over="ignore", invalid="ignore"):  # of a value that ran away
-            units = everything * np.outer(scale, scale)
-        asked = self.minimiser.problem.evaluation(slopes.at, slopes=True)
-        return (yield from predicted_spread(self.task, asked, slopes.evaluated, units))
+        return (yield from finishing(self.task, self.minimiser, self.sensors, self.notes))
 
 
 def start_calibration(task: Task, resume: Progress | None = None) -> Calibrator:

@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 from .._errors import SimulationError
 from .._types import Scalar
 from ._evaluation import Evaluated, Steps, ask, run_alone
-from ._least_squares import estimate_uncertainty, reduce_rows
+from ._least_squares import LeastSquares, estimate_uncertainty, reduce_rows
 from ._progress import CHI2_TOLERANCE, NEAR, NEAR_STEP_SIZE, STALL, STALL_TOLERANCE, Progress
 from ._residuals import FitProblem
 
@@ -211,6 +211,10 @@ class LevenbergMarquardt:
             return False
         promised = estimate_uncertainty(*self.point.reduced, self.problem.count).gain
         return promised < STALL_SHARE * twice * progress.cost
+
+    def uncertainty(self) -> LeastSquares:
+        """Of the linear problem at the accepted coordinates."""
+        return estimate_uncertainty(*self.point.reduced, self.problem.count - self.problem.offsets)
 
     def linearisation(self) -> tuple[Float[np.ndarray, " residuals"], Float[np.ndarray, "residuals coordinates"]]:
         """Residuals in units of the noise, and their Jacobian, at the accepted coordinates."""
