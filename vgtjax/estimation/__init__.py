@@ -21,6 +21,7 @@ from ._evaluation import (
     Evaluated as Evaluated,
     Evaluation as Evaluation,
     Steps as Steps,
+    ask as ask,
     run_alone as run_alone,
     run_together as run_together,
     side_by_side as side_by_side,

@@ -29,6 +29,8 @@ WIDE = 4
 """Simulations that one computation asks for together in one program of a core: they fill its vector units, and each
 takes 0.37 of the time that it takes alone (four traces of a unit, 185 s). One with derivatives fills them by itself.
 Rounding depends on the width, so what others ask at the same time must not change it."""
+LONG = 10.0
+"""s of all traces together from which that is worth a program of its own, which compiles in seconds."""
 WAVES = 4
 """Programs that all fits under way fill: with fewer, the last one of a round runs half empty more often."""
 
@@ -100,14 +102,14 @@ def side_by_side(computations: Sequence[Steps[T]]) -> Steps[list[T]]:
 
 
 def run_alone(computation: Steps[T]) -> T:
-    """Drives one computation to its end; an evaluation that it asks for alone is spread over all devices."""
+    """Drives one computation to its end; each evaluation is spread over all devices, or many of one question are."""
     answers: Sequence[Evaluated] | None = None
     while True:
         try:
             asked = computation.send(answers)
         except StopIteration as end:
             return end.value
-        answers = [_evaluate(*asked)] if len(asked) == 1 else _evaluate_together([asked])[0]
+        answers = _evaluate_together([asked])[0] if _wide(asked) else [_evaluate(each) for each in asked]
 
 
 def run_together(computations: Mapping[Name, Steps[T]], finished: Callable[[Name, T | SimulationError], None]) -> None:
@@ -141,6 +143,13 @@ def run_together(computations: Mapping[Name, Steps[T]], finished: Callable[[Name
             go_on(name, part)
 
 
+def _wide(question: Sequence[Evaluation]) -> bool:
+    """Whether what one computation asks for together is worth a program of its own."""
+    if len(question) < WIDE or any(each.selection is not None for each in question):
+        return False
+    return sum(float(np.sum(bundle.drive.duration)) for bundle in question[0].bundles) >= LONG
+
+
 def _fits_of_a_program(*, wide: bool = False) -> int:
     if jax.default_backend() != "cpu":
         return jax.device_count() * FITS_OF_AN_ACCELERATOR
@@ -158,8 +167,8 @@ def _evaluate_together(questions: Sequence[Sequence[Evaluation]]) -> list[list[E
     """Answers many questions; simulations of equal shape share a program."""
     groups: dict[Hashable, list[_Part]] = {}
     for number, question in enumerate(questions):
+        wide = _wide(question)
         for which, evaluation in enumerate(question):
-            wide = evaluation.selection is None and len(question) >= WIDE
             for place, part in enumerate(evaluation.parts()):
                 each = _Part.of((number, which, place), part, wide)
                 groups.setdefault(each.shape, []).append(each)
