@@ -13,7 +13,8 @@ from ._evidence import by_trace
 from ._holds import ramped
 from ._task import Task
 
-Bands = list[Float[np.ndarray, "time channel"]]
+Bands = list[np.ndarray]
+"""By trace, `(time, channel)`."""
 
 
 def spread_of(bundles: Sequence[Bundle], slopes: Evaluated, covariance: Float[np.ndarray, "units units"]) -> Bands:

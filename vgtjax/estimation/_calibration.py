@@ -242,9 +242,9 @@ def comparing(
     model: AbstractModel,
     delay: float = 0.0,
     sensors: Sensors | None = None,
-    errors: Sequence[Float[np.ndarray, "time channel"]] | None = None,
+    errors: Sequence[np.ndarray] | None = None,
 ) -> Steps[list[TraceResult]]:
-    """`compare` as a computation; `errors` of what is observed of every trace, those to fit first."""
+    """`compare` as a computation; `errors` `(time, channel)` of what is observed of every trace, those to fit first."""
     results = []
     left: Iterator[np.ndarray | None] = itertools.repeat(None) if errors is None else iter(errors)
     for use, traces in (("fit", task.fit), ("validate", task.validate)):
