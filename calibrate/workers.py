@@ -1,7 +1,6 @@
 """Units of a study side by side, each in a process of its own: for work that one core is busy with, but no program."""
 
 import multiprocessing
-import os
 import pathlib
 import pickle
 from collections.abc import Callable
@@ -30,7 +29,7 @@ def each_unit(job: Job, folders: Folders, work: Work) -> None:
     import jax
 
     cache: str | None = jax.config.jax_compilation_cache_dir  # type: ignore[attr-defined]
-    processes = min(len(folders), _cores())
+    processes = min(len(folders), jax.local_device_count(backend="cpu"))
     if not processes:
         return
     context = multiprocessing.get_context("spawn")  # JAX does not survive a fork
@@ -44,10 +43,6 @@ def each_unit(job: Job, folders: Folders, work: Work) -> None:
                 console.print(future.result(), end="")
         finally:
             pool.shutdown(cancel_futures=True)
-
-
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _number(job: Job, unit: Unit) -> int:
