@@ -99,7 +99,7 @@ def _fitting(job: Job, unit: Unit, folder: pathlib.Path) -> Steps[_Fitted]:
         console.print(f"warning: {who}these traces do not determine {', '.join(undetermined)}; hold or excite them")
 
     def show(progress: Progress) -> None:
-        kind = "  rejected" if progress.rejected_in_a_row else "  corrected" if progress.corrections else ""
+        kind = "  corrected" if progress.corrections else ""
         console.print(
             f"{who}{progress.iteration:6d} {2 * progress.cost:12.6g} {1 / progress.step_size:10.3g} "
             f"{saved.seconds:8.1f}{kind}"
@@ -156,7 +156,7 @@ def _summary(fitted: _Fitted, job: Job) -> dict[str, Any]:
         "converged": calibration.converged,
         "verdict": progress.verdict,
         "iterations": progress.iteration,
-        "rejected_steps": progress.iteration - progress.accepted,
+        "rejected_steps": progress.rejected,
         "failed_simulations": progress.failed,
         "cost": progress.cost,
         "chi2_per_degree_of_freedom": calibration.uncertainty.scale,

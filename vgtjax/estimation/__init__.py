@@ -22,8 +22,6 @@ from ._evaluation import (
     Evaluation as Evaluation,
     Steps as Steps,
     ask as ask,
-    run_alone as run_alone,
-    run_together as run_together,
     side_by_side as side_by_side,
 )
 from ._evidence import Unknown as Unknown
@@ -38,11 +36,13 @@ from ._least_squares import (
     least_squares as least_squares,
     robust_deviation as robust_deviation,
 )
+from ._point import Point as Point, Reduced as Reduced, Secant as Secant
 from ._profiles import Profile as Profile, Profiles as Profiles, profiling as profiling
+from ._programs import run_alone as run_alone, run_together as run_together
 from ._progress import CHI2_TOLERANCE as CHI2_TOLERANCE, Progress as Progress
 from ._remains import VERDICTS as VERDICTS, Remains as Remains, find_remains as find_remains
 from ._residuals import FitProblem as FitProblem, Sensors as Sensors, build_fit_problem as build_fit_problem
-from ._search import LevenbergMarquardt as LevenbergMarquardt, Point as Point
+from ._search import LevenbergMarquardt as LevenbergMarquardt
 from ._sensitivities import jacobian as jacobian, observe as observe, observe_with_jacobian as observe_with_jacobian
 from ._sensors import Sensor as Sensor
 from ._slices import WORDS as WORDS, End as End, Slice as Slice, Slices as Slices, slicing as slicing

@@ -12,10 +12,11 @@ from ..parameters import Transform, parameter_table, table_row
 from ..plants import AbstractModel
 from ..traces import SIGNALS, Trace
 from ._bundle import CHANNELS, bundle_traces
-from ._evaluation import Steps, run_alone
+from ._evaluation import Steps
 from ._evidence import observe_traces
 from ._holds import ramped, sample_interval
 from ._least_squares import LeastSquares
+from ._programs import run_alone
 from ._progress import Progress
 from ._residuals import Sensors, white_sensors
 from ._sensors import Sensor

@@ -13,7 +13,7 @@ from ..parts import with_sharp_seat
 from ..simulation import model_dtype
 from ._calibration import RUNAWAY, Calibration
 from ._corrections import trusted
-from ._evaluation import Evaluation, Steps, ask, run_alone
+from ._evaluation import Evaluation, Steps, ask
 from ._evidence import (
     DELAY_SCALE,
     EVIDENT,
@@ -31,10 +31,12 @@ from ._evidence import (
 )
 from ._finish import finishing
 from ._holds import Holds, read_holds
-from ._least_squares import LeastSquares, estimate_uncertainty
+from ._least_squares import LeastSquares
+from ._point import Point, Slopes
+from ._programs import run_alone
 from ._progress import Progress
 from ._residuals import FitProblem, Sensors, build_fit_problem, white_sensors
-from ._search import LevenbergMarquardt, Point, Slopes
+from ._search import LevenbergMarquardt
 from ._task import Task
 
 HELD_MATTERS = 9.0
@@ -212,7 +214,7 @@ class Calibrator:
         progress = self.minimiser.progress
         if progress.late:
             return False
-        found = estimate_uncertainty(*self._with_delay().reduced, self.minimiser.problem.count)
+        found = self._with_delay().uncertainty(self.minimiser.problem.count)
         evident = bool(found.determined[-1] and abs(found.values[-1]) > EVIDENT * found.std_errors[-1])
         return evident or not progress.converged
 

@@ -1,12 +1,10 @@
 """Steps of corrections: as long as the misfit bears out what its linear model promises."""
 
 import numpy as np
-from jaxtyping import Float
 
-from .._errors import SimulationError
-from ._evaluation import Steps, ask
+from ._evaluation import Steps
+from ._point import Coordinates, Point, misfit_at
 from ._residuals import FitProblem
-from ._search import Point
 
 SIZES = (1e4, 1e3, 1e2, 1.0, 1e-2)
 """Inverse damping of steps that are tried where a full one misleads: the first only keeps directions that hardly show
@@ -18,22 +16,6 @@ CHATTER = 1.0
 LONGEST_STEP = 0.5
 """Coordinates by which a correction moves at most; farther no linear model reaches."""
 
-Coordinates = Float[np.ndarray, " coordinates"]
-
-
-def misfit_at(problem: FitProblem, coordinates: Coordinates) -> Steps[Float[np.ndarray, " residuals"] | None]:
-    """Residuals at some coordinates and what is known of these beforehand; `None` where a simulation fails."""
-    with np.errstate(over="ignore"):
-        question = problem.evaluation(coordinates)
-    try:
-        answer = yield from ask(question)
-    except SimulationError:
-        return None
-    if answer.failed:
-        return None
-    found, prior = problem.residuals_of(answer.observed), problem.prior
-    return found if prior is None else np.concatenate([found, np.asarray(prior.residuals(coordinates))])
-
 
 def trusted(problem: FitProblem, point: Point, here: Coordinates, full: Coordinates, part: float) -> Steps[Coordinates]:
     """Where to go from `here`: after a part of a full linear step if the misfit bears it out, or else of a damped one.
@@ -42,7 +24,7 @@ def trusted(problem: FitProblem, point: Point, here: Coordinates, full: Coordina
     """
     best, lowest = here, 0.0
     for size in (np.inf, *SIZES):
-        move = part * (full if np.isinf(size) else point.damped_step(size))
+        move = part * (full if np.isinf(size) else point.reduced.damped_steps([size])[0])
         if np.max(np.abs(move)) > LONGEST_STEP:
             continue
         there = np.asarray(problem.transform.clip(here + move))
@@ -50,7 +32,7 @@ def trusted(problem: FitProblem, point: Point, here: Coordinates, full: Coordina
         if found is None:
             continue
         rise = float(found @ found) - point.chi2
-        if rise <= BORNE_OUT * point.promise(there - here) + CHATTER:
+        if rise <= BORNE_OUT * point.reduced.promise(there - here) + CHATTER:
             return there
         if rise < lowest:
             best, lowest = there, rise

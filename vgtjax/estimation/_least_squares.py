@@ -107,9 +107,13 @@ def reduce_rows(
 
     A column that is not finite is of no use, and becomes zero.
     """
-    usable = np.where(np.all(np.isfinite(columns), axis=0), columns, 0.0)
-    triangle = np.asarray(np.linalg.qr(np.column_stack([usable, residuals]), mode="r"))
+    triangle = np.asarray(np.linalg.qr(np.column_stack([finite_columns(columns), residuals]), mode="r"))
     return triangle[:, -1], triangle[:, :-1]
+
+
+def finite_columns(columns: Columns) -> Columns:
+    """Columns with zeros for those that are not finite."""
+    return np.where(np.all(np.isfinite(columns), axis=0), columns, 0.0)
 
 
 def determined_within(columns: Columns, scale: float, worst: float) -> Bool[np.ndarray, " unknowns"]:

@@ -98,7 +98,7 @@ class _Held:
     def __init__(self, end: End, number: int):
         self.end, self.number, self.evaluations = end, number, 0
         self.error = float(end.found.std_errors[number])
-        triangle = end.point.reduced[1]
+        triangle = end.point.reduced.columns
         others = np.delete(triangle, number, axis=1)
         self.inverse = np.insert(pseudo_inverse(others), number, 0.0, axis=0)
         self.along = -self.inverse @ triangle[:, number]

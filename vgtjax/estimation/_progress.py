@@ -4,18 +4,12 @@ import dataclasses
 from collections.abc import Iterable
 
 CHI2_TOLERANCE = 0.01
-"""A fit has converged when a step lowers chi^2 by less: a move of a tenth of a standard error in any one direction."""
-STALL, STALL_TOLERANCE = 6, 0.1
-"""A fit has also converged when so many trials together lower chi^2 by less than this. Kinks of the model (a plunger
+"""A fit has converged when a step lowers chi^2 by less, or another one promises no more: a move of a tenth of a
+standard error in any one direction."""
+STALL_TOLERANCE = 0.1
+"""A fit has also converged when all moves by one Jacobian lower chi^2 by less than this. Kinks of the model (a plunger
 that grazes its seat, a rod that sticks) leave a linear gain that no step reaches: on the slow loops of an actuator,
 the steps after such a stall gained 0.3 of 18000 in sum, in 20 trials."""
-NEAR = 2.0
-"""A start with a lower chi^2 per measurement is near the end, and the first step is nearly Gauss and Newton's."""
-NEAR_STEP_SIZE = 1e6
-"""Inverse damping of the first step from near the end. Damped as a far start must be, a near one needs ten steps to
-lose the damping; far starts that begin like this are lost now and then."""
-MAX_REJECTED = 20
-"""Rejected trials in a row, each with a quarter of the step, after which a fit stands still."""
 MAX_ITERATIONS = 100
 
 
@@ -24,8 +18,9 @@ class Progress:
     """Where a fit stands after a step; enough to resume it exactly.
 
     `coordinates` are the accepted coordinates of the transform, `step_size` is the inverse of the damping, `history`
-    the cost after every iteration, the start first (half the mean squared residual in units of the noise). `failed`
-    counts trial steps whose simulation failed.
+    the cost after every iteration, the start first (half the mean squared residual in units of the noise). An iteration
+    is a step: all moves by one Jacobian. `rejected` counts how often no trial lowered the cost, `failed` trials whose
+    simulation failed.
 
     A search that has converged may be corrected, in full linear steps, for what it tells of sensors and of numerical
     errors: `corrections` counts these, and `settled` says whether the last one would move anything that matters.
@@ -41,10 +36,11 @@ class Progress:
     step_size: float = 1.0
     iteration: int = 0
     accepted: int = 0
-    rejected_in_a_row: int = 0
+    rejected: int = 0
     failed: int = 0
     converged: bool = False
     stalled: bool = False
+    stuck: bool = False
     history: tuple[float, ...] = ()
     corrections: int = 0
     settled: bool = False
@@ -80,24 +76,22 @@ class Progress:
             self,
             coordinates=tuple(coordinates),
             step_size=1.0,
-            rejected_in_a_row=0,
             converged=False,
             stalled=False,
+            stuck=False,
             held=held,
             let_go=self.cost if self.let_go is None else min(self.let_go, self.cost),
         )
 
     def freed(self) -> "Progress":
         """A search that goes on with nothing held."""
-        again = dataclasses.replace(self, step_size=1.0, rejected_in_a_row=0, converged=False, stalled=False)
+        again = dataclasses.replace(self, step_size=1.0, converged=False, stalled=False, stuck=False)
         return dataclasses.replace(again, held=(), let_go=None)
 
     def reading_duty(self, coordinates: Iterable[float], linear: Iterable[float]) -> "Progress":
         """A search that goes on with the duty of some traces read as linear between samples."""
         again = dataclasses.replace(self, coordinates=tuple(coordinates), linear=tuple(linear), corrections=0, found=())
-        return dataclasses.replace(
-            again, step_size=NEAR_STEP_SIZE, rejected_in_a_row=0, converged=False, stalled=False, linearised=()
-        )
+        return dataclasses.replace(again, step_size=1.0, converged=False, stalled=False, stuck=False, linearised=())
 
     @property
     def cost(self) -> float:
@@ -107,7 +101,7 @@ class Progress:
     @property
     def finished(self) -> bool:
         """Whether another step would be wasted."""
-        return self.converged or self.rejected_in_a_row >= MAX_REJECTED or self.iteration >= MAX_ITERATIONS
+        return self.converged or self.stuck or self.iteration >= MAX_ITERATIONS
 
     @property
     def verdict(self) -> str:
@@ -117,11 +111,11 @@ class Progress:
         if self.corrections:
             return f"{self.corrections} corrections for sensors and numerical errors have settled"
         if self.converged and self.stalled:
-            return f"the last {STALL} trials together lowered chi^2 by less than {STALL_TOLERANCE:g}"
+            return f"all trials of the last step lowered chi^2 by less than {STALL_TOLERANCE:g}"
         if self.converged:
-            return "the last step lowered chi^2 by next to nothing"
-        if self.rejected_in_a_row >= MAX_REJECTED:
-            return f"stuck, {MAX_REJECTED} trial steps in a row did not lower the cost"
+            return "the last step lowered chi^2 by next to nothing, or another one would"
+        if self.stuck:
+            return "stuck, no trial of the last step lowered the cost"
         if self.iteration >= MAX_ITERATIONS:
             return f"not converged after {MAX_ITERATIONS} iterations"
         return "running"

@@ -172,11 +172,12 @@ class FitProblem(eqx.Module):
         blocks = [_residual_block(*block) for block in zip(self.measured, map(jnp.asarray, observed), strict=True)]
         return np.concatenate([np.asarray(block) for block in blocks])
 
-    def cost_of(self, observed: Sequence[np.ndarray], coordinates: Float[np.ndarray, " coordinates"]) -> float:
-        """Half the mean squared residual in units of the noise, with what is known of the coordinates beforehand."""
-        residuals = self.residuals_of(observed)
-        known = 0.0 if self.prior is None else float(np.sum(np.square(self.prior.residuals(coordinates))))
-        return 0.5 * (float(residuals @ residuals) + known) / self.count
+    def everything_of(
+        self, observed: Sequence[np.ndarray], coordinates: Float[np.ndarray, " coordinates"]
+    ) -> Float[np.ndarray, " residuals"]:
+        """`residuals_of`, and behind them the distances from what is known of the coordinates beforehand."""
+        found = self.residuals_of(observed)
+        return found if self.prior is None else np.concatenate([found, np.asarray(self.prior.residuals(coordinates))])
 
     def columns_of(
         self, columns: Sequence[np.ndarray], at: Float[np.ndarray, " coordinates"]

@@ -1,133 +1,60 @@
-"""Levenberg-Marquardt by the search and the descent of optimistix, one step at a time, so that a fit can be watched,
-interrupted, resumed, and run beside others."""
+"""Levenberg-Marquardt that makes much of each Jacobian, a step at a time, so that a fit can be watched, interrupted,
+resumed, and run beside others.
+
+Derivatives of a unit with fifty parameters take as long as 25 simulations side by side. So one step, which is what a
+Jacobian is good for, is a number of moves: each tries several dampings at once and takes the best, and tells the linear
+problem what the misfit really did along it. A fit of four traces takes 7 Jacobians, and took 20 with one trial each.
+"""
 
 import dataclasses
-import functools
 
-import equinox as eqx
-import jax.numpy as jnp
-import lineax as lx
 import numpy as np
-import optimistix as optx
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from .._errors import SimulationError
-from .._types import Scalar
-from ._evaluation import Evaluated, Steps, ask, run_alone
-from ._least_squares import LeastSquares, estimate_uncertainty, reduce_rows
-from ._progress import CHI2_TOLERANCE, NEAR, NEAR_STEP_SIZE, STALL, STALL_TOLERANCE, Progress
+from ._evaluation import Steps, side_by_side
+from ._least_squares import LeastSquares
+from ._point import Coordinates, Point, Reduced, Secant, Slopes, misfit_at
+from ._programs import run_alone
+from ._progress import CHI2_TOLERANCE, STALL_TOLERANCE, Progress
 from ._residuals import FitProblem
 
+SPREAD = (0.03, 0.3, 3.0, 30.0)
+"""Sizes that are tried at once, in units of the one that was best before: as many as fill a core's vector units."""
+SMALLER = 1e-4
+"""Factor of all sizes where none of them lowers the misfit: the next ones to try."""
+MOST_MOVES, MOST_RETRIES = 6, 4
+"""Moves by one Jacobian, and how often all sizes may be made smaller before the first of them."""
+WORTHWHILE = 0.15
+"""Part of the whole gain by a Jacobian that its last move must have brought for another one."""
+TRUE = 0.25
+"""Part of its promise that a move must have kept for another one by the same Jacobian."""
 STALL_SHARE = 0.01
 """Part of chi^2 that the linear model may still promise for a stall to count; with more, a fit is lost."""
-
 NEARLY, NEARLY_PROMISED = 0.3, 10.0
 """Gain in chi^2 of the last step, and that a full linear one promises, below which corrections may do the rest: half a
 standard error in any one direction, and kinks promise what no step reaches."""
 
-# Steps grow when three quarters of the predicted gain come true; the default of 99 % leaves a fit damped for long.
-_SEARCH: optx.ClassicalTrustRegion = optx.ClassicalTrustRegion(high_cutoff=0.75)
-_DESCENT: optx.DampedNewtonDescent = optx.DampedNewtonDescent()
-
-
-Rows = Float[Array | np.ndarray, " rows"]
-Columns = Float[Array | np.ndarray, "rows coordinates"]
-Coordinates = Float[Array | np.ndarray, " coordinates"]
-
-
-def _info(residuals: Rows, columns: Columns) -> optx.FunctionInfo.ResidualJac:
-    return optx.FunctionInfo.ResidualJac(jnp.asarray(residuals), lx.MatrixLinearOperator(jnp.asarray(columns)))
-
-
-@eqx.filter_jit
-def _damped_step(residuals: Rows, columns: Columns, step_size: Scalar) -> Float[Array, " coordinates"]:
-    info, like = _info(residuals, columns), jnp.zeros(columns.shape[1])
-    return _DESCENT.step(step_size, _DESCENT.query(like, info, _DESCENT.init(like, info)))[0]
-
-
-@eqx.filter_jit
-def _judge(
-    residuals: Rows, columns: Columns, here: Coordinates, trial: Coordinates, cost: Scalar, step_size: Scalar
-) -> tuple[Array, Array]:
-    """The size of the next step, and whether a trial of this cost is accepted."""
-    info = _info(residuals, columns)
-    state = eqx.tree_at(lambda state: state.step_size, _SEARCH.init(here, info), step_size)
-    new_size, accepted, _, _ = _SEARCH.step(
-        jnp.asarray(False), here, trial, info, optx.FunctionInfo.Eval(jnp.asarray(cost)), state
-    )
-    return new_size, accepted
-
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Point:
-    """A problem linearised: residuals and their Jacobian with respect to the coordinates, in units of the noise."""
+class _Stand:
+    """Where a step stands between its moves: coordinates, residuals there, and the best size of a move so far."""
 
+    here: Coordinates
     residuals: Float[np.ndarray, " residuals"]
-    columns: Float[np.ndarray, "residuals coordinates"]
-
-    @staticmethod
-    def of(
-        problem: FitProblem, here: Float[np.ndarray, " coordinates"], observed: Evaluated, slopes: "Slopes"
-    ) -> "Point":
-        """A problem with what is observed at `here`; derivatives may be those of a point nearby."""
-        residuals = problem.residuals_of(observed.observed)
-        columns = problem.columns_of(slopes.evaluated.columns, slopes.at)
-        if problem.prior is not None:
-            residuals = np.concatenate([residuals, np.asarray(problem.prior.residuals(here))])
-            columns = np.concatenate([columns, np.diag(problem.prior.precision)])
-        held = np.asarray(problem.transform.pinned(here, residuals @ columns))
-        return Point(residuals, np.where(held, 0.0, columns))
-
-    def bend(self, problem: FitProblem, here: Float[np.ndarray, " coordinates"], slopes: "Slopes") -> float:
-        """By how many standard errors, over all directions, a linear step goes wrong for derivatives from elsewhere."""
-        there = problem.residuals_of(slopes.evaluated.observed)
-        traces = slice(len(there))
-        moved = self.residuals[traces] - there
-        bent, _ = reduce_rows(moved - self.columns[traces] @ (here - slopes.at), self.columns[traces])
-        return float(np.linalg.norm(bent[:-1]))
-
-    @functools.cached_property
-    def reduced(self) -> tuple[Float[np.ndarray, " rows"], Float[np.ndarray, "rows coordinates"]]:
-        """The same linear problem in as many rows as there are coordinates, and one."""
-        return reduce_rows(self.residuals, self.columns)
-
-    def damped_step(self, size: float) -> Float[np.ndarray, " coordinates"]:
-        """The step of Levenberg and Marquardt whose damping is `1 / size` times the mean square of a residual."""
-        few, columns = self.reduced
-        root = np.sqrt(len(self.residuals))
-        return np.asarray(_damped_step(few / root, columns / root, np.array(float(size))))
-
-    def promise(self, move: Float[np.ndarray, " coordinates"]) -> float:
-        """By how much chi^2 would change along a move if the problem were linear."""
-        few, columns = self.reduced
-        moved = columns @ move
-        return float(2 * few @ moved + moved @ moved)
+    size: float
+    failed: int = 0
+    rejected: int = 0
 
     @property
     def chi2(self) -> float:
-        """Sum of the squared residuals."""
         return float(self.residuals @ self.residuals)
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Slopes:
-    """Derivatives of all traces, and the coordinates that they are from."""
-
-    at: Float[np.ndarray, " coordinates"]
-    evaluated: Evaluated
-
-    @staticmethod
-    def find(problem: FitProblem, at: Float[np.ndarray, " coordinates"]) -> Steps["Slopes"]:
-        """Derivatives at some coordinates."""
-        evaluated = yield from ask(problem.evaluation(at, slopes=True))
-        return Slopes(at, evaluated)
 
 
 class LevenbergMarquardt:
     """A fit under way: minimises the cost of a problem step by step.
 
-    A trial step whose simulation fails has infinite residuals: it is rejected and the step shortened, like any step
-    that does not lower the cost. Derivatives are computed only where a trial is accepted.
+    A trial whose simulation fails has infinite residuals: it is rejected, like any that does not lower the cost.
     """
 
     def __init__(
@@ -154,67 +81,83 @@ class LevenbergMarquardt:
                 "values and the inputs of the traces"
             )
         point = Point.of(problem, here, slopes.evaluated, slopes)
-        cost = 0.5 * point.chi2 / problem.count
-        near = not progress.history and 2 * cost < NEAR
         # A search that goes on elsewhere than where it was has another cost there.
-        progress = dataclasses.replace(
-            progress,
-            history=(*progress.history[:-1], cost),
-            step_size=NEAR_STEP_SIZE if near else progress.step_size,
-        )
-        return cls(problem, progress, slopes, point, corrected_later)
+        history = (*progress.history[:-1], 0.5 * point.chi2 / problem.count)
+        return cls(problem, dataclasses.replace(progress, history=history), slopes, point, corrected_later)
 
     def step(self) -> Progress:
-        """Tries one step, and says where the fit stands then."""
+        """Takes one step, which is as far as one Jacobian leads, and says where the fit stands then."""
         return run_alone(self.steps())
 
     def steps(self) -> Steps[Progress]:
         """One step as a computation; see `step`."""
         problem, before = self.problem, self.progress
-        here, root, size = np.array(before.coordinates, float), np.sqrt(problem.count), np.array(before.step_size)
-        residuals, columns = (rows / root for rows in self.point.reduced)
-        # A trial outside the bounds goes to the nearest point inside; what it then gains is judged by that move.
-        trial = np.asarray(problem.transform.clip(here + np.asarray(_damped_step(residuals, columns, size))))
-        evaluated = yield from ask(problem.evaluation(trial))
-        cost = np.inf if evaluated.failed else problem.cost_of(evaluated.observed, trial)
-        following, accepted = _judge(residuals, columns, here, trial, np.array(cost), size)
+        here = np.array(before.coordinates, float)
+        stand = yield from self._moved(_Stand(here, self.point.residuals, before.step_size))
+        accepted, gain = stand.here is not here, self.point.chi2 - stand.chi2
         if accepted:
-            self.slopes = yield from Slopes.find(problem, trial)
-            self.point = Point.of(problem, trial, self.slopes.evaluated, self.slopes)
+            self.slopes = yield from Slopes.find(problem, stand.here)
+            self.point = Point.of(problem, stand.here, self.slopes.evaluated, self.slopes)
         after = dataclasses.replace(
             before,
-            coordinates=tuple((trial if accepted else here).tolist()),
-            step_size=float(following),
+            coordinates=tuple(stand.here.tolist()),
+            step_size=stand.size,
             iteration=before.iteration + 1,
-            accepted=before.accepted + bool(accepted),
-            rejected_in_a_row=0 if accepted else before.rejected_in_a_row + 1,
-            failed=before.failed + evaluated.failed,
-            history=(*before.history, 0.5 * self.point.chi2 / problem.count if accepted else before.cost),
+            accepted=before.accepted + accepted,
+            rejected=before.rejected + stand.rejected,
+            failed=before.failed + stand.failed,
+            history=(*before.history, 0.5 * self.point.chi2 / problem.count),
         )
-        gain = 2 * problem.count * (before.cost - after.cost)
-        # Before the first accepted step, rejections say that the start's damping is too small.
-        stalled = before.accepted > 0 and before.iteration >= STALL and self._stands_still(after)
-        converged = stalled or (bool(accepted) and (gain < CHI2_TOLERANCE or self._nearly_there(gain)))
-        self.progress = dataclasses.replace(after, converged=converged, stalled=stalled)
+        promised = self.point.uncertainty(problem.count).gain
+        stalled = before.accepted > 0 and gain < STALL_TOLERANCE and promised < STALL_SHARE * self.point.chi2
+        converged = accepted and self._arrived(gain, promised)
+        self.progress = dataclasses.replace(
+            after,
+            converged=converged or stalled,
+            stalled=stalled and not converged,
+            stuck=not (accepted or stalled),
+        )
         return self.progress
 
-    def _nearly_there(self, gain: float) -> bool:
-        """Whether corrections, which are full linear steps, may do the rest."""
-        if not self.corrected_later or gain > NEARLY:
-            return False
-        return estimate_uncertainty(*self.point.reduced, self.problem.count).gain < NEARLY_PROMISED
+    def _arrived(self, gain: float, promised: float) -> bool:
+        """Whether the last step gained next to nothing, or another one would."""
+        if self.corrected_later:
+            return promised < NEARLY or (gain < NEARLY and promised < NEARLY_PROMISED)
+        return min(gain, promised) < CHI2_TOLERANCE
 
-    def _stands_still(self, progress: Progress) -> bool:
-        """Whether the last trials gained next to nothing, and a full linear step promises no more."""
-        twice = 2 * self.problem.count
-        if twice * (progress.history[-1 - STALL] - progress.cost) >= STALL_TOLERANCE:
-            return False
-        promised = estimate_uncertainty(*self.point.reduced, self.problem.count).gain
-        return promised < STALL_SHARE * twice * progress.cost
+    def _moved(self, stand: _Stand) -> Steps[_Stand]:
+        """Moves as long as the Jacobian of where they begin, and what they learn on the way, are good for them."""
+        secant, start = Secant.of(self.point), stand
+        for _ in range(MOST_MOVES):
+            onward = yield from self._move(secant.reduced, stand, retries=MOST_RETRIES if stand is start else 0)
+            gain, move = stand.chi2 - onward.chi2, onward.here - stand.here
+            if gain <= 0:
+                return onward
+            promised = -secant.reduced.promise(move)
+            secant, stand = secant.moved(move, onward.residuals), onward
+            if gain < TRUE * promised or gain < WORTHWHILE * (start.chi2 - onward.chi2):
+                break
+        return stand
+
+    def _move(self, reduced: Reduced, stand: _Stand, retries: int) -> Steps[_Stand]:
+        """The best of the trials from where a step stands; all of them smaller, so often, if none lowers the misfit."""
+        for _ in range(1 + retries):
+            sizes = [stand.size * factor for factor in SPREAD]
+            # A trial outside the bounds goes to the nearest point inside; what it then gains is judged by that move.
+            moved, clip = stand.here + reduced.damped_steps(sizes), self.problem.transform.clip
+            trials = [np.asarray(clip(trial)) for trial in moved]
+            found = yield from side_by_side([misfit_at(self.problem, trial) for trial in trials])
+            chi2 = [np.inf if each is None else float(each @ each) for each in found]
+            best, failed = int(np.argmin(chi2)), stand.failed + chi2.count(np.inf)
+            residuals = found[best]
+            if residuals is not None and chi2[best] < stand.chi2:
+                return _Stand(trials[best], residuals, sizes[best], failed, stand.rejected)
+            stand = dataclasses.replace(stand, size=SMALLER * stand.size, failed=failed, rejected=stand.rejected + 1)
+        return stand
 
     def uncertainty(self) -> LeastSquares:
         """Of the linear problem at the accepted coordinates."""
-        return estimate_uncertainty(*self.point.reduced, self.problem.count - self.problem.offsets)
+        return self.point.uncertainty(self.problem.count - self.problem.offsets)
 
     def linearisation(self) -> tuple[Float[np.ndarray, " residuals"], Float[np.ndarray, "residuals coordinates"]]:
         """Residuals in units of the noise, and their Jacobian, at the accepted coordinates."""

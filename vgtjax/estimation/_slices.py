@@ -12,11 +12,10 @@ import numpy as np
 from jaxtyping import Float
 
 from ._calibrator import Calibrator
-from ._corrections import misfit_at
 from ._evaluation import Steps, side_by_side
 from ._least_squares import NULL, LeastSquares
+from ._point import Point, misfit_at
 from ._residuals import FitProblem
-from ._search import Point
 
 FAR, NEAR_BY = 2.0, 1.0
 """Standard errors at which a slice is looked at: all at the first, where a 95 % interval ends, on either side; those
@@ -98,7 +97,7 @@ class Directions:
     @staticmethod
     def of(end: End) -> "Directions":
         """By a singular value decomposition of columns in standard errors: the covariance itself would lose digits."""
-        known, (_, columns) = end.found.determined, end.point.reduced
+        known, columns = end.found.determined, end.point.reduced.columns
         told, others = columns[:, known], columns[:, ~known]
         # What the traces don't determine follows, as a standard error is one whatever it does.
         follow = -pseudo_inverse(others) @ told
@@ -237,14 +236,14 @@ def _slice(end: End, direction: int, reaches: Sequence[float]) -> Steps[Slice]:
     values, bent = [], []
     for reach, there, left in zip(reaches, places, residuals, strict=True):
         rise = end.rise(left)
-        moved = end.point.reduced[1] @ (there - end.at)
-        slope, square = 2 * float(end.point.reduced[0] @ moved), float(moved @ moved)
+        moved = end.point.reduced.columns @ (there - end.at)
+        slope, square = 2 * float(end.point.reduced.residuals @ moved), float(moved @ moved)
         values.append(rise)
         reached = square > (0.25 * reach) ** 2 * end.found.scale
         bent.append((rise * end.found.scale - slope) / square if reached else np.nan)
     loadings = dict(zip(end.entries, end.directions.loadings[:, direction].tolist(), strict=True))
-    ahead = end.point.reduced[1] @ move
-    shift = -float(end.point.reduced[0] @ ahead) / float(ahead @ ahead)
+    ahead = end.point.reduced.columns @ move
+    shift = -float(end.point.reduced.residuals @ ahead) / float(ahead @ ahead)
     return Slice(direction, loadings, tuple(reaches), tuple(values), tuple(bent), shift)
 
 

@@ -83,7 +83,7 @@ def _about(task: Task, problem: FitProblem, begin: float) -> str:
 
 def _calibrate(task: Task) -> _Outcome:
     progress = calibrate(task).progress
-    work = f"{progress.iteration} steps, {progress.accepted} accepted"
+    work = f"{progress.iteration} steps"
     if not progress.converged:
         work += f", {progress.verdict}"
     return _Outcome(work, progress.cost, np.asarray(progress.coordinates))

@@ -14,6 +14,7 @@ from vgtjax.estimation import (
     RUNAWAY,
     LevenbergMarquardt,
     Progress,
+    Reduced,
     calibrate,
     estimate_uncertainty,
     least_squares,
@@ -161,12 +162,24 @@ def test_a_trial_whose_simulation_fails_is_rejected_and_shortened(monkeypatch):
     assert not np.any(np.isfinite(problem.residuals(jnp.asarray([broken]))))  # never zero, never NaN
     far = Progress(tuple(np.asarray(transform.to_coordinates(jnp.asarray([3.2e-5]))).tolist()))
     minimiser = run_alone(LevenbergMarquardt.begin(problem, far))
-    monkeypatch.setattr("vgtjax.estimation._search._damped_step", lambda *_: broken - np.array(far.coordinates))
+    usual, asked = Reduced.damped_steps, []
+
+    def too_far_at_first(self, sizes):
+        asked.append(sizes)
+        return usual(self, sizes) if len(asked) > 1 else np.full((len(sizes), 1), broken - far.coordinates[0])
+
+    monkeypatch.setattr(Reduced, "damped_steps", too_far_at_first)
     progress = minimiser.step()
-    assert progress.failed == 1
-    assert progress.rejected_in_a_row == 1
-    assert progress.cost == progress.history[0]
-    assert progress.step_size < 1
+    assert (progress.failed, progress.rejected, progress.accepted) == (len(asked[0]), 1, 1)
+    assert progress.cost < progress.history[0]
+    assert max(asked[1]) < min(asked[0])
+    monkeypatch.setattr(
+        Reduced, "damped_steps", lambda self, sizes: np.full((len(sizes), 1), broken - far.coordinates[0])
+    )
+    stuck = run_alone(LevenbergMarquardt.begin(problem, far)).step()
+    assert (stuck.cost, stuck.coordinates) == (stuck.history[0], far.coordinates)
+    assert stuck.finished
+    assert "no trial of the last step lowered the cost" in stuck.verdict
     monkeypatch.undo()
     while not progress.finished:
         progress = minimiser.step()
@@ -205,9 +218,7 @@ def test_residuals_carry_the_segment_parallel_jacobian():
 
 
 def test_converged_means_that_another_step_gains_nothing(fitted):
-    counts = 2 * np.array(fitted.progress.history) * 2 * len(fitted.task.fit[0].time)
-    assert counts[-2] - counts[-1] < CHI2_TOLERANCE
-    assert fitted.uncertainty.gain < 0.01
+    assert fitted.uncertainty.gain < CHI2_TOLERANCE
 
 
 def test_a_trace_with_one_channel_is_fitted_on_it():
@@ -229,20 +240,17 @@ def test_a_fit_without_traces_is_refused():
 
 
 def test_a_fit_that_kinks_hold_up_stops(monkeypatch):
-    """Trials that gain next to nothing together end a fit, but only after it has found its feet."""
-    stuck = start_calibration(plan_task(vgtjax.Actuator(), [bench(1)], free=["chamber.volume"])).minimiser
-    while not stuck.progress.converged:
-        stuck.step()
-    near = dataclasses.replace(
-        stuck.progress, converged=False, step_size=1e-9, history=(stuck.progress.cost,) * 8, iteration=7
-    )
-    resumed = run_alone(LevenbergMarquardt.begin(stuck.problem, near))
-    monkeypatch.setattr("vgtjax.estimation._search.CHI2_TOLERANCE", 0.0)  # no single step may end it
-    ended = resumed.step()
-    assert ended.converged
-    assert ended.stalled
-    assert "the last 6 trials together lowered chi^2 by less than 0.1" in ended.verdict
-    fresh = run_alone(LevenbergMarquardt.begin(stuck.problem, dataclasses.replace(near, accepted=0)))
+    """A step that gains next to nothing ends a fit, but only after it has found its feet."""
+    ended = start_calibration(plan_task(vgtjax.Actuator(), [bench(1)], free=["chamber.volume"])).minimiser
+    while not ended.progress.converged:
+        ended.step()
+    near = dataclasses.replace(ended.progress, converged=False)
+    monkeypatch.setattr("vgtjax.estimation._search.CHI2_TOLERANCE", 0.0)  # what a linear step promises never ends it
+    again = run_alone(LevenbergMarquardt.begin(ended.problem, near)).step()
+    assert again.converged
+    assert again.stalled
+    assert "all trials of the last step lowered chi^2 by less than 0.1" in again.verdict
+    fresh = run_alone(LevenbergMarquardt.begin(ended.problem, dataclasses.replace(near, accepted=0)))
     assert not fresh.step().stalled
 
 

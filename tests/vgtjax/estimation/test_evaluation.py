@@ -5,7 +5,7 @@ import pytest
 from known_truth import FREE, bench
 
 import vgtjax
-from vgtjax.estimation import _evaluation, ask, plan_task, run_alone, run_together, side_by_side, start_calibration
+from vgtjax.estimation import _programs, ask, plan_task, run_alone, run_together, side_by_side, start_calibration
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +31,7 @@ def assert_same(found, expected):
 @pytest.mark.parametrize("longest", [0.0, np.inf], ids=["wide", "each on all devices"])
 def test_many_at_once_are_as_each_alone(questions, alone, monkeypatch, longest):
     """More than fill a program, in a program for many or one after the other."""
-    monkeypatch.setattr(_evaluation, "LONG", longest)
+    monkeypatch.setattr(_programs, "LONG", longest)
     assert_same(run_alone(side_by_side([ask(each) for each in questions])), alone)
 
 

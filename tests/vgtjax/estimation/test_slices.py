@@ -13,7 +13,6 @@ from vgtjax.estimation import (
     NORMAL_95,
     End,
     Point,
-    estimate_uncertainty,
     plan_task,
     profiling,
     run_alone,
@@ -40,7 +39,7 @@ REMAINS = np.sqrt(ROWS - 3) * COLUMNS[:, 4]
 
 def ended(residuals=lambda x: MIXED @ x + REMAINS, columns=MIXED, transform=None):
     point = Point(REMAINS, columns)
-    found = estimate_uncertainty(*point.reduced, ROWS)
+    found = point.uncertainty(ROWS)
     return End(Known(lambda seen: residuals(seen[0]), transform or free()), np.zeros(3), point, found, NAMES)
 
 

@@ -1,0 +1,193 @@
+"""Who drives fits: one alone on all devices, or many side by side in programs that they share."""
+
+import dataclasses
+from collections import deque
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from typing import Any, Generic, NamedTuple, TypeVar
+
+import equinox as eqx
+import jax
+import numpy as np
+
+from .._errors import SimulationError
+from .._lanes import fill_devices, map_rows
+from ._evaluation import Evaluated, Evaluation, Steps
+from ._sensitivities import observe, observe_together, observe_with_jacobian
+
+T = TypeVar("T")
+Name = TypeVar("Name", bound=Hashable)
+Question = Sequence[Evaluation]
+Answer = Sequence[Evaluated]
+
+FITS_OF_AN_ACCELERATOR = 16
+"""Fits in one program on a device that is no CPU."""
+WIDE = 4
+"""Simulations that one computation asks for together in one program: of all cores if it runs alone, of each core if
+others run beside it. They fill vector units, and each takes 0.37 of the time that it takes by itself (four traces of a
+unit, 185 s). One with derivatives fills them anyway. Rounding depends on the width, so it must not depend on what
+others ask at the same time."""
+LONG = 10.0
+"""s of all traces together from which that is worth a program of its own, which compiles in seconds."""
+WAVES = 4
+"""Programs that all fits under way fill: with fewer, the last ones run half empty more often."""
+
+
+def run_alone(computation: Steps[T]) -> T:
+    """Drives one computation to its end; each evaluation is spread over all devices, or many of one question are."""
+    answers: Answer | None = None
+    while True:
+        try:
+            asked = computation.send(answers)
+        except StopIteration as end:
+            return end.value
+        answers = _wide_answer(asked) if _wide(asked) else [_evaluate(each) for each in asked]
+
+
+def run_together(computations: Mapping[Name, Steps[T]], finished: Callable[[Name, T | SimulationError], None]) -> None:
+    """Drives computations of one kind side by side, and calls `finished` with what came of each as it ends.
+
+    What fails touches no other; where one ends the next begins. Neither changes the bits of those beside it.
+    """
+    waiting, running, board = deque(computations.items()), dict[Name, Steps[T]](), _Board[Name](_width_together())
+
+    def go_on(name: Name, answers: Answer | None) -> None:
+        result: T | SimulationError
+        try:
+            board.ask(name, running[name].send(answers))
+            return
+        except StopIteration as end:
+            result = end.value
+        except SimulationError as error:
+            result = error
+        del running[name]
+        finished(name, result)
+
+    while waiting or running:
+        while waiting and len(running) < WAVES * _fits_of_a_program():
+            name, computation = waiting.popleft()
+            running[name] = computation
+            go_on(name, None)
+        board.run()
+        for answered, answers in board.answered():
+            go_on(answered, answers)
+
+
+def _wide(question: Question) -> bool:
+    """Whether what one computation asks for together is worth a program of its own."""
+    if len(question) < WIDE or any(each.selection is not None for each in question):
+        return False
+    return sum(float(np.sum(bundle.drive.duration)) for bundle in question[0].bundles) >= LONG
+
+
+def _fits_of_a_program() -> int:
+    return jax.device_count() * (1 if jax.default_backend() == "cpu" else FITS_OF_AN_ACCELERATOR)
+
+
+def _width_together() -> int:
+    return jax.device_count() * WIDE if jax.default_backend() == "cpu" else _fits_of_a_program()
+
+
+def _evaluate(asked: Evaluation) -> Evaluated:
+    if asked.selection is None:
+        return Evaluated([np.asarray(observe(model, bundle, delay)) for model, _, bundle, delay in asked.parts()], [])
+    found = [observe_with_jacobian(*part) for part in asked.parts()]
+    return Evaluated([np.asarray(observed) for observed, _ in found], [np.asarray(columns) for _, columns in found])
+
+
+def _wide_answer(question: Question) -> Answer:
+    board = _Board[None](fill_devices(WIDE))
+    board.ask(None, question)
+    while not (answered := board.answered()):
+        board.run()
+    return answered[0][1]
+
+
+class _Part(NamedTuple):
+    """One simulation: whose it is and where its answer belongs, its arrays, the rest of it, what others that share a
+    program with it have alike, how many these are, and the steps that it takes, those of derivatives included."""
+
+    belongs: tuple[Hashable, int, int]
+    arrays: Any
+    rest: Any
+    shape: Hashable
+    lanes: int
+    steps: int
+
+    @staticmethod
+    def of(belongs: tuple[Hashable, int, int], part: tuple[Any, ...], lanes: int) -> "_Part":
+        _, selection, bundle, _ = part
+        arrays, rest = eqx.partition(part, eqx.is_array_like)
+        arrays = jax.tree.map(np.asarray, arrays)
+        shapes = tuple((leaf.shape, leaf.dtype.str) for leaf in jax.tree.leaves(arrays))
+        shape = (jax.tree.structure(arrays), *jax.tree.leaves(rest), shapes, lanes)
+        columns = 1 if selection is None else 1 + len(selection.entries)
+        return _Part(belongs, arrays, rest, shape, lanes, bundle.drive.duration.size * bundle.plan.substeps * columns)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Board(Generic[Name]):
+    """Simulations that computations wait for, by the program that they share, and what came of those that ran.
+
+    `wide` of those that belong together share one.
+    """
+
+    wide: int
+    waiting: dict[Hashable, list[_Part]] = dataclasses.field(default_factory=dict)
+    asked: dict[Name, Question] = dataclasses.field(default_factory=dict)
+    found: dict[tuple[Hashable, int, int], tuple[np.ndarray, np.ndarray | None]] = dataclasses.field(
+        default_factory=dict
+    )
+
+    def ask(self, name: Name, question: Question) -> None:
+        """Notes what a computation wants to know."""
+        self.asked[name] = question
+        lanes = self.wide if _wide(question) else _fits_of_a_program()
+        for which, evaluation in enumerate(question):
+            for place, part in enumerate(evaluation.parts()):
+                each = _Part.of((name, which, place), part, lanes)
+                self.waiting.setdefault(each.shape, []).append(each)
+
+    def run(self) -> None:
+        """Runs all full programs, or else the one of fewest steps: others fill up until those that wait for less have
+        gone on to them."""
+        full = {shape: len(parts) - len(parts) % parts[0].lanes for shape, parts in self.waiting.items()}
+        if self.waiting and not any(full.values()):
+            shortest = min(self.waiting, key=lambda shape: self.waiting[shape][0].steps)
+            full = {shortest: len(self.waiting[shortest])}
+        for shape, count in full.items():
+            parts = self.waiting.pop(shape)
+            if left := parts[count:]:
+                self.waiting[shape] = left
+            if count:
+                belongs = [each.belongs for each in parts[:count]]
+                self.found.update(zip(belongs, _simulate(parts[:count]), strict=True))
+
+    def answered(self) -> list[tuple[Name, Answer]]:
+        """Takes down the answers that are complete."""
+        complete = {name: self._places(name) for name in self.asked}
+        complete = {name: places for name, places in complete.items() if all(each in self.found for each in places)}
+        return [(name, self._answer(name, places)) for name, places in complete.items()]
+
+    def _places(self, name: Name) -> list[tuple[Hashable, int, int]]:
+        question = self.asked[name]
+        return [(name, which, place) for which, each in enumerate(question) for place in range(len(each.bundles))]
+
+    def _answer(self, name: Name, places: list[tuple[Hashable, int, int]]) -> Answer:
+        found, question = {each: self.found.pop(each) for each in places}, self.asked.pop(name)
+        answers = []
+        for which, evaluation in enumerate(question):
+            parts = [found[name, which, place] for place in range(len(evaluation.bundles))]
+            columns = [columns for _, columns in parts if columns is not None]
+            answers.append(Evaluated([observed for observed, _ in parts], columns))
+        return answers
+
+
+def _simulate(group: Sequence[_Part]) -> list[tuple[np.ndarray, np.ndarray | None]]:
+    """What is observed of each simulation, and the derivatives where they were asked for."""
+
+    def rows(places: np.ndarray) -> Any:
+        return jax.tree.map(lambda *leaves: np.stack(leaves), *[group[place].arrays for place in places])
+
+    rest, count, lanes = group[0].rest, len(group), group[0].lanes
+    observed, columns = map_rows(lambda arrays: observe_together(arrays, rest), rows, count, lanes)
+    return [(observed[i], None if columns is None else columns[i]) for i in range(len(group))]
