@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from commands import entries_of, read, run_command
 
+import vgtjax
 from vgtjax.estimation import Progress
 
 # -- what a fit must not depend on, and what it must respect -----------------------------------------------------------
@@ -166,19 +167,20 @@ def test_a_fit_that_does_not_converge_says_so_and_keeps_what_it_has(small, monke
 
 
 def test_a_fit_that_ran_away_is_brought_back(small, monkeypatch):
-    """Nothing moves a rod of 1e88 kg: there every step gains nothing, which looks like the end of a fit. From its start
-    the mass is found, as the traces tell of it."""
-    small.write_text(MECHANICAL.replace('"diaphragm.stiffness", "diaphragm.preload"', '"diaphragm.mass"'))
-    end = Progress(coordinates=(88 * float(np.log(10)),), converged=True, history=(7.0,))
+    """Nothing moves a rod in oil of 1e88 N s/m: there every step gains nothing, which looks like the end of a fit. From
+    its start the damping is found, as the traces tell of it."""
+    small.write_text(MECHANICAL.replace('"diaphragm.preload"', '"friction.viscous_damping"'))
+    stiffness = float(np.log(vgtjax.Actuator().diaphragm.stiffness))
+    end = Progress(coordinates=(stiffness, 88 * float(np.log(10))), converged=True, history=(7.0,))
     monkeypatch.setattr("vgtjax.identification._fit.better_start", lambda task: end)
     outcome, found, said = refit(small)
     assert (outcome.status, outcome.err, said["converged"]) == (0, "", True)
-    mass = found["diaphragm.mass"]
-    assert mass["identifiable"]
+    damping = found["friction.viscous_damping"]
+    assert damping["identifiable"]
     monkeypatch.undo()
     assert run_command("fit", small, "--out", small.parent / "plain").status == 0
-    plain = read(small.parent / "plain" / "parameters.json")["parameters"]["diaphragm.mass"]
-    assert mass["value"] == pytest.approx(plain["value"], abs=0.1 * plain["std_error"])  # both stop near the minimum
+    plain = read(small.parent / "plain" / "parameters.json")["parameters"]["friction.viscous_damping"]
+    assert damping["value"] == pytest.approx(plain["value"], abs=0.1 * plain["std_error"])  # both stop near the minimum
 
 
 def test_a_start_that_cannot_be_simulated(small):
