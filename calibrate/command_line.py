@@ -23,6 +23,7 @@ def main() -> None:
 
 STUDY = click.Argument(["study"], type=PATH, required=False)
 OUT = click.Option(["--out"], type=PATH, required=True, metavar="DIR", help="Folder for the results.")
+SEEN = click.Option(["--out"], type=PATH, metavar="DIR", help="Folder for the results; without it they are only said.")
 START = "Start from a parameters.json, or from the folder of a fit with several units."
 POPULATION = "The nominal actuator's parameters.json, or the folder of a fit with several units: the population."
 PROCESSES = (
@@ -98,13 +99,14 @@ def _leave(number: int, frame: types.FrameType | None) -> NoReturn:
 
 def _add(name: str, does: str, *parameters: click.Parameter) -> None:
     """A command of that name, whose module has `run`."""
-    module = {"reproduce": "reproduction"}.get(name, name)
-    main.add_command(click.Command(name, None, functools.partial(_run, module), [*parameters, OUT], does))
+    module, out = {"reproduce": "reproduction"}.get(name, name), SEEN if name == "check" else OUT
+    main.add_command(click.Command(name, None, functools.partial(_run, module), [*parameters, out], does))
 
 
 for _name, _does, _given, *_options in (
     ("simulate", f"Runs the model on every trace of STUDY {SMALL}", START),
     ("fit", f"Calibrates the model to the traces of STUDY {SMALL}", START),
+    ("check", f"Says what the traces of STUDY can tell, and which run to record next {SMALL}", START),
     ("compare", f"Fits other structures to STUDY and says which one its traces favour {SMALL}", START),
     ("identify", f"Identifies part by part from STUDY, as its traces allow {SMALL}", START),
     ("tune", f"Tunes a controller's gains by the gradient of its closed loops {FLEET}", START),

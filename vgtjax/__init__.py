@@ -3,6 +3,7 @@
 import importlib.metadata
 
 from . import (
+    assurance as assurance,
     control as control,
     estimation as estimation,
     experiments as experiments,

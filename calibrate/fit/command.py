@@ -5,8 +5,9 @@ import pathlib
 from typing import Any
 
 from vgtjax import Calibration, SimulationError
-from vgtjax.estimation import Progress, Steps, Task, run_alone, run_together
-from vgtjax.identification import plan_fit, starting_fit
+from vgtjax.assurance import Information
+from vgtjax.estimation import Calibrator, Progress, Steps, run_alone, run_together
+from vgtjax.identification import starting_fit
 
 from ..output.console import console
 from ..output.files import REPORT, SUMMARY, finite, read_json, write_json, write_text
@@ -16,6 +17,7 @@ from ..study.models import passivity_note
 from ..study.parameter_file import calibrated, covariance, nuisance, to_json
 from ..study.units import Job, Unit, prepare
 from .around import Around, looking_around
+from .plan import plan
 from .report import found_besides, render, render_overview
 
 
@@ -28,7 +30,7 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
     """
     job = prepare(study, parameters, to_fit=True)
     for unit in job.units:
-        _plan(job, unit)  # mistakes of any unit are found before the first one is fitted
+        plan(job, unit)  # mistakes of any unit are found before the first one is fitted
     summaries = run_units(
         job,
         out,
@@ -42,21 +44,9 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
         raise SimulationError("; ".join(reasons))
 
 
-def _plan(job: Job, unit: Unit) -> Task:
-    chosen = job.study.fit
-    wanted = {
-        "free": chosen.free,
-        "fixed": chosen.fixed,
-        "bounds": unit.bounds,
-        "unknown": unit.unknown(job.study),
-        "deviations": unit.deviations,
-    }
-    return plan_fit(unit.model, unit.used("fit"), unit.used("validate"), **wanted)
-
-
 @dataclasses.dataclass(frozen=True, eq=False)
 class _Fitted:
-    """A fit that came to its end, the seconds it took, and what its traces did not determine at the start.
+    """A fit that came to its end, the seconds it took, and what its traces could tell at the start.
 
     The misfit around its end is looked at where that is one.
     """
@@ -64,7 +54,7 @@ class _Fitted:
     calibration: Calibration
     around: Around | None
     seconds: float
-    undetermined: list[str]
+    known_before: dict[str, Any]
 
 
 def _fit_units(job: Job, folders: Folders) -> None:
@@ -90,13 +80,17 @@ def _fitting(job: Job, unit: Unit, folder: pathlib.Path) -> Steps[_Fitted]:
     """The fit of one unit, which keeps its progress on disk and says what it does."""
     who = "" if unit.name is None else f"{unit.name}: "
     saved = ProgressFile(folder, Progress, f"{who}the fit")
-    calibrator = yield from starting_fit(_plan(job, unit), saved.progress)
+    calibrator = yield from starting_fit(plan(job, unit), saved.progress)
     resumed = saved.progress is not None
-    undetermined = list(saved.facts.get("undetermined", ())) if resumed else calibrator.undetermined()
+    known = saved.facts if resumed else _known_before(calibrator)
+    undetermined = list(known.get("undetermined", ()))
     for note in calibrator.notes:
         console.print(f"note: {who}{note}")
     if undetermined:
         console.print(f"warning: {who}these traces do not determine {', '.join(undetermined)}; hold or excite them")
+    for group in known.get("null", ()):
+        if len(group) > 1:
+            console.print(f"warning: {who}{', '.join(group)} can't be told apart: measure one of them, and hold it")
 
     def show(progress: Progress) -> None:
         kind = "  corrected" if progress.corrections else ""
@@ -106,7 +100,7 @@ def _fitting(job: Job, unit: Unit, folder: pathlib.Path) -> Steps[_Fitted]:
         )
 
     def report(progress: Progress) -> None:
-        saved.save(progress, undetermined=undetermined)
+        saved.save(progress, **known)
         show(progress)
 
     console.print(f"{who}{'step':>6} {'chi^2/N':>12} {'damping':>10} {'seconds':>8}")
@@ -118,7 +112,12 @@ def _fitting(job: Job, unit: Unit, folder: pathlib.Path) -> Steps[_Fitted]:
         around = yield from looking_around(calibrator, job.study.fit.profiles)
     for sentence in (*found_besides(calibration), *(() if around is None else around.sentences)):
         console.print(f"{who}found: {sentence}")
-    return _Fitted(calibration, around, saved.seconds, undetermined)
+    return _Fitted(calibration, around, saved.seconds, known)
+
+
+def _known_before(calibrator: Calibrator) -> dict[str, Any]:
+    """What the traces can tell where a fit begins."""
+    return {"undetermined": calibrator.undetermined(), **Information.of(calibrator).summary()}
 
 
 def _write(job: Job, unit: Unit, folder: pathlib.Path, outcome: _Fitted | SimulationError) -> None:
@@ -137,7 +136,7 @@ def _write(job: Job, unit: Unit, folder: pathlib.Path, outcome: _Fitted | Simula
         to_json(job.study, table, nuisance=nuisance(calibration), covariance=covariance(calibration)),
     )
     write_json(folder / SUMMARY, _summary(outcome, job))
-    page = render(job, unit.name, calibration, around, table, outcome.seconds, outcome.undetermined)
+    page = render(job, unit.name, calibration, around, table, outcome.seconds, outcome.known_before["undetermined"])
     write_text(folder / REPORT, page)
     ProgressFile.remove_from(folder)
 
@@ -170,7 +169,8 @@ def _summary(fitted: _Fitted, job: Job) -> dict[str, Any]:
         "duty_hold_decided": progress.hold_decided,
         "duty_delay": calibration.duty_delay,
         "duty_delay_std_error": calibration.duty_delay_error,
-        "unidentifiable_at_start": fitted.undetermined,
+        "unidentifiable_at_start": fitted.known_before["undetermined"],
+        "expected_relative_error_at_start": fitted.known_before.get("expected_relative_error", {}),
         "friction_is_passive": passivity_note(calibration.model) is None,
         **job.account(fitted.seconds),
         **({} if fitted.around is None else fitted.around.summary()),

@@ -10,9 +10,9 @@ Columns = Float[np.ndarray, "rows unknowns"]
 NULL = 1e-9
 """Singular values below this part of the largest are no information: an exact Jacobian in double precision computes
 a true null direction to about 1e-13, and the weakest real direction of our simulated traces lies near 1e-4."""
-EXACT = 1e15
-"""Inflation of the variance from which an unknown is not determined by exact columns: a thousandth of it (squared) lies
-in a null direction."""
+IN_NULL = 1e-6
+"""Part of a null direction, for columns of unit length, from which an unknown belongs to it and is not determined. Of
+our actuators the smallest real part is 7e-5 (the mass, where the area is free as well), rounding leaves 1e-12."""
 HUBER = 2.0
 """Standard deviations beyond which a residual counts by its size instead of its square."""
 
@@ -59,14 +59,14 @@ class LeastSquares:
         return dataclasses.replace(self, covariance=scale * self.covariance, scale=scale)
 
 
-def least_squares(columns: Columns, target: Float[np.ndarray, " rows"], inflation: float = EXACT) -> LeastSquares:
+def least_squares(columns: Columns, target: Float[np.ndarray, " rows"], inflation: float = np.inf) -> LeastSquares:
     """The solution of smallest size in columns of unit length, by QR and a singular value decomposition.
 
     Units of the columns don't matter. Null directions take no part: what is determined keeps the error that it has
     without them.
 
     **Arguments:** `columns` and `target` in units of the rows' noise; `inflation`: an unknown whose variance the other
-    columns multiply by more than that is not determined; take less for columns with errors of their own.
+    columns multiply by more than that is not determined either, for columns with errors of their own.
     """
     lengths = np.linalg.norm(columns, axis=0)
     lengths = np.where(lengths > 0, lengths, 1.0)
@@ -77,7 +77,8 @@ def least_squares(columns: Columns, target: Float[np.ndarray, " rows"], inflatio
     inverse = directions[:rank].T / singular[:rank] / lengths[:, None]
     values = inverse @ projected
     left = target - columns @ values
-    determined = _inflation(singular, directions) < inflation
+    outside = np.linalg.norm(directions[rank:], axis=0) < IN_NULL
+    determined = outside & (_inflation(singular, directions) < inflation)
     return LeastSquares(
         values,
         np.where(determined[:, None] & determined, inverse @ inverse.T, 0.0),

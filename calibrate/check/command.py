@@ -1,0 +1,146 @@
+"""The command `check`: what can be known from the traces of a study, and which run to record next."""
+
+import dataclasses
+import functools
+import pathlib
+import time
+from typing import Any
+
+from vgtjax import SimulationError
+from vgtjax.assurance import Gain, Information, examining, ranking
+from vgtjax.estimation import Steps, run_alone, run_together
+
+from ..fit.plan import plan
+from ..output.console import console, say_notes
+from ..output.files import REPORT, SUMMARY, write_json, write_text
+from ..resumable import Folders, run_units
+from ..study.units import Job, Unit, prepare
+from .report import render, render_overview
+
+SHOWN = 5
+"""Rows of the table of runs that the terminal shows."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Checked:
+    """What the traces of a unit can tell, and what the next run would bring; `error` says why nothing is known."""
+
+    known: Information | None
+    gains: list[Gain]
+    error: str | None = None
+
+    @property
+    def sentences(self) -> list[str]:
+        """What they can't tell, and what would help."""
+        if self.known is None:
+            return [f"nothing is known: {self.error}"]
+        return [*self.known.sentences, *_remedies(self.known, self.gains)]
+
+    def summary(self) -> dict[str, Any]:
+        """Relative errors, `None` for what is not determined."""
+        if self.known is None:
+            return {"error": self.error}
+        nothing = {} if self.known.tells else {"error": "these traces determine none of the free parameters"}
+        return {
+            **self.known.summary(),
+            "next": [
+                {
+                    "run": gain.run.kind,
+                    "seconds": gain.run.seconds,
+                    "rate": gain.run.rate,
+                    "turbine_pressure": gain.run.turbine_pressure,
+                    "gain": gain.factor,
+                    "lowers": {
+                        name: {"from": before, "to": after, "factor": before / after}
+                        for name, (before, after) in gain.lowers.items()
+                    },
+                }
+                for gain in self.gains
+            ],
+            "sentences": self.sentences,
+            **nothing,
+        }
+
+
+def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathlib.Path | None) -> None:
+    """Says what can be known; with `out` writes `summary.json` and `report.html`, with units a folder each.
+
+    **Raises:** `SimulationError` when the traces of a unit determine nothing.
+    """
+    job = prepare(study, parameters, to_fit=True)
+    for unit in job.units:
+        plan(job, unit)
+    if out is None:
+        for unit in job.units:
+            say_notes(trace for _, trace in unit.traces)
+        found = _check(job.units, job)
+        bad = {name: checked.summary().get("error") for name, checked in found.items()}
+    else:
+        compute, overview = functools.partial(_check_units, job), functools.partial(render_overview, job)
+        bad = {name: each.get("error") for name, each in run_units(job, out, "check", compute, overview).items()}
+    reasons = [f"{name or 'this study'}: {error}" for name, error in bad.items() if error is not None]
+    if reasons:
+        raise SimulationError("; ".join(reasons))
+
+
+def _check_units(job: Job, folders: Folders) -> None:
+    began = time.monotonic()
+    places = {unit.name: folder for unit, folder in folders}
+    for name, checked in _check([unit for unit, _ in folders], job).items():
+        seconds = time.monotonic() - began
+        write_json(places[name] / SUMMARY, {**checked.summary(), **job.account(seconds)})
+        write_text(places[name] / REPORT, render(job, name, checked.known, checked.gains, checked.sentences, seconds))
+
+
+def _check(units: list[Unit], job: Job) -> dict[str | None, Checked]:
+    """The units, side by side if there are several, in their order."""
+    found: dict[str | None, Checked] = {}
+
+    def note(name: str | None, outcome: Checked | SimulationError) -> None:
+        found[name] = Checked(None, [], str(outcome)) if isinstance(outcome, SimulationError) else outcome
+
+    with console.status("what the traces tell"):
+        if len(units) == 1:
+            try:
+                note(units[0].name, run_alone(_checking(job, units[0])))
+            except SimulationError as error:
+                note(units[0].name, error)
+        else:
+            run_together({unit.name: _checking(job, unit) for unit in units}, note)
+    for unit in units:
+        _say(unit.name, found[unit.name])
+    return {unit.name: found[unit.name] for unit in units}
+
+
+def _checking(job: Job, unit: Unit) -> Steps[Checked]:
+    task = plan(job, unit)
+    known = yield from examining(task)
+    return Checked(known, (yield from ranking(task, known)))
+
+
+def _remedies(known: Information, gains: list[Gain]) -> list[str]:
+    """For each entry that hardly shows or not at all, the shortest sentence on the run that would help it most."""
+    said: dict[str, list[str]] = {}
+    for name in [*known.unseen, *dict.fromkeys(name for group, _ in known.nearly_null for name in group)]:
+        best = min(gains, key=lambda gain: gain.after[name], default=None)
+        if best is not None and best.after[name] < 0.5 * known.errors[name]:
+            said.setdefault(best.run.label, []).append(f"{name} to {100 * best.after[name]:.2g} %")
+    return [f"a run of {label} would determine {', '.join(names)}" for label, names in said.items()]
+
+
+def _say(name: str | None, checked: Checked) -> None:
+    who = "" if name is None else f"{name}: "
+    for sentence in checked.sentences:
+        console.print(f"{who}{sentence}")
+    if checked.known is None:
+        return
+    console.print(f"{who}expected relative errors, the largest first:")
+    for entry, error in sorted(checked.known.errors.items(), key=lambda pair: -pair[1]):
+        console.print(f"{who}  {entry:42s} {'not determined' if error == float('inf') else f'{100 * error:.3g} %'}")
+    if checked.gains:
+        console.print(f"{who}runs to record next, by the factor by which errors fall:")
+        for gain in checked.gains[:SHOWN]:
+            most = ", ".join(
+                f"{entry} {100 * before:.2g} to {100 * after:.2g} %" for entry, (before, after) in gain.lowers.items()
+            )
+            console.print(f"{who}  {gain.factor:5.2f}  {gain.run.label}: {most}")

@@ -1,0 +1,128 @@
+"""What traces can tell: null directions of equations that we know, errors against the closed form, the next run."""
+
+import numpy as np
+import pytest
+from known_truth import FREE, NOISE, TRUTH, bench
+
+import vgtjax
+from vgtjax.assurance import Information, examine, next_runs
+from vgtjax.estimation import calibrate, plan_task
+from vgtjax.experiments import STANDARD_RUNS, StandardRun
+
+RNG = np.random.default_rng(3)
+ROWS = RNG.normal(size=(50, 6))
+
+
+def information(columns):
+    names = tuple("abcdefgh"[: columns.shape[1]])
+    return Information(names, np.ones(columns.shape[1]), columns)
+
+
+def test_errors_are_those_of_linear_least_squares():
+    columns = ROWS[:, :3] * [1.0, 1e4, 1e-3]
+    expected = np.sqrt(np.diag(np.linalg.inv(columns.T @ columns)))
+    assert list(information(columns).errors.values()) == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("sizes", [(1.0, 1.0, 1.0), (1.0, 1e-2, 30.0)])
+def test_groups_that_change_nothing_together_are_found_apart(sizes):
+    """Two equal columns, and three whose sum is zero, in a hundredth of the size of others."""
+    a, b, c = (size * column for size, column in zip(sizes, ROWS[:, :3].T, strict=True))
+    columns = np.column_stack([a, a, b, c, -b - c, ROWS[:, 5]])
+    known = information(columns)
+    assert known.null == [["a", "b"], ["c", "d", "e"]]
+    assert np.isfinite(known.errors["f"])
+    assert all(np.isinf(known.errors[name]) for name in "abcde")
+
+
+def test_groups_that_share_an_entry_are_told_by_the_fewest():
+    """Scaling of a part, and of the whole, as of plunger and diaphragm."""
+    part, whole = np.array([1.0, 1.0, 0.0, 0.0, 0.0]), np.array([1.0, 1.0, 1.0, 1.0, 0.0])
+    basis = np.linalg.svd(np.vstack([part, whole]))[2][2:]
+    known = information(ROWS[:, :3] @ basis)
+    assert known.null == [["a", "b"], ["c", "d"]]
+
+
+def test_what_no_trace_feels_is_no_group():
+    columns = np.column_stack([ROWS[:, 0], np.zeros(50)])
+    known = information(columns)
+    assert (known.unseen, known.null) == (["b"], [])
+    assert known.summary()["null"] == [["b"]]
+    assert known.sentences == ["no trace feels b: excite what depends on it, or hold it"]
+
+
+def test_what_hardly_shows_is_named_with_its_error():
+    columns = np.column_stack([ROWS[:, 0], ROWS[:, 1], ROWS[:, 1] + 1e-3 * ROWS[:, 2], ROWS[:, 3]])
+    (group, error), *others = information(columns).nearly_null
+    assert sorted(group) == ["b", "c"]
+    assert others == []
+    assert error > 50
+
+
+def test_more_rows_add_their_information():
+    both = information(ROWS[:25, :3]).with_more(ROWS[25:, :3])
+    assert list(both.errors.values()) == pytest.approx(list(information(ROWS[:, :3]).errors.values()), rel=1e-9)
+
+
+# -- of an actuator ----------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def task():
+    return plan_task(vgtjax.Actuator(), [bench(0)], free=FREE)
+
+
+def test_expected_errors_are_those_that_the_fit_claims(task):
+    known, fitted = examine(task), calibrate(task)
+    claimed = fitted.std_errors / np.abs(fitted.values)
+    # A tenth: the fit estimates the noise by what remains.
+    assert list(known.errors.values()) == pytest.approx(claimed.tolist(), rel=0.1)
+
+
+def test_area_damping_and_plunger_scale_are_named():
+    """The scalings under which the equations of the actuator don't change (the whole, the plunger, a sum)."""
+    free = ["diaphragm.area", "diaphragm.damping", "converter.plunger_mass", "diaphragm.*", "friction.*"]
+    free += ["chamber.*", "converter.*stiffness", "converter.plunger_damping", "converter.*orifice*"]
+    null = examine(plan_task(vgtjax.Actuator(), [bench(0)], free=free)).null
+    assert ["diaphragm.damping", "friction.viscous_damping"] in null
+    (whole,) = [group for group in null if "diaphragm.area" in group]
+    assert {"chamber.volume", "diaphragm.mass", "diaphragm.stiffness", "friction.coulomb_force"} <= set(whole)
+    assert "diaphragm.travel" not in whole
+
+
+def test_the_run_that_helps_does_so_by_the_factor_that_it_says(task):
+    known = examine(task)
+    gains = next_runs(task, known, STANDARD_RUNS[:2])
+    assert gains[0].factor >= gains[1].factor > 1
+    best = gains[0].run
+    inputs = best.trace(reservoir=2.0e4)
+    run = vgtjax.simulate(vgtjax.replace_parameters(vgtjax.Actuator(), TRUTH), inputs)
+    noise = {name: np.random.default_rng(5).normal(0, size, len(inputs.time)) for name, size in NOISE.items()}
+    more = inputs.replace(x_d=np.asarray(run.x_d) + noise["x_d"], p_act=np.asarray(run.p_act) + noise["p_act"])
+    before, after = calibrate(task), calibrate(plan_task(vgtjax.Actuator(), [bench(0), more], free=FREE))
+    fell = dict(zip(task.selection.entries, before.std_errors / after.std_errors, strict=True))
+    for name, (old, new) in gains[0].lowers.items():
+        assert fell[name] == pytest.approx(old / new, rel=0.2)  # values differ by their errors
+
+
+def test_a_model_without_duty_has_no_next_run(task):
+    half = vgtjax.MechanicalActuator()
+    trace = bench(0).replace(pwm=None)
+    mechanical = plan_task(half, [trace], free=["diaphragm.stiffness"])
+    assert next_runs(mechanical, examine(mechanical)) == []
+
+
+@pytest.mark.parametrize("run", STANDARD_RUNS, ids=lambda run: run.label)
+def test_a_standard_run_can_be_asked_for(run):
+    trace = run.trace()
+    assert len(trace.time) == round(run.seconds * run.rate)
+    assert np.diff(trace.time) == pytest.approx(1 / run.rate)
+    assert trace.pwm is not None
+    assert (trace.pwm[0], trace.pwm.min(), trace.pwm.max() > 50) == (0.0, 0.0, True)
+    assert trace.pwm.max() <= 100
+
+
+def test_a_loop_with_gas_says_its_pressure():
+    loop = StandardRun("slow loop", 30.0, 100.0, 1.5e5)
+    assert loop.label == "slow loop at 1500 mbar, 30 s at 100 Hz"
+    np.testing.assert_array_equal(loop.trace().p_trb, 1.5e5)

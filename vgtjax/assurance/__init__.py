@@ -1,0 +1,4 @@
+"""Whether a calibration can be signed: what traces can tell, before; what a repetition would give, after."""
+
+from ._information import Information as Information, examine as examine, examining as examining
+from ._next_run import Gain as Gain, next_runs as next_runs, ranking as ranking
