@@ -25,6 +25,10 @@ STUDY = click.Argument(["study"], type=PATH, required=False)
 OUT = click.Option(["--out"], type=PATH, required=True, metavar="DIR", help="Folder for the results.")
 SEEN = click.Option(["--out"], type=PATH, metavar="DIR", help="Folder for the results; without it they are only said.")
 START = "Start from a parameters.json, or from the folder of a fit with several units."
+KNOWN = "What is simulated: a parameters.json, or the folder of a fit with several units; else the study's values."
+CAMPAIGNS = click.Option(
+    ["--campaigns"], type=click.IntRange(2), default=64, show_default=True, metavar="K", help="How many."
+)
 POPULATION = "The nominal actuator's parameters.json, or the folder of a fit with several units: the population."
 PROCESSES = (
     click.Option(["--process"], type=int, metavar="INDEX", help="Which of them this one is, from 0."),
@@ -108,6 +112,12 @@ for _name, _does, _given, *_options in (
     ("fit", f"Calibrates the model to the traces of STUDY {SMALL}", START),
     ("check", f"Says what the traces of STUDY can tell, and which run to record next {SMALL}", START),
     ("compare", f"Fits other structures to STUDY and says which one its traces favour {SMALL}", START),
+    (
+        "recover",
+        f"Simulates the campaigns of STUDY from known parameters, and fits them again {SMALL}",
+        KNOWN,
+        CAMPAIGNS,
+    ),
     ("identify", f"Identifies part by part from STUDY, as its traces allow {SMALL}", START),
     ("tune", f"Tunes a controller's gains by the gradient of its closed loops {FLEET}", START),
     ("tolerance", f"Simulates a population of actuators: spread, yield, envelopes {FLEET}", POPULATION, *PROCESSES),

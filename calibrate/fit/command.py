@@ -165,6 +165,7 @@ def _summary(fitted: _Fitted, job: Job) -> dict[str, Any]:
             "settled": progress.settled,
             "moved": dict(zip(calibration.task.selection.entries, finite(calibration.shifts), strict=True)),
         },
+        "starts": [{"cost": cost, "steps": steps, "status": status} for cost, steps, status in progress.waterfall],
         "duty_hold": {result.trace.name: calibration.duty_hold(result.trace) for result in calibration.traces},
         "duty_hold_decided": progress.hold_decided,
         "duty_delay": calibration.duty_delay,

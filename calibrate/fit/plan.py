@@ -21,4 +21,5 @@ def plan(job: Job, unit: Unit) -> Task:
         bounds=unit.bounds,
         unknown=unit.unknown(job.study),
         deviations=unit.deviations,
+        starts=chosen.starts,
     )

@@ -1,8 +1,11 @@
 """The report of a fit: one HTML file that carries all it shows."""
 
+import collections
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import plotly.graph_objects as go
 
 from vgtjax.estimation import Calibration
 
@@ -48,15 +51,41 @@ def render(
         **model_sections(calibration.model, calibration.traces),
         convergence=figures.convergence_figure(cost, "chi^2 / N"),
         autocorrelation=figures.autocorrelation_figure(calibration.traces),
+        waterfall=waterfall_figure(calibration.progress.waterfall) if calibration.progress.waterfall else None,
         around=around,
         slices=None if around is None else slices_figure(around.slices),
         correlation=figures.correlation_figure(entries, covariance) if len(entries) > 1 else None,
     )
 
 
+def starts_sentence(calibration: Calibration) -> str:
+    """How many of the starts have found the best end; those within one of chi^2 are the same."""
+    waterfall, count = calibration.progress.waterfall, calibration.count
+    costs = [cost for cost, _, _ in waterfall if cost is not None]
+    same = sum(2 * count * (cost - min(costs)) < 1 for cost in costs)
+    statuses = collections.Counter(status.partition(":")[0] for _, _, status in waterfall)
+    ends = ", ".join(f"{number} {status}" for status, number in statuses.items())
+    return f"{same} of {len(waterfall)} starts end at the same optimum ({ends})"
+
+
+def waterfall_figure(waterfall: Sequence[tuple[float | None, int, str]]) -> go.Figure:
+    """The cost at the end of every start, the least first."""
+    ranked = sorted((2 * cost, status) for cost, _, status in waterfall if cost is not None)
+    figure = go.Figure()
+    for status, color in (("converged", figures.SIMULATED), ("hopeless", figures.MEASURED), ("stuck", figures.DUTY)):
+        places = [(place, chi2) for place, (chi2, said) in enumerate(ranked, 1) if said == status]
+        if places:
+            x, y = np.transpose(places)
+            figure.add_trace(figures.points(x, y, status, color, 7))
+    figures.styled(figure, 320, "start, by its end", "chi^2 / N", hovermode="closest")
+    return figure.update_yaxes(type="log", exponentformat="power")
+
+
 def found_besides(calibration: Calibration) -> list[str]:
     """A sentence on each thing that a fit found out besides the parameters."""
     progress, sentences = calibration.progress, []
+    if progress.waterfall:
+        sentences.append(starts_sentence(calibration))
     linear = [result for result in calibration.traces if calibration.duty_hold(result.trace) == "linear"]
     if linear:
         names = ", ".join(result.trace.name for result in linear)

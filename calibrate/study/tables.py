@@ -49,6 +49,8 @@ class Fit(Table):
     loss: Literal["evidence", "gaussian", "huber"] = "evidence"
     profiles: Literal["flagged", "all", "none"] = "flagged"
     """Which parameters get a profile likelihood: those of directions whose misfit is no parabola, all, or none."""
+    starts: Annotated[int, pydantic.Field(ge=1, le=4096)] = 1
+    """From how many places the search begins."""
     unknown: UnknownTable = UnknownTable()
 
 

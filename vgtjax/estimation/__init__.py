@@ -24,7 +24,12 @@ from ._evaluation import (
     ask as ask,
     side_by_side as side_by_side,
 )
-from ._evidence import Unknown as Unknown
+from ._evidence import (
+    Unknown as Unknown,
+    learn_sensors as learn_sensors,
+    observe_traces as observe_traces,
+    sharp_bundles as sharp_bundles,
+)
 from ._least_squares import (
     LeastSquares as LeastSquares,
     clustered_errors as clustered_errors,

@@ -37,6 +37,7 @@ from ._programs import run_alone
 from ._progress import Progress
 from ._residuals import FitProblem, Sensors, build_fit_problem, white_sensors
 from ._search import LevenbergMarquardt
+from ._starts import best_of, searching_from, starts_of
 from ._task import Task
 
 HELD_MATTERS = 9.0
@@ -86,12 +87,26 @@ class Calibrator:
 
     def ending(self, report: Report = quiet) -> "Steps[Calibrator]":
         """`run` as a computation, as far as to the end of all steps."""
-        calibrator = yield from self._searching(report)
+        calibrator = yield from (yield from self._from_many_starts(report))._searching(report)
         if self.task.late_duty and not calibrator.minimiser.progress.corrections:
             calibrator = yield from calibrator._asking_of_duty(report)
         while (following := (yield from calibrator.correcting())) is not None:
             calibrator = following
             report(calibrator.minimiser.progress)
+        return calibrator
+
+    def _from_many_starts(self, report: Report) -> "Steps[Calibrator]":
+        """The search at the best of the ends that it reaches from many starts, if there are to be several."""
+        task, progress = self.task, self.minimiser.progress
+        if task.starts < 2 or progress.iteration or progress.waterfall:
+            return self
+        first = _first(task)
+        starts = starts_of(task, _transform(task, first), task.starts)
+        ended = yield from searching_from(first, starts, lambda progress: starting(task, progress))
+        waterfall = tuple(each.row for each in ended)
+        onward = dataclasses.replace(first, coordinates=best_of(ended).coordinates, waterfall=waterfall)
+        calibrator = yield from starting(task, onward, self.notes)
+        report(calibrator.minimiser.progress)
         return calibrator
 
     def _searching(self, report: Report) -> "Steps[Calibrator]":
@@ -193,10 +208,7 @@ class Calibrator:
         """
         calibrator = (yield from self.correcting()) or self
         if calibrator._tells_of_delay():
-            again = dataclasses.replace(_first(self.task), late=True)
-            calibrator = yield from starting(self.task, again, self.notes)
-            report(calibrator.minimiser.progress)
-            calibrator = yield from calibrator._searching(report)
+            calibrator = yield from self._searching_late(calibrator.minimiser.progress, report)
             calibrator = (yield from calibrator.correcting()) or calibrator
         holds = calibrator._read_holds()
         if holds is None:
@@ -208,6 +220,26 @@ class Calibrator:
         coordinates = (*(progress.found or progress.coordinates)[:-1], holds.delay / float(self.transform.scale[-1]))
         onward = calibrator.minimiser.progress.reading_duty(coordinates, holds.linear)
         return (yield from (yield from starting(self.task, onward, self.notes))._searching(report))
+
+    def _searching_late(self, timely: Progress, report: Report) -> "Steps[Calibrator]":
+        """The search with a free delay of the duty: from the start or, if that gets lost, from where one has ended that
+        took the duty for timely."""
+        again = dataclasses.replace(_first(self.task), late=True, waterfall=timely.waterfall)
+        elsewhere = timely.found or timely.coordinates
+        ends: list[Calibrator] = []
+        for coordinates in (again.coordinates, elsewhere):
+            first = dataclasses.replace(again, coordinates=coordinates)
+            calibrator = yield from starting(self.task, first, self.notes)
+            report(calibrator.minimiser.progress)
+            ends.append((yield from calibrator._searching(report)))
+            if not ends[-1]._is_lost():
+                return ends[-1]
+        return min(ends, key=lambda end: end.minimiser.progress.cost)
+
+    def _is_lost(self) -> bool:
+        """Whether a search has ended where its values may not be used."""
+        progress = self.minimiser.progress
+        return not progress.converged or progress.lost or bool(np.any(self._away()))
 
     def _tells_of_delay(self) -> bool:
         """Whether the traces tell of a delay where a search ended that took the duty for timely, or ended nowhere."""

@@ -5,6 +5,7 @@ the top, and who drives it decides what runs beside it.
 """
 
 import dataclasses
+from collections import deque
 from collections.abc import Generator, Sequence
 from typing import Any, TypeVar
 
@@ -61,9 +62,10 @@ def ask(evaluation: Evaluation) -> Steps[Evaluated]:
     return answers[0]
 
 
-def side_by_side(computations: Sequence[Steps[T]]) -> Steps[list[T]]:
-    """One computation of many: what they ask at the same time is asked at once."""
+def side_by_side(computations: Sequence[Steps[T]], at_once: int | None = None) -> Steps[list[T]]:
+    """One computation of many: what they ask at the same time is asked at once, of all or of `at_once` under way."""
     results, asked = dict[int, T](), dict[int, Sequence[Evaluation]]()
+    waiting = deque(range(len(computations)))
 
     def go_on(number: int, answers: Sequence[Evaluated] | None) -> None:
         try:
@@ -71,9 +73,11 @@ def side_by_side(computations: Sequence[Steps[T]]) -> Steps[list[T]]:
         except StopIteration as end:
             results[number] = end.value
 
-    for number in range(len(computations)):
-        go_on(number, None)
-    while asked:
+    while waiting or asked:
+        while waiting and (at_once is None or len(asked) < at_once):
+            go_on(waiting.popleft(), None)
+        if not asked:
+            continue
         questions, asked = asked, {}
         answers = yield [each for question in questions.values() for each in question]
         assert answers is not None, "a computation goes on with an answer"

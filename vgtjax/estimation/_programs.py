@@ -73,10 +73,11 @@ def run_together(computations: Mapping[Name, Steps[T]], finished: Callable[[Name
 
 
 def _wide(question: Question) -> bool:
-    """Whether what one computation asks for together is worth a program of its own."""
-    if len(question) < WIDE or any(each.selection is not None for each in question):
+    """Whether simulations without derivatives that are asked for together are worth a program of their own."""
+    plain = [each for each in question if each.selection is None]
+    if len(plain) < WIDE:
         return False
-    return sum(float(np.sum(bundle.drive.duration)) for bundle in question[0].bundles) >= LONG
+    return sum(float(np.sum(bundle.drive.duration)) for bundle in plain[0].bundles) >= LONG
 
 
 def _fits_of_a_program() -> int:
@@ -141,8 +142,9 @@ class _Board(Generic[Name]):
     def ask(self, name: Name, question: Question) -> None:
         """Notes what a computation wants to know."""
         self.asked[name] = question
-        lanes = self.wide if _wide(question) else _fits_of_a_program()
+        wide = self.wide if _wide(question) else _fits_of_a_program()
         for which, evaluation in enumerate(question):
+            lanes = wide if evaluation.selection is None else _fits_of_a_program()
             for place, part in enumerate(evaluation.parts()):
                 each = _Part.of((name, which, place), part, lanes)
                 self.waiting.setdefault(each.shape, []).append(each)

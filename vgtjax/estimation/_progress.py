@@ -29,7 +29,8 @@ class Progress:
     since, `let_go` is the cost before; `lost` says that holding them made the fit worse. `linear` has the sample
     intervals in s of traces whose duty was found to be linear between samples, and `hold_decided` whether that, or that
     it was held, is the only explanation; `None` before that was asked. `late` says whether the delay of the duty is
-    free.
+    free. `waterfall` has cost (`None` where a simulation failed), steps and status of every start, where there were
+    several, the given one first.
     """
 
     coordinates: tuple[float, ...]
@@ -53,6 +54,7 @@ class Progress:
     linear: tuple[float, ...] = ()
     hold_decided: bool | None = None
     late: bool = False
+    waterfall: tuple[tuple[float | None, int, str], ...] = ()
 
     def corrected(
         self, coordinates: Iterable[float], wanted: Iterable[float], linearised: Iterable[float]

@@ -34,7 +34,8 @@ class Task:
     `bounds` are by entry, in the units of the table; `channels` the measured signals to fit; `unknown` is what the fit
     finds out besides. `deviations` by entry, in the units of the table, say how well a start value is known beforehand:
     of a free entry that is a Gaussian prior, of one that is held a tolerance that goes into every error. `linear` has
-    the sample intervals in s of traces whose duty is linear between samples, though they don't say so.
+    the sample intervals in s of traces whose duty is linear between samples, though they don't say so. `starts` is from
+    how many places a search begins.
     """
 
     model: AbstractModel
@@ -47,6 +48,7 @@ class Task:
     unknown: Unknown = NOTHING
     deviations: dict[str, float] = dataclasses.field(default_factory=dict)
     linear: Sequence[float] = ()
+    starts: int = 1
 
     @property
     def traces(self) -> list[Trace]:
@@ -94,6 +96,7 @@ def plan_task(
     channels: Sequence[str] | None = None,
     unknown: Unknown = NOTHING,
     deviations: Mapping[str, float] | None = None,
+    starts: int = 1,
 ) -> Task:
     """Puts a task together from names.
 
@@ -106,6 +109,8 @@ def plan_task(
     - `unknown`: what the fit finds out besides the parameters; nothing by default.
     - `deviations`: standard deviations of start values by name or entry, in the units of the table: of what is free a
       Gaussian prior (of its logarithm, if it is positive), of what is held a tolerance that goes into every error.
+
+    - `starts`: from how many places a search begins: the start values, and others around them.
 
     **Raises:** `InputError` for unknown names, a deviation that is not positive, and when no trace is to be fitted.
     """
@@ -123,6 +128,7 @@ def plan_task(
         channels,
         unknown=unknown,
         deviations=_by_entry(model, deviations or {}),
+        starts=starts,
     )
 
 

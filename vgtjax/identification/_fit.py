@@ -29,6 +29,7 @@ def fit(
     channels: Sequence[str] | None = None,
     unknown: Unknown | None = None,
     deviations: Mapping[str, float] | None = None,
+    starts: int = 1,
     report: Callable[[Progress], None] = lambda progress: None,
 ) -> Calibration:
     """Calibrates a model to traces by exact gradients; the same as the command `fit`.
@@ -43,6 +44,8 @@ def fit(
     - `unknown`: what the fit finds out besides the parameters; by default all that [`Unknown`][] has.
     - `deviations`: standard deviations of start values by name or entry, in the units of the table: of what is free a
       Gaussian prior (of its logarithm, if it is positive), of what is held a tolerance that goes into every error.
+    - `starts`: from how many places the search begins: the start values, and others around them by up to a factor of
+      1.5, or by two standard deviations of what is known beforehand; the best end counts.
     - `report`: called with the progress after every step.
 
     **Returns:** values, standard errors, and how the traces are met; it prints itself as a table. Ask `converged`.
@@ -60,6 +63,7 @@ def fit(
         channels=channels,
         unknown=Unknown() if unknown is None else unknown,
         deviations=deviations,
+        starts=starts,
     )
     return start_fit(task).run(report)
 

@@ -1,0 +1,1 @@
+"""The command `recover`: whether a fit's claims would survive a repetition."""

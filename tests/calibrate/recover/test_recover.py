@@ -1,0 +1,61 @@
+"""The command `recover` as a user runs it."""
+
+import pytest
+from commands import read, run_command
+
+CAMPAIGNS = 3
+
+
+@pytest.fixture(scope="module")
+def recovered(fitted, tmp_path_factory):
+    out = tmp_path_factory.mktemp("recover") / "out"
+    arguments = ("--parameters", fitted.out / "parameters.json", "--campaigns", str(CAMPAIGNS))
+    return out, arguments, run_command("recover", fitted.study, "--out", out, *arguments)
+
+
+def test_bias_coverage_and_spread_of_every_parameter(recovered):
+    out, _, outcome = recovered
+    assert (outcome.status, outcome.err) == (0, "")
+    said = read(out / "summary.json")
+    assert (said["campaigns"], said["failed"]) == (CAMPAIGNS, [])
+    entries = set(said["coverage"])
+    assert len(entries) == 4
+    assert all(set(said[name]) == entries for name in ("bias", "spread", "claimed", "determined"))
+    assert all(0 <= share <= 1 for share in said["coverage"].values())
+    for name in entries:
+        # Of three estimates a deviation is hardly wrong by a factor of ten.
+        assert 0.1 < said["spread"][name] / said["claimed"][name] < 10
+    assert said["sentences"][0] in outcome.out
+    page = (out / "report.html").read_text()
+    assert "What this cannot show" in page
+
+
+def test_a_second_run_does_nothing_but_more_campaigns_are_another_study(recovered, fitted):
+    out, arguments, _ = recovered
+    assert run_command("recover", fitted.study, "--out", out, *arguments).out.startswith("nothing to do")
+    more = run_command("recover", fitted.study, "--out", out, *arguments[:3], "5")
+    assert more.status == 2
+    assert more.err.startswith(f"error: {out} holds the results of another study")
+
+
+def test_an_interrupted_recovery_keeps_its_campaigns(recovered, fitted, tmp_path, monkeypatch):
+    """The same figures as without interruption."""
+    from calibrate.recover import command
+
+    out, arguments, _ = recovered
+    saves, usual = [], command.ProgressFile.save
+
+    def save(self, progress, **facts):
+        usual(self, progress, **facts)
+        saves.append(progress)
+        if len(saves) == 2:
+            raise RuntimeError("killed")
+
+    monkeypatch.setattr(command.ProgressFile, "save", save)
+    with pytest.raises(RuntimeError, match="killed"):
+        run_command("recover", fitted.study, "--out", tmp_path / "out", *arguments)
+    monkeypatch.undo()
+    again = run_command("recover", fitted.study, "--out", tmp_path / "out", *arguments)
+    assert "resuming after step 2" in again.out
+    expected, found = read(out / "summary.json"), read(tmp_path / "out" / "summary.json")
+    assert {**found, "wall_seconds": 0} == {**expected, "wall_seconds": 0}

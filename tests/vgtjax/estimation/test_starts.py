@@ -1,0 +1,111 @@
+"""A search from many starts: where they lie, that they end at the same place, and what becomes of hopeless ones."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from known_truth import FREE, bench
+
+import vgtjax
+from vgtjax.estimation import Progress, calibrate, plan_task, run_alone, start_calibration, starting
+from vgtjax.estimation._starts import FACTOR, STATED, Ended, _hopeless, best_of, searching_from, starts_of
+
+
+def planned(**choices):
+    return plan_task(vgtjax.Actuator(), [bench(0)], free=FREE, **choices)
+
+
+def starts(task, count):
+    calibrator = start_calibration(task)
+    return starts_of(task, calibrator.transform, count), calibrator.transform
+
+
+def test_starts_lie_around_the_given_one():
+    task = planned()
+    found, transform = starts(task, 33)
+    values = np.array([np.asarray(transform.to_physical(each)) for each in found])
+    given = np.asarray(task.selection.pack(task.model))
+    np.testing.assert_allclose(values[0], given, rtol=1e-12)
+    assert len(values) == 33
+    assert len(np.unique(values[:, 0])) == 33
+    positive = np.asarray(transform.positive)
+    ratios = values[:, positive] / given[positive]
+    assert np.all((ratios > 1 / FACTOR - 1e-9) & (ratios < FACTOR + 1e-9))
+    assert ratios.min() < 0.72
+    assert ratios.max() > 1.4
+    np.testing.assert_array_equal(found, starts(task, 33)[0])  # the same at every run
+
+
+def test_starts_keep_to_bounds_and_to_what_is_known():
+    stiffness = 12_000.0
+    choices = {"bounds": {"chamber.volume": (5e-5, 6e-5)}, "deviations": {"diaphragm.stiffness": 0.01 * stiffness}}
+    task = planned(**choices)
+    found, transform = starts(task, 17)
+    values = {
+        entry: column
+        for entry, column in zip(
+            task.selection.entries, np.array([transform.to_physical(each) for each in found]).T, strict=True
+        )
+    }
+    assert values["chamber.volume"].min() >= 5e-5
+    assert values["chamber.volume"].max() <= 6e-5 * (1 + 1e-12)
+    off = np.log(values["diaphragm.stiffness"] / values["diaphragm.stiffness"][0])
+    assert 0.01 < np.max(np.abs(off)) <= STATED * 0.0101
+
+
+def test_all_starts_end_at_the_same_place_as_one():
+    alone, many = calibrate(planned()), calibrate(planned(starts=4))
+    assert many.converged
+    costs, steps, statuses = zip(*many.progress.waterfall, strict=True)
+    assert statuses == ("converged",) * 4
+    assert min(steps) >= 1
+    # chi^2 within a hundredth: the search's own tolerance.
+    assert 2 * many.count * np.ptp(costs) < 0.02
+    np.testing.assert_allclose(many.values, alone.values, atol=0.02 * np.max(alone.std_errors), rtol=1e-4)
+    assert calibrate(planned()).progress.waterfall == ()
+
+
+def test_an_interrupted_search_does_not_begin_its_starts_again():
+    task, seen = planned(starts=3), []
+    calibrate(task, seen.append)
+    resumed = []
+    start_calibration(task, Progress(**dataclasses.asdict(seen[0]))).run(resumed.append)
+    assert seen[0].waterfall
+    assert [each.coordinates for each in resumed] == [each.coordinates for each in seen[1:]]
+
+
+@pytest.mark.parametrize(
+    ("history", "hopeless"),
+    [
+        ((100.0, 90.0, 80.0, 70.0), True),
+        ((100.0, 90.0, 80.0, 20.0), False),  # still falls
+        ((100.0, 4.0, 3.0, 2.5), False),  # near
+        ((100.0, 70.0), False),  # hardly begun
+    ],
+)
+def test_what_is_hopeless(history, hopeless):
+    progress = Progress((0.0,), history=history, iteration=len(history) - 1)
+    assert _hopeless(progress, least=1.0) == hopeless
+    assert not _hopeless(progress, least=np.inf)
+
+
+def test_the_best_end_is_a_converged_one():
+    ended = [Ended(1.0, 5, "stuck", (1.0,)), Ended(2.0, 5, "converged", (2.0,)), Ended(3.0, 5, "converged", (3.0,))]
+    assert best_of(ended).coordinates == (2.0,)
+    with pytest.raises(vgtjax.SimulationError, match="none of 1 starts can be simulated: failed: too far"):
+        best_of([Ended(np.inf, 0, "failed: too far")])
+
+
+def test_a_start_that_cannot_be_simulated_touches_no_other():
+    task = planned()
+    found, _ = starts(task, 3)
+    first = Progress(tuple(found[0].tolist()))
+
+    def begin(progress):
+        if progress.coordinates == tuple(found[1].tolist()):
+            raise vgtjax.SimulationError("too far")
+        return starting(task, progress)
+
+    ended = run_alone(searching_from(first, found, begin))
+    assert [each.status for each in ended] == ["converged", "failed: too far", "converged"]
+    assert ended[1].row == (None, 0, "failed: too far")

@@ -1,0 +1,190 @@
+"""Known-truth recovery on one's own traces: a fitted model simulates them with new noise, and all are fitted again."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+import scipy.signal
+import scipy.stats
+from jaxtyping import Float
+
+from ..estimation import (
+    CHANNELS,
+    NORMAL_95,
+    Sensors,
+    Steps,
+    Task,
+    learn_sensors,
+    observe_traces,
+    sharp_bundles,
+)
+from ..identification import starting_fit
+from ..parameters import build_transform, parameter_table
+from ..parts import with_sharp_seat
+from ..traces import Channel, Trace
+
+BURN_IN = 2000
+"""Samples after which a coloured noise has forgotten how it began."""
+SIGNIFICANT = 0.01
+"""Probability below which intervals that hold the truth so seldom are not those of 95 %."""
+BIASED = 4.0
+"""Standard errors of a mean from which a bias is one: by chance in one parameter of sixteen thousand."""
+
+Table = Float[np.ndarray, "campaigns entries"]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Truth:
+    """What campaigns are simulated from: the traces with the duty that reached the valve, without numerical errors, and
+    what is known of the sensors that recorded them."""
+
+    task: Task
+    clean: Sequence[Float[np.ndarray, "time channel"]]
+    sensors: Sensors
+
+    @staticmethod
+    def of(task: Task, applied: Sequence[Trace]) -> Steps["Truth"]:
+        """As a computation: the model of a task as the truth of its traces.
+
+        **Arguments:** `applied`: the traces of the task, with the duty that reached the valve.
+        """
+        sharp = sharp_bundles(task.model, applied, task.stepping)
+        clean = yield from observe_traces(with_sharp_seat(task.model), sharp)
+        return Truth(task, clean, learn_sensors(task.fit, task.channels, clean, clean, task.unknown))
+
+    def campaign(self, number: int, seed: int) -> Task:
+        """The same task with new noise on what the truth gives."""
+        rng = np.random.default_rng([seed, number])
+        traces = [
+            _recorded(trace, clean, known, rng)
+            for trace, clean, known in zip(self.task.fit, self.clean, self.sensors, strict=True)
+        ]
+        return dataclasses.replace(self.task, fit=traces)
+
+
+def _recorded(trace: Trace, clean: np.ndarray, sensors: dict, rng: np.random.Generator) -> Trace:
+    """What the sensors of a trace would say of the truth: their offsets, their noise and its memory."""
+    new = {}
+    for name, sensor in sensors.items():
+        sampled = trace.sampled(name)
+        assert sampled is not None, "a sensor has samples"
+        values = clean[trace.rows(name), CHANNELS.index(name)]
+        white = rng.normal(0.0, sensor.deviation, BURN_IN + len(values))
+        noise = scipy.signal.lfilter([1.0], np.concatenate([[1.0], -sensor.memory]), white)[BURN_IN:]
+        new[name] = Channel(sampled.time, values + np.median(sampled.value - values) + noise, unit=sampled.unit)
+    return trace.replace(**new)
+
+
+@dataclasses.dataclass(frozen=True)
+class Refit:
+    """What came of one campaign: coordinates and their standard errors, `None` for what the fit does not stand behind;
+    `verdict` says how it ended."""
+
+    number: int
+    converged: bool
+    verdict: str
+    coordinates: tuple[float, ...] = ()
+    errors: tuple[float | None, ...] = ()
+
+
+def refitting(truth: Truth, number: int, seed: int) -> Steps[Refit]:
+    """One campaign simulated and fitted, as a computation; its search begins at the truth."""
+    calibrator = yield from starting_fit(truth.campaign(number, seed))
+    calibration = yield from calibrator.steps()
+    count = len(calibration.values)
+    errors = [error if np.isfinite(error) else None for error in calibration.uncertainty.std_errors.tolist()]
+    coordinates = calibration.progress.coordinates[:count]
+    return Refit(number, calibration.converged, calibration.verdict, coordinates, tuple(errors))
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Recovery:
+    """What many campaigns of a known truth say of a fit's estimates and errors.
+
+    `estimates` and `errors` `(campaigns, entries)` are coordinates: logarithms of positive entries, others in units of
+    their size; errors are NaN for what was not determined. `truth` has the coordinates that were simulated.
+    """
+
+    entries: Sequence[str]
+    truth: Float[np.ndarray, " entries"]
+    scale: Float[np.ndarray, " entries"]
+    """By what a coordinate's error is multiplied to be one in the unit of the table."""
+    estimates: Table
+    errors: Table
+    failed: Sequence[str]
+
+    @staticmethod
+    def of(task: Task, refits: Sequence[Refit]) -> "Recovery":
+        """All campaigns of a task; those that did not converge are named, and don't count."""
+        start = np.asarray(task.selection.pack(task.model))
+        transform = build_transform(parameter_table(task.model), task.selection.entries, start, {})
+        truth = np.asarray(transform.to_coordinates(start))
+        good = [each for each in refits if each.converged]
+        return Recovery(
+            task.selection.entries,
+            truth,
+            np.asarray(transform.slope(truth)),
+            np.array([each.coordinates for each in good], float).reshape(len(good), len(truth)),
+            np.array([each.errors for each in good], float).reshape(len(good), len(truth)),
+            [f"campaign {each.number}: {each.verdict}" for each in refits if not each.converged],
+        )
+
+    @property
+    def known(self) -> Float[np.ndarray, " entries"]:
+        """In how many campaigns each entry was determined."""
+        return np.isfinite(self.errors).sum(axis=0).astype(float)
+
+    @property
+    def coverage(self) -> Float[np.ndarray, " entries"]:
+        """Part of the 95 % intervals that hold the truth, of those that were given; NaN for none."""
+        held = np.abs(self._missed) <= NORMAL_95 * self.errors
+        return _mean(np.where(np.isfinite(self.errors), held, np.nan))
+
+    @property
+    def bias(self) -> Float[np.ndarray, " entries"]:
+        """Mean error in units of the table."""
+        return self.scale * _mean(self._missed)
+
+    @property
+    def spread(self) -> Float[np.ndarray, " entries"]:
+        """Standard deviation of the estimates in units of the table."""
+        deviation = np.sqrt(_mean(np.square(self._missed - _mean(self._missed))) * self.known / (self.known - 1))
+        return self.scale * deviation
+
+    @property
+    def claimed(self) -> Float[np.ndarray, " entries"]:
+        """Root mean square of the standard errors that the fits claim, in units of the table."""
+        return self.scale * np.sqrt(_mean(np.square(self.errors)))
+
+    @property
+    def total(self) -> float:
+        """Part of all intervals that hold the truth."""
+        return float(np.nansum(self.coverage * self.known) / max(self.known.sum(), 1.0))
+
+    @property
+    def sentences(self) -> list[str]:
+        """What the campaigns say of the claims, in words."""
+        campaigns, known = len(self.estimates), self.known
+        said = [f"{100 * self.total:.1f} % of {known.sum():.0f} intervals of 95 % hold the truth"]
+        held = np.nan_to_num(self.coverage * known)
+        chance = scipy.stats.binom.cdf(np.round(held), known, 0.95)
+        for at in np.flatnonzero((known > 0) & (chance < SIGNIFICANT)).tolist():
+            part = f"{held[at]:.0f} of {known[at]:.0f}"
+            said.append(f"{self.entries[at]}: only {part} intervals hold the truth, so its errors are too small")
+        off = np.abs(self.bias) * np.sqrt(known) / np.where(self.spread > 0, self.spread, np.inf)
+        for at in np.flatnonzero(off > BIASED).tolist():
+            part = self.bias[at] / self.claimed[at]
+            said.append(f"{self.entries[at]}: estimates are off by {part:+.2f} of their standard error in the mean")
+        for at in np.flatnonzero(known < campaigns).tolist():
+            said.append(f"{self.entries[at]}: determined in {known[at]:.0f} of {campaigns} campaigns")
+        return said
+
+    @property
+    def _missed(self) -> Table:
+        return np.where(np.isfinite(self.errors), self.estimates - self.truth, np.nan)
+
+
+def _mean(values: Table) -> Float[np.ndarray, " entries"]:
+    """Mean over campaigns of what is a number; NaN where none is."""
+    count = np.isfinite(values).sum(axis=0)
+    return np.where(count > 0, np.nansum(values, axis=0) / np.maximum(count, 1), np.nan)
