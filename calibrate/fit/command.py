@@ -1,11 +1,10 @@
 """The command `fit`: calibrates every unit of a study, resumably, and reports."""
 
-import dataclasses
 import pathlib
 from typing import Any
 
-from vgtjax import Calibration, SimulationError
-from vgtjax.assurance import Information
+from vgtjax import SimulationError
+from vgtjax.assurance import Information, certifying
 from vgtjax.estimation import Calibrator, Progress, Steps, run_alone, run_together
 from vgtjax.identification import starting_fit
 
@@ -16,9 +15,11 @@ from ..resumable import Folders, ProgressFile, run_units
 from ..study.models import passivity_note
 from ..study.parameter_file import calibrated, covariance, nuisance, to_json
 from ..study.units import Job, Unit, prepare
-from .around import Around, looking_around
+from .around import looking_around
+from .outcome import Fitted
 from .plan import plan
 from .report import found_besides, render, render_overview
+from .terminal import say, verdict
 
 
 def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathlib.Path) -> None:
@@ -38,23 +39,10 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
         lambda folders: _fit_units(job, folders),
         lambda summaries: render_overview(job, summaries, _population(job, out)),
     )
-    bad = {name: summary for name, summary in summaries.items() if not summary["converged"]}
+    bad = {name: summary for name, summary in summaries.items() if "error" in summary or not summary["converged"]}
     if bad:
         reasons = [f"{name or 'the fit'}: {entry.get('error') or entry['verdict']}" for name, entry in bad.items()]
         raise SimulationError("; ".join(reasons))
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class _Fitted:
-    """A fit that came to its end, the seconds it took, and what its traces could tell at the start.
-
-    The misfit around its end is looked at where that is one.
-    """
-
-    calibration: Calibration
-    around: Around | None
-    seconds: float
-    known_before: dict[str, Any]
 
 
 def _fit_units(job: Job, folders: Folders) -> None:
@@ -69,14 +57,14 @@ def _fit_units(job: Job, folders: Folders) -> None:
         run_together(fits, lambda name, outcome: _write(job, *names[name], outcome))
 
 
-def _outcome_alone(fit: Steps[_Fitted]) -> _Fitted | SimulationError:
+def _outcome_alone(fit: Steps[Fitted]) -> Fitted | SimulationError:
     try:
         return run_alone(fit)
     except SimulationError as error:
         return error
 
 
-def _fitting(job: Job, unit: Unit, folder: pathlib.Path) -> Steps[_Fitted]:
+def _fitting(job: Job, unit: Unit, folder: pathlib.Path) -> Steps[Fitted]:
     """The fit of one unit, which keeps its progress on disk and says what it does."""
     who = "" if unit.name is None else f"{unit.name}: "
     saved = ProgressFile(folder, Progress, f"{who}the fit")
@@ -107,12 +95,13 @@ def _fitting(job: Job, unit: Unit, folder: pathlib.Path) -> Steps[_Fitted]:
     show(calibrator.minimiser.progress)
     calibrator = yield from calibrator.ending(report)
     calibration = yield from calibrator.finishing()
+    certificate = yield from certifying(calibrator)
     around = None
-    if calibration.converged:
+    if calibration.converged and certificate.passed:
         around = yield from looking_around(calibrator, job.study.fit.profiles)
     for sentence in (*found_besides(calibration), *(() if around is None else around.sentences)):
         console.print(f"{who}found: {sentence}")
-    return _Fitted(calibration, around, saved.seconds, known)
+    return Fitted(calibration, certificate, around, saved.seconds, known)
 
 
 def _known_before(calibrator: Calibrator) -> dict[str, Any]:
@@ -120,7 +109,7 @@ def _known_before(calibrator: Calibrator) -> dict[str, Any]:
     return {"undetermined": calibrator.undetermined(), **Information.of(calibrator).summary()}
 
 
-def _write(job: Job, unit: Unit, folder: pathlib.Path, outcome: _Fitted | SimulationError) -> None:
+def _write(job: Job, unit: Unit, folder: pathlib.Path, outcome: Fitted | SimulationError) -> None:
     """The files of one unit, the report last; what can't be simulated leaves a summary that says so."""
     if isinstance(outcome, SimulationError):
         failure = {"converged": False, "error": str(outcome), "iterations": 0, "traces": {}}
@@ -136,9 +125,12 @@ def _write(job: Job, unit: Unit, folder: pathlib.Path, outcome: _Fitted | Simula
         to_json(job.study, table, nuisance=nuisance(calibration), covariance=covariance(calibration)),
     )
     write_json(folder / SUMMARY, _summary(outcome, job))
-    page = render(job, unit.name, calibration, around, table, outcome.seconds, outcome.known_before["undetermined"])
+    page = render(job, unit.name, outcome, table)
     write_text(folder / REPORT, page)
     ProgressFile.remove_from(folder)
+    who = "" if unit.name is None else f"{unit.name}: "
+    for part in say(outcome, table) if unit.name is None else [f"{who}{verdict(outcome, table)}"]:
+        console.print(part)
 
 
 def _population(job: Job, out: pathlib.Path) -> dict[str, dict[str, Any]]:
@@ -147,7 +139,7 @@ def _population(job: Job, out: pathlib.Path) -> dict[str, dict[str, Any]]:
     return {name: read_json(file)["parameters"] for name, file in files.items() if name and file.exists()}
 
 
-def _summary(fitted: _Fitted, job: Job) -> dict[str, Any]:
+def _summary(fitted: Fitted, job: Job) -> dict[str, Any]:
     calibration, progress = fitted.calibration, fitted.calibration.progress
     learned = zip(calibration.task.fit, calibration.sensors, strict=True)
     sensors = {trace.name: {"sensors": sensor_summary(known)} for trace, known in learned}
@@ -170,7 +162,7 @@ def _summary(fitted: _Fitted, job: Job) -> dict[str, Any]:
         "duty_hold_decided": progress.hold_decided,
         "duty_delay": calibration.duty_delay,
         "duty_delay_std_error": calibration.duty_delay_error,
-        "unidentifiable_at_start": fitted.known_before["undetermined"],
+        "unidentifiable_at_start": fitted.undetermined,
         "expected_relative_error_at_start": fitted.known_before.get("expected_relative_error", {}),
         "friction_is_passive": passivity_note(calibration.model) is None,
         **job.account(fitted.seconds),
@@ -179,5 +171,11 @@ def _summary(fitted: _Fitted, job: Job) -> dict[str, Any]:
             result.trace.name: {**trace_summary(result), **sensors.get(result.trace.name, {})}
             for result in calibration.traces
         },
-        **({"error": calibration.verdict} if calibration.troubles else {}),
+        "certificate": {
+            **fitted.certificate.summary(),
+            "traces": {each.trace.name: "failed" if each.failed else "simulated" for each in calibration.traces},
+            "rejected_steps": progress.rejected,
+            "failed_simulations": progress.failed,
+        },
+        **({"error": "; ".join(fitted.troubles)} if fitted.troubles else {}),
     }

@@ -16,23 +16,13 @@ from ..resumable import Summaries
 from ..study.models import passivity_note
 from ..study.parameter_file import Entry, by_entry, start_as_study
 from ..study.units import Job
-from .around import Around, slices_figure
+from .around import slices_figure
+from .outcome import Fitted
 
 
-def render(
-    job: Job,
-    unit: str | None,
-    calibration: Calibration,
-    around: Around | None,
-    table: list[Entry],
-    seconds: float,
-    undetermined: list[str],
-) -> str:
-    """The report of one unit as HTML, with plots, their library and the study inside.
-
-    **Arguments:** `around`: the misfit around the end of the fit; `undetermined`: free parameters that the traces did
-    not determine at the start values.
-    """
+def render(job: Job, unit: str | None, fitted: Fitted, table: list[Entry]) -> str:
+    """The report of one unit as HTML, with plots, their library and the study inside."""
+    calibration, around = fitted.calibration, fitted.around
     known = calibration.uncertainty.determined
     entries = [e for e, is_known in zip(calibration.task.selection.entries, known, strict=True) if is_known]
     covariance = calibration.covariance[np.ix_(known, known)]
@@ -41,8 +31,9 @@ def render(
         "fit.html.jinja",
         **job.heading(unit),
         fit=calibration,
-        seconds=seconds,
-        undetermined=undetermined,
+        certificate=fitted.certificate,
+        seconds=fitted.seconds,
+        undetermined=fitted.undetermined,
         table=table,
         start=start_as_study(calibration),
         besides=found_besides(calibration),

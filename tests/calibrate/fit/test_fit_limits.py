@@ -61,10 +61,7 @@ def test_a_bound_holds_and_is_reported(small, upper):
 
 
 def test_what_starts_at_zero_may_be_free(small):
-    head, _, _ = small.read_text().partition("[fit]")
-    # The air path is that of another actuator; a delay of the duty that tries to make up for it comes to no end.
-    free = 'free = ["diaphragm.*", "friction.*"]\nfixed = ["diaphragm.area"]\nunknown = {duty_delay = false}\n'
-    small.write_text(f"{head}[fit]\n{free}")
+    small.write_text(small.read_text().replace("free = [", 'free = ["diaphragm.damping", '))
     outcome, found, _ = refit(small)
     assert outcome.status == 0
     assert found["diaphragm.damping"]["initial"] == 0.0
@@ -206,3 +203,25 @@ def test_a_validation_that_cannot_be_simulated(small):
     assert (outcome.status, outcome.err) == (1, f"failed: the fit: {sentence}\n")
     assert said["traces"]["step_80"]["rmse"] == {"x_d": None, "p_act": None}
     assert said["traces"]["step_50"]["rmse"]["x_d"] > 0
+
+
+def test_a_fit_with_wrong_derivatives_fails_its_certificate(small, monkeypatch):
+    """The last derivatives are spoilt after the search; the run ends with status 1 and says which."""
+    from calibrate.fit import command
+
+    usual = command.certifying
+
+    def spoil(calibrator):
+        columns = calibrator.minimiser.point.columns
+        columns[:, calibrator.task.selection.entries.index("diaphragm.preload")] *= 2
+        return usual(calibrator)
+
+    monkeypatch.setattr(command, "certifying", spoil)
+    outcome, _, said = refit(small)
+    sentence = "the gradient certificate failed: the derivative by diaphragm.preload is off by 50 %"
+    assert (outcome.status, outcome.err) == (1, f"failed: the fit: {sentence}\n")
+    assert not said["certificate"]["passed"]
+    assert list(said["certificate"]["wrong_columns"]) == ["diaphragm.preload"]
+    assert f"verdict: NOT to be used: {sentence}" in outcome.out
+    page = (small.parent / "out" / "report.html").read_text()
+    assert f"{sentence.capitalize()}. No value or error below may be used." in page

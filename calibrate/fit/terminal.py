@@ -1,0 +1,94 @@
+"""What a fit says last in the terminal: how each trace is met, every parameter with its interval, and one sentence."""
+
+from collections.abc import Sequence
+
+import rich.box
+import rich.table
+
+from vgtjax.estimation import Calibration
+from vgtjax.traces import SIGNALS, noise_level
+
+from ..study.parameter_file import Entry
+from .outcome import Fitted
+
+MEETS = 1.1
+"""RMSE per noise up to which a trace counts as met: five deviations of what 1300 samples of white noise give."""
+
+
+def say(fitted: Fitted, entries: Sequence[Entry]) -> list[rich.table.Table | str]:
+    """Tables of traces and free parameters, and the verdict."""
+    free = [entry for entry in entries if entry.free]
+    return [_traces(fitted.calibration), _parameters(free), verdict(fitted, entries)]
+
+
+def _traces(calibration: Calibration) -> rich.table.Table:
+    table = _table("trace", "use")
+    for channel in calibration.task.channels:
+        unit = SIGNALS[channel].unit.split()[0]  # a difference of pressures is not absolute
+        table.add_column(f"RMSE of {channel}, {unit}", justify="right")
+        table.add_column("noise", justify="right")
+    for result in calibration.traces:
+        cells = []
+        for channel in calibration.task.channels:
+            met = result.channels.get(channel)
+            cells += ["", ""] if met is None else [f"{met.rmse:.3g}", f"{met.noise:.3g}"]
+        table.add_row(result.trace.name, result.use, *cells)
+    return table
+
+
+def _parameters(entries: Sequence[Entry]) -> rich.table.Table:
+    table = _table("parameter")
+    for name in ("value", "std. error", "95 % interval", "unit", ""):
+        table.add_column(name, justify="left" if name in ("unit", "") else "right")
+    for entry in entries:
+        error = "" if entry.std_error is None else f"{entry.std_error:.2g}"
+        remark = "at bound" if entry.at_bound else "" if entry.identifiable else "not determined"
+        table.add_row(entry.name, f"{entry.value:.6g}", error, _interval(entry), entry.unit, remark)
+    return table
+
+
+def _interval(entry: Entry) -> str:
+    if entry.interval is None:
+        return ""
+    low, high = ("..." if end is None else f"{end:.5g}" for end in entry.interval)
+    return f"{low} to {high}"
+
+
+def _table(*columns: str) -> rich.table.Table:
+    table = rich.table.Table(box=rich.box.SIMPLE_HEAD, pad_edge=False)
+    for column in columns:
+        table.add_column(column, no_wrap=True)
+    return table
+
+
+def verdict(fitted: Fitted, entries: Sequence[Entry]) -> str:
+    """One sentence: whether the values may be used, which ones, and how well the traces are met."""
+    calibration = fitted.calibration
+    if not fitted.certificate.passed:
+        return f"verdict: NOT to be used: {fitted.certificate.sentence}"
+    if not calibration.converged:
+        return f"verdict: NOT converged, so no value may be used: {calibration.verdict}"
+    free = [entry for entry in entries if entry.free]
+    unknown = [entry.name for entry in free if not entry.identifiable]
+    said = f"verdict: converged; {len(free) - len(unknown)} of {len(free)} free parameters are determined"
+    if unknown:
+        said += f" (not {', '.join(unknown)})"
+    (trace, channel), worst = max(_ratios(calibration).items(), key=lambda pair: pair[1])
+    if worst <= MEETS:
+        return f"{said}; every trace is met to within {worst:.2f} of its sensors' noise"
+    return (
+        f"{said}; {channel} of {trace} is off by {worst:.1f} times its sensor's noise: the model lacks something that "
+        "errors don't know of"
+    )
+
+
+def _ratios(calibration: Calibration) -> dict[tuple[str, str], float]:
+    """What remains of each channel of each fitted trace in units of its noise: that which the signal itself shows, as a
+    fit learns its noise from what remains; or else, of coloured noise, that."""
+    found = {}
+    fitted = (result for result in calibration.traces if result.use == "fit")
+    for result, sensors in zip(fitted, calibration.sensors, strict=True):
+        for channel, met in result.channels.items():
+            noise = met.noise if len(sensors[channel].memory) else noise_level(met.measured, channel)
+            found[result.trace.name, channel] = met.rmse / noise
+    return found

@@ -1,0 +1,55 @@
+"""Derivatives against differences: a fit as it is passes, each spoilt column is found by its name."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from known_truth import FREE, bench
+
+import vgtjax
+from vgtjax.assurance import certifying
+from vgtjax.estimation import LevenbergMarquardt, plan_task, run_alone, start_calibration
+
+
+@pytest.fixture(scope="module")
+def ended():
+    return run_alone(start_calibration(plan_task(vgtjax.Actuator(), [bench(0)], free=FREE)).ending())
+
+
+def spoilt(ended, entry, factor):
+    search, columns = ended.minimiser, np.array(ended.minimiser.point.columns)
+    columns[:, ended.task.selection.entries.index(entry)] *= factor
+    point = dataclasses.replace(search.point, columns=columns)
+    return dataclasses.replace(
+        ended, minimiser=LevenbergMarquardt(search.problem, search.progress, search.slopes, point)
+    )
+
+
+def test_exact_derivatives_pass(ended):
+    found = run_alone(certifying(ended))
+    assert found.passed
+    assert max(found.mismatches) < 0.005
+    assert (found.dead, found.exploded, found.wrong) == ([], [], {})
+    assert found.sentence.startswith("derivatives agree with differences")
+    assert found.summary()["passed"] is True
+
+
+@pytest.mark.parametrize("entry", FREE)
+@pytest.mark.parametrize(("factor", "part"), [(2.0, 0.5), (0.0, 1.0), (np.nan, None)])
+def test_a_spoilt_column_fails_by_its_name(ended, entry, factor, part):
+    found = run_alone(certifying(spoilt(ended, entry, factor)))
+    assert not found.passed
+    assert entry in found.sentence
+    if part is None:
+        assert found.exploded == [entry]
+    else:
+        assert found.wrong == {entry: pytest.approx(part, abs=0.01)}
+    assert found.summary()["passed"] is False
+
+
+def test_what_changes_nothing_is_dead_but_not_wrong():
+    """The rod does not reach its open stop."""
+    task = plan_task(vgtjax.Actuator(), [bench(0)], free=["chamber.volume", "diaphragm.travel"])
+    found = run_alone(certifying(run_alone(start_calibration(task).ending())))
+    assert found.passed
+    assert found.dead == ["diaphragm.travel"]
