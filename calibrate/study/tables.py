@@ -8,6 +8,8 @@ from .base import Count, Finite, Gauge, Positive, Seed, Share, StartValue, Table
 from .components import Components, FullComponents, MechanicalComponents, PlungerMapComponents, StaticMapComponents
 from .control import ControlTable
 
+Sensor = Literal["x_d", "p_act", "p_res", "p_trb", "f_vane", "f_drive"]
+
 
 class TraceEntry(Table):
     """One `[[trace]]`: a file or glob pattern, and what it is for."""
@@ -23,6 +25,8 @@ class TraceEntry(Table):
     """s by which the duty is known to reach the valve later than the file says; then it is not looked for."""
     duty_hold: Literal["zero-order", "linear"] | None = None
     """How the duty is known to be between the file's samples; then it is not looked for, and `zero-order` otherwise."""
+    gain: dict[Sensor, Annotated[float, pydantic.Field(gt=0.5, lt=2.0)]] = {}
+    """Known gains of sensors: what was measured is the gain times what was there, and an offset."""
 
     @pydantic.field_validator("window")
     @classmethod

@@ -14,7 +14,7 @@ from vgtjax.traces import STANDARD_ATMOSPHERE, TRAVEL
 from .models import build_model, deviations_of, parameters_of, start_model, start_values
 from .parameter_file import FoundDuty, load_duties, load_values
 from .read import EXAMPLE, TraceSource, expand_traces, fingerprint, load_study
-from .tables import Study
+from .tables import Sensor, Study
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -134,8 +134,19 @@ def load_source(
     )
     if source.window is not None:
         trace = trace.window(*source.window)
+    trace = _without_gains(trace, source.gain)
     if trace.pwm is not None and source.duty_hold == "linear":
         trace = trace.with_ramped_duty()
     if trace.pwm is not None and source.duty_delay:
         trace = trace.with_late_duty(source.duty_delay)
+    return trace
+
+
+def _without_gains(trace: vgtjax.Trace, gains: Mapping[Sensor, float]) -> vgtjax.Trace:
+    """What was there, where sensors are known to have shown more or less of it."""
+    for name, gain in gains.items():
+        if name not in trace.channels:
+            raise InputError(f"{trace.name}: a gain of {name} needs that column, but the trace has none; drop the gain")
+        channel = trace.channels[name]
+        trace = trace.replace(**{name: dataclasses.replace(channel, value=channel.value / gain)})
     return trace

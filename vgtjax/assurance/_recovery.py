@@ -12,13 +12,14 @@ from ..estimation import (
     CHANNELS,
     NORMAL_95,
     Sensors,
+    Slopes,
     Steps,
     Task,
     learn_sensors,
     observe_traces,
     sharp_bundles,
+    starting,
 )
-from ..identification import starting_fit
 from ..parameters import build_transform, parameter_table
 from ..parts import with_sharp_seat
 from ..traces import Channel, Trace
@@ -41,6 +42,8 @@ class Truth:
     task: Task
     clean: Sequence[Float[np.ndarray, "time channel"]]
     sensors: Sensors
+    slopes: Slopes
+    """Derivatives at the truth, where every search begins."""
 
     @staticmethod
     def of(task: Task, applied: Sequence[Trace]) -> Steps["Truth"]:
@@ -50,7 +53,8 @@ class Truth:
         """
         sharp = sharp_bundles(task.model, applied, task.stepping)
         clean = yield from observe_traces(with_sharp_seat(task.model), sharp)
-        return Truth(task, clean, learn_sensors(task.fit, task.channels, clean, clean, task.unknown))
+        slopes = (yield from starting(task)).minimiser.slopes
+        return Truth(task, clean, learn_sensors(task.fit, task.channels, clean, clean, task.unknown), slopes)
 
     def campaign(self, number: int, seed: int) -> Task:
         """The same task with new noise on what the truth gives."""
@@ -89,7 +93,7 @@ class Refit:
 
 def refitting(truth: Truth, number: int, seed: int) -> Steps[Refit]:
     """One campaign simulated and fitted, as a computation; its search begins at the truth."""
-    calibrator = yield from starting_fit(truth.campaign(number, seed))
+    calibrator = yield from starting(truth.campaign(number, seed), slopes=truth.slopes)
     calibration = yield from calibrator.steps()
     count = len(calibration.values)
     errors = [error if np.isfinite(error) else None for error in calibration.uncertainty.std_errors.tolist()]
@@ -153,8 +157,9 @@ class Recovery:
 
     @property
     def claimed(self) -> Float[np.ndarray, " entries"]:
-        """Root mean square of the standard errors that the fits claim, in units of the table."""
-        return self.scale * np.sqrt(_mean(np.square(self.errors)))
+        """Median of the standard errors that the fits claim, in units of the table."""
+        some = np.any(np.isfinite(self.errors), axis=0)
+        return self.scale * np.where(some, np.nanmedian(np.where(some, self.errors, 0.0), axis=0), np.nan)
 
     @property
     def total(self) -> float:

@@ -41,7 +41,7 @@ from ._least_squares import (
     least_squares as least_squares,
     robust_deviation as robust_deviation,
 )
-from ._point import Point as Point, Reduced as Reduced, Secant as Secant, misfit_at as misfit_at
+from ._point import Point as Point, Reduced as Reduced, Secant as Secant, Slopes as Slopes, misfit_at as misfit_at
 from ._profiles import Profile as Profile, Profiles as Profiles, profiling as profiling
 from ._programs import run_alone as run_alone, run_together as run_together
 from ._progress import CHI2_TOLERANCE as CHI2_TOLERANCE, Progress as Progress

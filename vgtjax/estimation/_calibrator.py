@@ -308,8 +308,10 @@ def start_calibration(task: Task, resume: Progress | None = None) -> Calibrator:
     return run_alone(starting(task, resume))
 
 
-def starting(task: Task, resume: Progress | None = None, notes: tuple[str, ...] = ()) -> Steps[Calibrator]:
-    """`start_calibration` as a computation."""
+def starting(
+    task: Task, resume: Progress | None = None, notes: tuple[str, ...] = (), slopes: Slopes | None = None
+) -> Steps[Calibrator]:
+    """`start_calibration` as a computation; `slopes` are derivatives where it begins, if they are known."""
     if model_dtype(task.model) != np.float64:
         raise InputError(
             "a fit needs double precision, but the model's parameters are single; call vgtjax.configure() before "
@@ -329,7 +331,7 @@ def starting(task: Task, resume: Progress | None = None, notes: tuple[str, ...] 
         prior=task.prior,
     )
     if not progress.corrections:
-        minimiser = yield from LevenbergMarquardt.begin(problem, progress, task.unknown.anything)
+        minimiser = yield from LevenbergMarquardt.begin(problem, progress, task.unknown.anything, slopes)
         return Calibrator(task, sensors, minimiser, notes)
     slopes = yield from Slopes.find(problem, np.array(progress.linearised))
     return (yield from corrected_calibration(task, problem, progress, slopes, notes))

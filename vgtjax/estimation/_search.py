@@ -65,16 +65,21 @@ class LevenbergMarquardt:
 
     @classmethod
     def begin(
-        cls, problem: FitProblem, progress: Progress, corrected_later: bool = False
+        cls,
+        problem: FitProblem,
+        progress: Progress,
+        corrected_later: bool = False,
+        slopes: Slopes | None = None,
     ) -> Steps["LevenbergMarquardt"]:
         """A search at its start, or at the last progress of an interrupted one.
 
-        **Arguments:** `corrected_later`: whether linear steps follow it, so that it need not go to the last digit.
+        **Arguments:** `corrected_later`: whether linear steps follow it, so that it need not go to the last digit;
+        `slopes`: derivatives where it begins, if they are known.
 
         **Raises:** `SimulationError` when the start itself can't be simulated.
         """
         here = np.array(progress.coordinates, float)
-        slopes = yield from Slopes.find(problem, here)
+        slopes = (yield from Slopes.find(problem, here)) if slopes is None else slopes
         if slopes.evaluated.failed:
             raise SimulationError(
                 "the simulation with the start values fails, so there is nothing to fit from; check the start "

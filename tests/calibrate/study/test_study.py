@@ -87,6 +87,20 @@ def test_a_study_may_say_no_more_than_its_trace(folder):
     assert (job.study.fit.free, job.study.fit.fixed) == (None, [])
 
 
+def test_a_known_gain_of_a_sensor_is_taken_out(folder):
+    line = '[[trace]]\nfile = "bench.csv"\n'
+    plain = prepared(folder, line).units[0].traces[0][1]
+    other = prepared(folder, line + "gain = {x_d = 1.25, p_act = 0.8}\n").units[0].traces[0][1]
+    np.testing.assert_allclose(other.x_d, plain.x_d / 1.25, rtol=1e-12)
+    np.testing.assert_allclose(other.p_act, plain.p_act / 0.8, rtol=1e-12)
+    np.testing.assert_array_equal(other.pwm, plain.pwm)
+    with pytest.raises(vgtjax.InputError, match="a gain of f_vane needs that column, but the trace has none"):
+        prepared(folder, line + "gain = {f_vane = 1.1}\n")
+    for nonsense in ("gain = {x_d = 0.0}", "gain = {pwm = 1.1}"):
+        with pytest.raises(vgtjax.InputError, match="gain"):
+            prepared(folder, line + nonsense + "\n")
+
+
 def test_a_byte_order_mark_is_no_part_of_a_study(folder):
     (folder / "study.toml").write_text('\ufeff[[trace]]\nfile = "bench.csv"\n', encoding="utf-8")
     assert prepare(folder / "study.toml", None).text.startswith("[[trace]]")
