@@ -1,0 +1,146 @@
+"""Populations of fitted units: their mean, spread and correlation, and their members."""
+
+import dataclasses
+import math
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import scipy.stats
+
+import vgtjax
+from vgtjax import InputError, Selection, get_parameter, replace_parameters
+from vgtjax.population import (
+    Factors,
+    Population,
+    fitted_levels,
+    fitted_population,
+    make_sample,
+    normal,
+    spread_population,
+)
+
+ACTUATOR = vgtjax.Actuator()
+MAGNET = "converter.magnetic_force"
+ROWS = 20_000
+ERROR = 4 / math.sqrt(ROWS)
+"""Four standard errors of a correlation near zero."""
+ENTRIES = ("converter.magnetic_force[2]", "diaphragm.area", "diaphragm.preload", "diaphragm.stiffness")
+TRUTH = (3.9e-3, 2.9e-3, 49.0, 12000.0)
+SPREAD = (1e-4, 0.0, 2.0, 0.08)
+"""Of the logarithm for the stiffness, which is positive; the area is the same in all units."""
+PAIRED = np.array([[1.0, -0.7, 0.0], [-0.7, 1.0, 0.4], [0.0, 0.4, 1.0]])
+
+
+def points(rows, columns=3, seed=0):
+    return np.random.default_rng(seed).uniform(size=(rows, columns))
+
+
+def unit(entries, values):
+    return Selection(tuple(entries)).unpack(ACTUATOR, jnp.asarray(values))
+
+
+@pytest.fixture(scope="module")
+def fleet():
+    """Units whose magnetic force, preload and stiffness are drawn together."""
+    scores = np.random.default_rng(7).multivariate_normal(np.zeros(3), PAIRED, size=300)
+    force, preload = TRUTH[0] + SPREAD[0] * scores[:, 0], TRUTH[2] + SPREAD[2] * scores[:, 1]
+    stiffness = TRUTH[3] * np.exp(SPREAD[3] * scores[:, 2])
+    return [unit(ENTRIES, row) for row in np.column_stack([force, np.full(300, TRUTH[1]), preload, stiffness])]
+
+
+def test_fitted_units_give_mean_spread_and_correlation_back(fleet):
+    found = fitted_population(fleet, ENTRIES)
+    assert found.factors.entries == (ENTRIES[0], ENTRIES[2], ENTRIES[3])  # the area does not vary
+    assert found.model.diaphragm.area == pytest.approx(TRUTH[1], rel=1e-14)
+    assert vgtjax.get_parameter(found.model, MAGNET)[1] == vgtjax.get_parameter(ACTUATOR, MAGNET)[1]
+    count, errors = len(fleet), 4.0  # four standard errors each, of a mean, a deviation and a correlation
+    spread = np.array([SPREAD[0], SPREAD[2], SPREAD[3] * TRUTH[3]])
+    truth = np.array([TRUTH[0], TRUTH[2], TRUTH[3]])
+    assert np.all(np.abs(found.nominal - truth) < errors * spread / math.sqrt(count))
+    # The deviation of a lognormal is a little more than the logarithm's: 0.5 % at 8 %.
+    np.testing.assert_allclose(found.deviations, spread, rtol=errors / math.sqrt(2 * count) + 0.005)
+    assert found.deviations[1] == pytest.approx(np.std([m.diaphragm.preload for m in fleet], ddof=1), rel=1e-12)
+    np.testing.assert_allclose(found.correlation, PAIRED, atol=errors / math.sqrt(count))
+    values = found.values(points(ROWS))
+    np.testing.assert_allclose(np.corrcoef(values, rowvar=False), found.correlation, atol=ERROR + 0.003)  # lognormal
+    assert np.median(values[:, 2]) == pytest.approx(found.nominal[2], rel=errors * 0.08 / math.sqrt(ROWS) * 1.3)
+
+
+def test_few_units_span_their_samples():
+    """Five units of eight entries: samples are combinations of the units, in logarithms where positive."""
+    entries = [f"{MAGNET}[{k}]" for k in range(5)] + ["diaphragm.preload", "diaphragm.stiffness", "chamber.volume"]
+    nominal = np.asarray(Selection(tuple(entries)).pack(ACTUATOR))
+    units = nominal * (1 + 0.05 * np.random.default_rng(2).normal(size=(5, 8)))
+    found = fitted_population([unit(entries, row) for row in units], entries)
+    assert found.factors.entries == tuple(entries)
+
+    def scores(values):
+        logs = np.column_stack([values[:, :6], np.log(values[:, 6:])])
+        reference = np.column_stack([units[:, :6], np.log(units[:, 6:])])
+        return (logs - reference.mean(axis=0)) / reference.std(axis=0, ddof=1)
+
+    samples = scores(found.values(points(100, 8)))
+    basis = np.linalg.svd(scores(units))[2][:4]  # five units about their mean
+    outside = samples - samples @ basis.T @ basis
+    # Square roots of rounding in the eigenvalues that are zero.
+    assert np.abs(outside).max() < 1e-6
+    assert np.linalg.matrix_rank(samples, tol=1e-5) == 4
+    np.testing.assert_allclose(samples.std(axis=0), 1.0, atol=4 / math.sqrt(200))  # four standard errors
+
+
+def test_levels_are_one_factor_a_curve(fleet):
+    """Curves that are multiples of the nominal one by known factors."""
+    levels = np.array([0.9, 1.0, 1.04, 1.1])
+    force = np.asarray(vgtjax.get_parameter(ACTUATOR, MAGNET))
+    stiffness = 12000 * np.array([0.95, 1.0, 1.1, 1.0])
+    units = [
+        replace_parameters(ACTUATOR, {MAGNET: level * force, "diaphragm.stiffness": k})
+        for level, k in zip(levels, stiffness, strict=True)
+    ]
+    coupled = fitted_population(units, [*(f"{MAGNET}[{k}]" for k in range(5)), "diaphragm.stiffness"])
+    found = fitted_levels(coupled, units)
+    assert found.factors.entries == (MAGNET, "diaphragm.stiffness")
+    assert found.correlation is None
+    # The curve at factor one is the units' mean curve, 1.01 times the printed one.
+    np.testing.assert_allclose(found.nominal, [1.0, np.exp(np.log(stiffness).mean())], rtol=1e-12)
+    np.testing.assert_allclose(get_parameter(found.model, MAGNET), 1.01 * force, rtol=1e-12)
+    logs = np.log(levels / 1.01), np.log(stiffness)
+    for margin, log in zip(found.margins, logs, strict=True):
+        spread = math.log(margin.ppf(0.975) / margin.ppf(0.025)) / (2 * scipy.stats.norm.ppf(0.975))
+        assert spread == pytest.approx(log.std(ddof=1), rel=1e-9)
+
+
+def test_a_level_is_the_nearest_multiple():
+    """A unit whose curve has another shape counts with its projection on the nominal one."""
+    name, curve = "vane_force.closing", np.arange(1.0, 13.0)
+    base = vgtjax.Actuator(vane_force=vgtjax.HysteresisMap(closing=curve, opening=np.zeros(12)))
+    across = np.array([2.0, -1.0, *np.zeros(10)])
+    assert across @ curve == 0.0
+    units = [replace_parameters(base, {name: each}) for each in (0.95 * curve, curve, 1.05 * curve + across)]
+    (margin,) = fitted_levels(Population(base, Factors((name,)), (normal(1.0, 0.1),)), units).margins
+    assert margin.median() == pytest.approx(1.0)
+    one_deviation = scipy.stats.norm.cdf(1.0)
+    assert math.log(margin.ppf(one_deviation)) == pytest.approx(np.log([0.95, 1.0, 1.05]).std(ddof=1), rel=1e-9)
+
+
+def test_two_units_are_no_population(fleet):
+    with pytest.raises(InputError, match="needs three fitted units or more, but there are 2; fit more"):
+        fitted_population(fleet[:2], ENTRIES)
+
+
+def test_no_member_has_friction_that_gives_out_energy():
+    """Viscous damping is raised to the least of passive friction, and nothing else is touched."""
+    wide = spread_population(ACTUATOR, 0.5, vary=["friction.*"])
+    loose = dataclasses.replace(wide, passive=False)
+    points = make_sample(wide.dimensions, 512, "sobol", 3).points(0, 512)
+    values, drawn, active = wide.values(points), loose.values(points), wide.active(points)
+    assert 20 < active.sum() < 492
+    at = wide.factors.entries.index("friction.viscous_damping")
+    np.testing.assert_array_equal(np.delete(values, at, axis=1), np.delete(drawn, at, axis=1))
+    np.testing.assert_array_equal(values[~active], drawn[~active])
+    for row in values[active][:8]:
+        friction = wide.factors.unpack(ACTUATOR, row).friction
+        # On the bound, but for rounding and the billionth that keeps it inside.
+        assert 0 <= float(friction.passivity_margin()) < 1e-6 * float(friction.viscous_damping)
+    assert not spread_population(ACTUATOR, 0.5, vary=["diaphragm.mass"]).active(points[:, :1]).any()
