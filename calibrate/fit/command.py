@@ -124,8 +124,8 @@ def _write(job: Job, unit: Unit, folder: pathlib.Path, outcome: Fitted | Simulat
         folder / "parameters.json",
         to_json(job.study, table, nuisance=nuisance(calibration), covariance=covariance(calibration)),
     )
-    write_json(folder / SUMMARY, _summary(outcome, job))
-    page = render(job, unit.name, outcome, table)
+    write_json(folder / SUMMARY, _summary(outcome, job, unit))
+    page = render(job, unit, outcome, table)
     write_text(folder / REPORT, page)
     ProgressFile.remove_from(folder)
     who = "" if unit.name is None else f"{unit.name}: "
@@ -139,7 +139,7 @@ def _population(job: Job, out: pathlib.Path) -> dict[str, dict[str, Any]]:
     return {name: read_json(file)["parameters"] for name, file in files.items() if name and file.exists()}
 
 
-def _summary(fitted: Fitted, job: Job) -> dict[str, Any]:
+def _summary(fitted: Fitted, job: Job, unit: Unit) -> dict[str, Any]:
     calibration, progress = fitted.calibration, fitted.calibration.progress
     learned = zip(calibration.task.fit, calibration.sensors, strict=True)
     sensors = {trace.name: {"sensors": sensor_summary(known)} for trace, known in learned}
@@ -168,7 +168,11 @@ def _summary(fitted: Fitted, job: Job) -> dict[str, Any]:
         **job.account(fitted.seconds),
         **({} if fitted.around is None else fitted.around.summary()),
         "traces": {
-            result.trace.name: {**trace_summary(result), **sensors.get(result.trace.name, {})}
+            result.trace.name: {
+                **trace_summary(result),
+                **sensors.get(result.trace.name, {}),
+                "sha256": unit.hashes[result.trace.name],
+            }
             for result in calibration.traces
         },
         "certificate": {

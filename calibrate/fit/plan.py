@@ -22,4 +22,5 @@ def plan(job: Job, unit: Unit) -> Task:
         unknown=unit.unknown(job.study),
         deviations=unit.deviations,
         starts=chosen.starts,
+        gains=job.study.report.gains,
     )

@@ -15,12 +15,12 @@ from ..output.sections import model_sections
 from ..resumable import Summaries
 from ..study.models import passivity_note
 from ..study.parameter_file import Entry, by_entry, start_as_study
-from ..study.units import Job
+from ..study.units import Job, Unit
 from .around import slices_figure
 from .outcome import Fitted
 
 
-def render(job: Job, unit: str | None, fitted: Fitted, table: list[Entry]) -> str:
+def render(job: Job, unit: Unit, fitted: Fitted, table: list[Entry]) -> str:
     """The report of one unit as HTML, with plots, their library and the study inside."""
     calibration, around = fitted.calibration, fitted.around
     known = calibration.uncertainty.determined
@@ -29,7 +29,8 @@ def render(job: Job, unit: str | None, fitted: Fitted, table: list[Entry]) -> st
     cost = 2 * np.asarray(calibration.progress.history)
     return render_page(
         "fit.html.jinja",
-        **job.heading(unit),
+        **job.heading(unit.name),
+        hashes=unit.hashes,
         fit=calibration,
         certificate=fitted.certificate,
         seconds=fitted.seconds,

@@ -143,6 +143,41 @@ class SensitivityTable(Table):
     threshold: Share = 0.05
 
 
+class ReportSensor(Table):
+    """A sensor as its certificate has it: standard uncertainties of its offset in m or Pa, and of its gain."""
+
+    channel: Sensor
+    serial: str | None = None
+    calibrated: str | None = None
+    uncertainty: Positive | None = None
+    relative_uncertainty: Annotated[float, pydantic.Field(gt=0, lt=0.5)] | None = None
+
+
+class ReportTable(Table):
+    """What stands on top of a report that is to be signed."""
+
+    title: str | None = None
+    id: str | None = None
+    date: str | None = None
+    customer: str | None = None
+    item: str | None = None
+    serial: str | None = None
+    author: str | None = None
+    sensor: list[ReportSensor] = []
+
+    @property
+    def lines(self) -> dict[str, str]:
+        """What is stated, by name."""
+        fields = {name: getattr(self, name) for name in ("id", "date", "customer", "item", "serial", "author")}
+        return {name: text for name, text in fields.items() if text is not None}
+
+    @property
+    def gains(self) -> dict[str, float]:
+        """Relative standard uncertainty of each sensor's gain, where one is stated."""
+        stated = {sensor.channel: sensor.relative_uncertainty for sensor in self.sensor}
+        return {channel: part for channel, part in stated.items() if part is not None}
+
+
 class Study(Table):
     """A whole study file; a class a model."""
 
@@ -159,6 +194,7 @@ class Study(Table):
     tolerance: ToleranceTable = ToleranceTable()
     sensitivity: SensitivityTable = SensitivityTable()
     control: ControlTable = ControlTable()
+    report: ReportTable = ReportTable()
 
 
 class FullStudy(Study):

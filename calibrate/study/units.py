@@ -1,6 +1,7 @@
 """A command's work laid out: the study read, every trace loaded and checked, a model for every unit."""
 
 import dataclasses
+import hashlib
 import pathlib
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -30,8 +31,9 @@ class StudyJob:
 
     def heading(self, unit: str | None = None) -> dict[str, Any]:
         """What every report says of its study."""
+        title = self.study.report.title or self.study.name
         return {
-            "title": self.study.name if unit is None else f"{self.study.name}: {unit}",
+            "title": title if unit is None else f"{title}: {unit}",
             "study": self.study,
             "study_text": self.text,
             "fingerprint": self.fingerprint,
@@ -55,6 +57,8 @@ class Unit:
     """`fit` or `validate`, and the trace."""
     duties: Mapping[str, FoundDuty]
     """What earlier parameters say of the duty of each trace."""
+    hashes: Mapping[str, str]
+    """SHA-256 of the file of every trace, by its name."""
     stated: frozenset[str]
     """What the study states of the duty of a trace, so that a fit does not look for it: `duty_delay`, `duty_hold`."""
 
@@ -103,7 +107,8 @@ def prepare(path: pathlib.Path | None, parameters: pathlib.Path | None, *, to_fi
         duties = {} if parameters is None else load_duties(parameters, name)
         stated = {key for key in ("duty_delay", "duty_hold") for each in mine if getattr(each, key) is not None}
         deviations = deviations_of(start, parameters_of(study))
-        units.append(Unit(name, start, bounds, deviations, traces, duties, frozenset(stated)))
+        hashes = {source.name: hashlib.sha256(source.path.read_bytes()).hexdigest() for source in mine}
+        units.append(Unit(name, start, bounds, deviations, traces, duties, hashes, frozenset(stated)))
     for unit in units:
         if to_fit and not unit.used("fit"):
             where = "" if unit.name is None else f" of unit '{unit.name}'"

@@ -7,6 +7,7 @@ from jaxtyping import Float
 
 from ..parameters import select
 from ._bands import Bands, predicted_spread
+from ._bundle import CHANNELS
 from ._calibration import Calibration, comparing
 from ._evaluation import Evaluation, Steps, ask
 from ._evidence import turns
@@ -26,10 +27,11 @@ def finishing(task: Task, search: LevenbergMarquardt, sensors: Sensors, notes: t
     values, slope = np.asarray(transform.to_physical(coordinates)), np.asarray(transform.slope(coordinates))
     uncertainty = everything.first(count)
     more = _scatter(uncertainty, np.array(progress.wanted)[:, :count]) if progress.wanted else np.zeros((count, count))
+    moved = _moved_by_gains(task, search)
     if task.tolerances:
-        moved = (yield from _moved_by_tolerances(task, search))[:count]
-        moved = np.where(uncertainty.determined[:, None], moved, 0.0)
-        more = more + moved @ moved.T
+        moved = np.column_stack([moved, (yield from _moved_by_tolerances(task, search))])
+    moved = np.where(uncertainty.determined[:, None], moved[:count], 0.0)
+    more = more + moved @ moved.T
     uncertainty = dataclasses.replace(uncertainty, covariance=uncertainty.covariance + more)
     model = task.selection.unpack(task.model, values[:count])
     late = task.late_duty and progress.coordinates[-1] != 0.0
@@ -62,6 +64,20 @@ def _scatter(uncertainty: LeastSquares, wanted: Float[np.ndarray, "steps entries
     first = turns(wanted / np.where(uncertainty.determined, uncertainty.std_errors, 1.0))[:1]
     last = wanted[int(first[0]) :] if len(first) else wanted[-1:]
     return last.T @ last / len(last)
+
+
+def _moved_by_gains(task: Task, search: LevenbergMarquardt) -> Float[np.ndarray, "coordinates gains"]:
+    """By how much every coordinate moves when the gain of a sensor is off by its uncertainty, to first order."""
+    point, observed = search.point, search.slopes.evaluated.observed
+    moved = [np.zeros((point.columns.shape[1], 0))]
+    for channel, part in task.gains.items():
+        if channel not in task.channels:
+            continue
+        only = np.arange(len(CHANNELS)) == CHANNELS.index(channel)
+        column = part * search.problem.whitened([(lanes * only)[..., None] for lanes in observed])[:, 0]
+        padded = np.append(column, np.zeros(len(point.columns) - len(column)))
+        moved.append(-least_squares(point.columns, padded).values[:, None])
+    return np.column_stack(moved)
 
 
 def _moved_by_tolerances(task: Task, search: LevenbergMarquardt) -> Steps[Float[np.ndarray, "coordinates tolerances"]]:

@@ -35,7 +35,7 @@ class Task:
     finds out besides. `deviations` by entry, in the units of the table, say how well a start value is known beforehand:
     of a free entry that is a Gaussian prior, of one that is held a tolerance that goes into every error. `linear` has
     the sample intervals in s of traces whose duty is linear between samples, though they don't say so. `starts` is from
-    how many places a search begins.
+    how many places a search begins, `gains` by channel how well the gain of each sensor is known, relative.
     """
 
     model: AbstractModel
@@ -49,6 +49,7 @@ class Task:
     deviations: dict[str, float] = dataclasses.field(default_factory=dict)
     linear: Sequence[float] = ()
     starts: int = 1
+    gains: dict[str, float] = dataclasses.field(default_factory=dict)
 
     @property
     def traces(self) -> list[Trace]:
@@ -97,6 +98,7 @@ def plan_task(
     unknown: Unknown = NOTHING,
     deviations: Mapping[str, float] | None = None,
     starts: int = 1,
+    gains: Mapping[str, float] | None = None,
 ) -> Task:
     """Puts a task together from names.
 
@@ -111,6 +113,8 @@ def plan_task(
       Gaussian prior (of its logarithm, if it is positive), of what is held a tolerance that goes into every error.
 
     - `starts`: from how many places a search begins: the start values, and others around them.
+    - `gains`: relative standard uncertainty of the gain of each sensor that is fitted, by channel; it goes into every
+      error. Those of inputs are not looked at.
 
     **Raises:** `InputError` for unknown names, a deviation that is not positive, and when no trace is to be fitted.
     """
@@ -129,6 +133,7 @@ def plan_task(
         unknown=unknown,
         deviations=_by_entry(model, deviations or {}),
         starts=starts,
+        gains=dict(gains or {}),
     )
 
 

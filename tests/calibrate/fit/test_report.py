@@ -1,11 +1,12 @@
 """The report carries all it shows, and what is needed to repeat it."""
 
+import hashlib
 import html.parser
 import importlib.metadata
 import re
 
 import pytest
-from commands import entries_of, read
+from commands import entries_of, read, run_command
 
 LOADS = {"src", "href", "data", "poster", "action", "background", "srcset", "xlink:href"}
 """Attributes by which a page loads or leads elsewhere."""
@@ -157,3 +158,58 @@ def test_assumed_values_are_marked(page):
 def test_both_uses_are_told_apart(page):
     assert {"fit", "validate"} <= set(page.text("td").splitlines())
     assert "converged" in page.text("b").splitlines()
+
+
+REPORT = """
+[report]
+title = "Calibration of unit A"
+id = "2026-17"
+customer = "Works <2>"
+serial = "A 4711"
+author = "N. N."
+[[report.sensor]]
+channel = "x_d"
+serial = "L-9"
+calibrated = "2026-03-01"
+uncertainty = 2e-6
+relative_uncertainty = 0.01
+"""
+
+
+def test_a_report_to_be_signed_says_whose_it_is_and_counts_its_sensors(fitted, small):
+    """A position that is 1 % off makes a stiffness 1 % wrong, which a thousand samples don't know."""
+    small.write_text(small.read_text() + REPORT)
+    assert run_command("fit", small, "--out", small.parent / "out").status == 0
+    page = (small.parent / "out" / "report.html").read_text()
+    for text in (
+        "<h1>Calibration of unit A</h1>",
+        "2026-17",
+        "Works &lt;2&gt;",
+        "A 4711",
+        "N. N.",
+        "L-9",
+        "2026-03-01",
+    ):
+        assert text in page
+    said = read(small.parent / "out" / "summary.json")["traces"]
+    for name in ("step_80", "step_50"):
+        digest = hashlib.sha256((small.parent / f"{name}.csv").read_bytes()).hexdigest()
+        assert said[name]["sha256"] == digest
+        assert digest in page
+    before, after = (
+        read(out / "parameters.json")["parameters"]["diaphragm.stiffness"] for out in (fitted.out, small.parent / "out")
+    )
+    assert after["value"] == before["value"]
+    added = (after["std_error"] ** 2 - before["std_error"] ** 2) ** 0.5
+    assert added / after["value"] == pytest.approx(0.01, rel=0.5)  # offset and preload take a part of it
+
+
+@pytest.mark.parametrize(
+    "line", ['channel = "pwm"', 'channel = "x_d"\nrelative_uncertainty = -0.1', "uncertainty = 1e-6"]
+)
+def test_a_sensor_that_can_not_be_is_refused(small, line):
+    small.write_text(small.read_text() + f"\n[[report.sensor]]\n{line}\n")
+    outcome = run_command("fit", small, "--out", small.parent / "out")
+    assert outcome.status == 2
+    assert outcome.err.startswith("error: study.toml: ")
+    assert outcome.err.count("\n") == 1
