@@ -29,8 +29,11 @@ WORTHWHILE = 0.15
 """Part of the whole gain by a Jacobian that its last move must have brought for another one."""
 TRUE = 0.25
 """Part of its promise that a move must have kept for another one by the same Jacobian."""
-STALL_SHARE = 0.01
-"""Part of chi^2 that the linear model may still promise for a stall to count; with more, a fit is lost."""
+STALL_SHARE, REACH = 0.01, 0.2
+"""Part of chi^2 that the linear model may still promise for a stall to count; with more, a fit is lost. It is believed
+for moves of up to `REACH` in each coordinate: at a kink it promised a hundredth of chi^2, by values times 10^22."""
+LEAST_GAIN = 1e-9
+"""Part of chi^2 by which a trial has to lower it; less is rounding, and a search went on for sixty steps by it."""
 NEARLY, NEARLY_PROMISED = 0.3, 10.0
 """Gain in chi^2 of the last step, and that a full linear one promises, below which corrections may do the rest: half a
 standard error in any one direction, and kinks promise what no step reaches."""
@@ -114,7 +117,7 @@ class LevenbergMarquardt:
             history=(*before.history, 0.5 * self.point.chi2 / problem.count),
         )
         promised = self.point.uncertainty(problem.count).gain
-        stalled = before.accepted > 0 and gain < STALL_TOLERANCE and promised < STALL_SHARE * self.point.chi2
+        stalled = before.accepted > 0 and gain < STALL_TOLERANCE and self._nearby() < STALL_SHARE * self.point.chi2
         converged = accepted and self._arrived(gain, promised)
         self.progress = dataclasses.replace(
             after,
@@ -129,6 +132,12 @@ class LevenbergMarquardt:
         if self.corrected_later:
             return promised < NEARLY or (gain < NEARLY and promised < NEARLY_PROMISED)
         return min(gain, promised) < CHI2_TOLERANCE
+
+    def _nearby(self) -> float:
+        """What the linear problem promises as far as it is believed."""
+        reduced = self.point.reduced
+        steps = reduced.damped_steps(np.logspace(-6, 9, 16).tolist())
+        return max((-reduced.promise(step) for step in steps if np.max(np.abs(step)) <= REACH), default=0.0)
 
     def _moved(self, stand: _Stand) -> Steps[_Stand]:
         """Moves as long as the Jacobian of where they begin, and what they learn on the way, are good for them."""
@@ -155,7 +164,7 @@ class LevenbergMarquardt:
             chi2 = [np.inf if each is None else float(each @ each) for each in found]
             best, failed = int(np.argmin(chi2)), stand.failed + chi2.count(np.inf)
             residuals = found[best]
-            if residuals is not None and chi2[best] < stand.chi2:
+            if residuals is not None and chi2[best] < (1 - LEAST_GAIN) * stand.chi2:
                 return _Stand(trials[best], residuals, sizes[best], failed, stand.rejected)
             stand = dataclasses.replace(stand, size=SMALLER * stand.size, failed=failed, rejected=stand.rejected + 1)
         return stand

@@ -22,7 +22,7 @@ AT_ONCE = 8
 """Starts under way at the same time: each holds derivatives of all traces, a tenth of a gigabyte."""
 TRIED = 3
 """Steps before a start may be hopeless."""
-WORSE, SLOW = 3.0, 0.5
+WORSE, SLOW = 3.0, 0.8
 """A start is hopeless when its cost is that much larger than the least one that another has reached, and its last step
 left more than that part of it."""
 
