@@ -118,7 +118,7 @@ class LevenbergMarquardt:
         )
         promised = self.point.uncertainty(problem.count).gain
         stalled = before.accepted > 0 and gain < STALL_TOLERANCE and self._nearby() < STALL_SHARE * self.point.chi2
-        converged = accepted and self._arrived(gain, promised)
+        converged = self._arrived(gain if accepted else np.inf, promised)
         self.progress = dataclasses.replace(
             after,
             converged=converged or stalled,
