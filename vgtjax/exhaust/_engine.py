@@ -41,9 +41,9 @@ class Engine(Part):
                 "(1, 3, 4, 2)"
             )
         for name in ("bore", "crank_radius", "rod"):
-            require_positive(f"engine.{name}", getattr(self, name), "number of metres", "see the printed engine")
+            require_positive(f"engine.{name}", getattr(self, name), "number of metres", "correct it")
         for name in ("clearance_volume", "manifold_volume"):
-            require_positive(f"engine.{name}", getattr(self, name), "volume in m3", "see the printed engine")
+            require_positive(f"engine.{name}", getattr(self, name), "volume in m3", "correct it")
         if not is_traced(self.rod, self.crank_radius) and not bool(jnp.all(self.rod > self.crank_radius)):
             raise InputError(
                 f"a connecting rod must be longer than the crank radius, but it is {self.rod} m against "
