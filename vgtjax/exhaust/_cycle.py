@@ -10,7 +10,7 @@ import optimistix as optx
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from ..simulation import RESULTS, check_result
+from ..simulation import RESULTS, check_result, choose
 from ._blow_down import Cylinders, Gas, Geometry, State, fire, geometry, manifold_pressure, step
 from ._engine import Engine
 from ._operating_point import OperatingPoint
@@ -51,8 +51,8 @@ def pulsation(engine: Engine, point: OperatingPoint, *, substeps: int = SUBSTEPS
     **Returns:** crank angle in deg (720 deg in steps of 0.5), pressure in Pa absolute, temperature in K and mass flow
     into the turbine in kg/s.
 
-    **Raises:** `InputError` when the firing interval is no multiple of 0.5 deg; `SimulationError` when no periodic cycle
-    is found (inside of `jit` and `vmap`, where one lane raises for all, a `RuntimeError` of equinox; see
+    **Raises:** `InputError` when the firing interval is no multiple of 0.5 deg; `SimulationError` when no cycle that
+    repeats itself is found (inside of `jit` and `vmap`, where one lane raises for all, a `RuntimeError` of equinox; see
     [`steady_cycle`][]).
     """
     cycle, result = steady_cycle(engine, point, substeps=substeps)
@@ -75,10 +75,12 @@ def steady_cycle(engine: Engine, point: OperatingPoint, *, substeps: int = SUBST
 def _solve(engine: Engine, point: OperatingPoint, substeps: int) -> tuple[Pulsation, RESULTS]:
     solver: optx.Newton = optx.Newton(*[float(jnp.finfo(engine.bore.dtype).eps) ** 0.75] * 2)
     guess = jax.tree.map(jnp.log, _run_in(*jax.lax.stop_gradient((engine, point)), substeps))
-    found = optx.root_find(_misses, solver, guess, (engine, point, substeps), max_steps=NEWTON_STEPS, throw=False)
+    found: optx.Solution = optx.root_find(
+        _misses, solver, guess, (engine, point, substeps), max_steps=NEWTON_STEPS, throw=False
+    )
     cycle = _cycle(engine, point, jax.tree.map(jnp.exp, found.value), substeps)
     good = (found.result == optx.RESULTS.successful) & jnp.all(jnp.isfinite(jnp.stack(cycle)))
-    return cycle, RESULTS.where(good, RESULTS.successful, RESULTS.not_periodic)
+    return cycle, choose(good, RESULTS.successful, RESULTS.not_periodic)
 
 
 def _misses(logarithms: State, args: tuple[Engine, OperatingPoint, int]) -> State:

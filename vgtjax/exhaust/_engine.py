@@ -16,9 +16,9 @@ class Engine(Part):
     """Cylinders that fire at equal intervals, all alike, into one volume.
 
     `firing_order` numbers the cylinders from one. With one volume only their number counts. The clearance volume is
-    not the printed one, which is the bore's area times 1 mm and would be a compression ratio of 92 (erratum E22); it is
-    that of an assumed ratio of 18. The crank radius is the printed one, 1608 cm3 in all, with which that volume goes; the
-    engine that the thesis names has 1560 cm3, a crank radius of 44.15 mm.
+    not the printed one, which is the bore's area times 1 mm and would be a compression ratio of 92; it is that of an
+    assumed ratio of 18. The crank radius is the printed one, with which that volume goes: 1608 cm3 in all. The engine
+    that the thesis names has 1560 cm3, which is a crank radius of 44.15 mm.
     """
 
     place: ClassVar[str] = "engine"
@@ -26,7 +26,7 @@ class Engine(Part):
     bore: Scalar = parameter(75e-3, symbol="B", unit="m", source="B.2.1", held=True)
     crank_radius: Scalar = parameter(45.5e-3, symbol="a", unit="m", source="B.2.1", held=True)
     rod: Scalar = parameter(136.5e-3, symbol="l", unit="m", source="B.2.1", held=True)
-    clearance_volume: Scalar = parameter(23.6e-6, symbol="V_c", unit="m3", source="assumed, erratum E22", held=True)
+    clearance_volume: Scalar = parameter(23.6e-6, symbol="V_c", unit="m3", source="assumed", held=True)
     manifold_volume: Scalar = parameter(0.92e-3, symbol="V_x", unit="m3", source="B.2.1")
     firing_order: tuple[int, ...] = eqx.field(static=True, default=(1, 3, 4, 2))
     valve: Valve = eqx.field(default_factory=Valve)

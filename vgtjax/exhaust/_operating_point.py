@@ -23,6 +23,16 @@ class TurbineFlow(Protocol):
         """Flow in kg/s from a total pressure in Pa absolute, with the vanes' crank at an angle in deg."""
 
 
+UNITS = {
+    "engine_speed": "speed in rpm",
+    "trapped_mass": "mass in kg",
+    "opening_temperature": "temperature in K",
+    "outlet_pressure": "pressure in Pa absolute",
+    "effective_area": "area in m2",
+}
+"""What must be positive, and its unit."""
+
+
 def _optional(value: Any) -> Any:
     return None if value is None else as_float_array(value)
 
@@ -30,8 +40,8 @@ def _optional(value: Any) -> Any:
 class OperatingPoint(eqx.Module):
     """A point at which an engine runs; numbers, or arrays of one shape for a batch under `jax.vmap`.
 
-    Exactly one of `effective_area` and `turbine` says how the manifold empties; a turbine needs the `crank_angle` of its
-    vanes too.
+    Exactly one of `effective_area` and `turbine` says how the manifold empties; a turbine also needs the `crank_angle`
+    of its vanes.
 
     **Raises:** `InputError` for a quantity that is not positive, for both ways out of the manifold or none, and for a
     turbine without an angle or the other way round.
@@ -82,13 +92,3 @@ class OperatingPoint(eqx.Module):
             hotter = temperature / self.turbine.total_temperature
             return self.turbine.mass_flow(pressure, self.crank_angle) / jnp.sqrt(hotter)
         return flow_between(gas, self.effective_area, pressure, temperature, self.outlet_pressure, temperature)[0]
-
-
-UNITS = {
-    "engine_speed": "speed in rpm",
-    "trapped_mass": "mass in kg",
-    "opening_temperature": "temperature in K",
-    "outlet_pressure": "pressure in Pa absolute",
-    "effective_area": "area in m2",
-}
-"""What must be positive, and its unit."""

@@ -72,7 +72,7 @@ def test_what_cylinders_lose_the_turbine_takes_in(cycles, settled, slow):
 
 
 def test_energy_of_the_charge_leaves_as_work_enthalpy_and_heat(cycles, settled, slow):
-    end, states = settled
+    _, states = settled
     gas, cycle = ENGINE.gas, cycles[1000]
     heat_capacity = gas.gas_constant / (gas.heat_capacity_ratio - 1)
     angles = np.arange(360 * SUBSTEPS) * GRID / SUBSTEPS
