@@ -23,8 +23,8 @@ class PulsationTable(Table):
     The operating point is that of an assumed engine under load at 1000 rpm; the area stands for its turbine.
     """
 
-    engine_speed: Annotated[float, pydantic.Field(ge=100, le=1e4)]
-    """rpm"""
+    engine_speed: Annotated[float, pydantic.Field(ge=400, le=1e4)]
+    """rpm; below that no engine runs, and the steps of its cycle are too long."""
     amplitude: Literal["engine"] | float = "engine"
     """That of the engine, or half of it from peak to peak as a share of the mean gauge pressure."""
     trapped_mass: Annotated[float, pydantic.Field(gt=0, le=1e-2)] = 0.476e-3

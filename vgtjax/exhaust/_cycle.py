@@ -46,7 +46,7 @@ def pulsation(engine: Engine, point: OperatingPoint, *, substeps: int = SUBSTEPS
     Can be jitted, vmapped, and differentiated in both modes with respect to every floating leaf of both arguments; the
     derivatives are those of the periodic cycle itself, by the implicit function theorem.
 
-    **Arguments:** `substeps`: steps of the integration in 0.5 deg; a crawling engine needs more.
+    **Arguments:** `substeps`: steps of the integration in 0.5 deg; an engine slower than 400 rpm needs more.
 
     **Returns:** crank angle in deg (720 deg in steps of 0.5), pressure in Pa absolute, temperature in K and mass flow
     into the turbine in kg/s.

@@ -64,7 +64,7 @@ def test_simulate_writes_the_pressure_that_acted(gas):
         ("amplitude = 0.2\n", "the key 'pulsation.engine_speed' is missing; add it"),
         (
             "engine_speed = -1000\n",
-            "study.toml: pulsation.engine_speed: Input should be greater than or equal to 100, but it is -1000; "
+            "study.toml: pulsation.engine_speed: Input should be greater than or equal to 400, but it is -1000; "
             "correct it",
         ),
         (
