@@ -10,7 +10,6 @@ from .._types import Scalar, Values
 from ..parts import flow_between
 from ._engine import Engine
 from ._operating_point import OperatingPoint
-from ._valve import CYCLE
 
 STAGES, LEANS, WEIGHTS = np.array([0, 1, 1, 2]), np.array([0, 0.5, 0.5, 1.0]), np.array([1, 2, 2, 1]) / 6
 """The classical method of Runge and Kutta: where it takes a slope, how far along the last one, how much it counts."""
@@ -65,7 +64,7 @@ class Geometry(eqx.Module):
 
 def geometry(engine: Engine, angle: Scalar) -> Geometry:
     """Of all cylinders, `angle` deg after the firing TDC of the one that fired last."""
-    angles = angle + engine.interval * jnp.arange(engine.cylinders)
+    angles = angle + engine.interval * jnp.arange(engine.cylinders, dtype=jnp.result_type(angle))
     volume = engine.volume(angles)
     ratio = engine.volume(engine.valve.opening) / volume
     return Geometry(engine.valve.area(angles), volume, ratio ** (engine.gas.heat_capacity_ratio - 1))
@@ -116,7 +115,7 @@ def step(engine: Engine, point: OperatingPoint, state: State, stages: Geometry, 
 
     They are a loop, as four copies of the rates and of their derivatives take four times as long to compile.
     """
-    seconds = turn / (CYCLE / 2 / 60 * point.engine_speed)
+    seconds = turn / (6 * point.engine_speed)  # rpm to deg/s
 
     def ahead(direction: State, share: Values) -> State:
         return jax.tree.map(lambda y, k: y + share * seconds * k, state, direction)

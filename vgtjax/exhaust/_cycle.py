@@ -74,13 +74,18 @@ def steady_cycle(engine: Engine, point: OperatingPoint, *, substeps: int = SUBST
 @eqx.filter_jit
 def _solve(engine: Engine, point: OperatingPoint, substeps: int) -> tuple[Pulsation, RESULTS]:
     solver: optx.Newton = optx.Newton(*[float(jnp.finfo(engine.bore.dtype).eps) ** 0.75] * 2)
-    guess = jax.tree.map(jnp.log, _run_in(*jax.lax.stop_gradient((engine, point)), substeps))
+    guess = jax.tree.map(jnp.log, _run_in(*_constant((engine, point)), substeps))
     found: optx.Solution = optx.root_find(
         _misses, solver, guess, (engine, point, substeps), max_steps=NEWTON_STEPS, throw=False
     )
     cycle = _cycle(engine, point, jax.tree.map(jnp.exp, found.value), substeps)
     good = (found.result == optx.RESULTS.successful) & jnp.all(jnp.isfinite(jnp.stack(cycle)))
     return cycle, choose(good, RESULTS.successful, RESULTS.not_periodic)
+
+
+def _constant(tree: tuple[Engine, OperatingPoint]) -> tuple[Engine, OperatingPoint]:
+    """The same, which nothing is differentiated with respect to: a root does not depend on where its search begins."""
+    return jax.tree.map(lambda leaf: jax.lax.stop_gradient(leaf) if eqx.is_array(leaf) else leaf, tree)
 
 
 def _misses(logarithms: State, args: tuple[Engine, OperatingPoint, int]) -> State:
