@@ -37,6 +37,7 @@ FIRST = (
     "test_vane_force.py",
     "test_evaluate.py",
     "test_line.py",
+    "test_pulsation_gradients.py",
     "test_identify_mechanical.py",
     "chapters_2_and_3.ipynb",
     "first_steps.ipynb",

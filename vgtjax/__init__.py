@@ -6,6 +6,7 @@ from . import (
     assurance as assurance,
     control as control,
     estimation as estimation,
+    exhaust as exhaust,
     experiments as experiments,
     identification as identification,
     parameters as parameters,

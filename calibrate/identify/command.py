@@ -31,7 +31,7 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
 
     **Raises:** `SimulationError` when nothing could be identified, after everything else is written.
     """
-    job = prepare(study, parameters, to_fit=True)
+    job = prepare(study, parameters, to_fit=True, as_recorded=True)
     compute, overview = functools.partial(_identify_units, job), functools.partial(render_overview, job)
     summaries = run_units(job, out, "identify", compute, overview)
     empty = [name or "this study" for name, summary in summaries.items() if not summary["identified"]]

@@ -7,6 +7,7 @@ import pydantic
 from .base import Count, Finite, Gauge, Positive, Seed, Share, StartValue, Table
 from .components import Components, FullComponents, MechanicalComponents, PlungerMapComponents, StaticMapComponents
 from .control import ControlTable
+from .disturbances import Disturbance, PulsationTable
 
 Sensor = Literal["x_d", "p_act", "p_res", "p_trb", "f_vane", "f_drive"]
 
@@ -195,6 +196,11 @@ class Study(Table):
     sensitivity: SensitivityTable = SensitivityTable()
     control: ControlTable = ControlTable()
     report: ReportTable = ReportTable()
+    pulsation: PulsationTable | None = None
+
+    def disturbances(self) -> list[Disturbance]:
+        """What acted on the actuator of every trace without its sensors showing it."""
+        return [table.build() for table in (self.pulsation,) if table is not None]
 
 
 class FullStudy(Study):

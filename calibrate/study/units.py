@@ -12,6 +12,7 @@ from vgtjax.estimation import Unknown
 from vgtjax.parameters import Bounds
 from vgtjax.traces import STANDARD_ATMOSPHERE, TRAVEL
 
+from .disturbances import Disturbance
 from .models import build_model, deviations_of, parameters_of, start_model, start_values
 from .parameter_file import FoundDuty, load_duties, load_values
 from .read import EXAMPLE, TraceSource, expand_traces, fingerprint, load_study
@@ -83,11 +84,18 @@ class Job(StudyJob):
     units: list[Unit]
 
 
-def prepare(path: pathlib.Path | None, parameters: pathlib.Path | None, *, to_fit: bool = False) -> Job:
+def prepare(
+    path: pathlib.Path | None,
+    parameters: pathlib.Path | None,
+    *,
+    to_fit: bool = False,
+    as_recorded: bool = False,
+) -> Job:
     """Reads and checks everything that a command will use.
 
     **Arguments:** `path`: the study, or `None` for the example that ships; `parameters`: of an earlier fit;
-    `to_fit`: whether every trace needs a signal that can be fitted, and every unit a trace for that.
+    `to_fit`: whether every trace needs a signal that can be fitted, and every unit a trace for that; `as_recorded`:
+    whether traces stay without the study's disturbances, for what reads samples and does not simulate them.
     """
     path = EXAMPLE if path is None else path
     study = _holding_replaced(load_study(path))
@@ -113,6 +121,7 @@ def prepare(path: pathlib.Path | None, parameters: pathlib.Path | None, *, to_fi
         if to_fit and not unit.used("fit"):
             where = "" if unit.name is None else f" of unit '{unit.name}'"
             raise InputError(f"a fit needs at least one trace{where} with use = 'fit'; mark one")
+    units = units if as_recorded else _disturbed(units, study.disturbances())
     return Job(study, path.read_text(encoding="utf-8-sig"), fingerprint(study, sources, given), units)
 
 
@@ -145,6 +154,16 @@ def load_source(
     if trace.pwm is not None and source.duty_delay:
         trace = trace.with_late_duty(source.duty_delay)
     return trace
+
+
+def _disturbed(units: list[Unit], disturbances: Sequence[Disturbance]) -> list[Unit]:
+    """The same units with every trace as the actuator felt it, with what its sensors do not show."""
+    for disturbance in disturbances:
+        units = [
+            dataclasses.replace(unit, traces=[(use, disturbance.applied(trace)) for use, trace in unit.traces])
+            for unit in units
+        ]
+    return units
 
 
 def _without_gains(trace: vgtjax.Trace, gains: Mapping[Sensor, float]) -> vgtjax.Trace:

@@ -34,8 +34,9 @@ class Holds:
 
 
 def sample_interval(trace: Trace) -> float:
-    """Usual time in s between samples of a trace, to a tenth of a millisecond."""
-    return round(float(np.median(np.diff(trace.time))), 4)
+    """Usual time in s between samples of the duty of a trace, to a tenth of a millisecond."""
+    duty = trace.channels.get("pwm")
+    return round(float(np.median(np.diff(trace.time if duty is None else duty.time))), 4)
 
 
 def read_holds(

@@ -1,7 +1,13 @@
 """Physical parts, each an equinox module with its equations."""
 
 from .._types import Scalar as Scalar
-from ._air import Air as Air, flow_function as flow_function, orifice_flow as orifice_flow
+from ._air import (
+    AbstractIdealGas as AbstractIdealGas,
+    Air as Air,
+    flow_between as flow_between,
+    flow_function as flow_function,
+    orifice_flow as orifice_flow,
+)
 from ._converter import (
     GENTLE_OPENING as GENTLE_OPENING,
     Converter as Converter,

@@ -1,4 +1,4 @@
-"""Air: ideal gas at the ambient state, and compressible flow through an orifice [2.13-2.15, A.29]."""
+"""Air: ideal gas at the ambient state, and compressible flow of a gas through an orifice [2.13-2.15, A.29]."""
 
 from typing import ClassVar
 
@@ -9,7 +9,23 @@ from .._types import Scalar, Values
 from ..parameters import Part, parameter
 
 
-class Air(Part):
+class AbstractIdealGas(Part):
+    """An ideal gas with constant heat capacities, as far as an orifice feels it."""
+
+    gas_constant: eqx.AbstractVar[Scalar]
+    """R in J/(kg K)."""
+    heat_capacity_ratio: eqx.AbstractVar[Scalar]
+    """gamma."""
+    linear_above: eqx.AbstractVar[float]
+    """Pressure ratio above which the flow function is a straight line to zero; a numerical setting."""
+
+    def critical_ratio(self) -> Values:
+        """Pressure ratio below which the flow is choked, `(2/(gamma+1))^(gamma/(gamma-1))` [2.15]."""
+        gamma = self.heat_capacity_ratio
+        return jnp.exp(gamma / (gamma - 1) * jnp.log(2 / (gamma + 1)))
+
+
+class Air(AbstractIdealGas):
     """Properties of air and of the atmosphere around the actuator (Table B.2)."""
 
     place: ClassVar[str] = "air"
@@ -19,51 +35,61 @@ class Air(Part):
     pressure: Scalar = parameter(101013.0, symbol="p_atm", unit="Pa", source="B.2", held=True)
     temperature: Scalar = parameter(293.15, symbol="T_atm", unit="K", source="assumed", held=True)
     linear_above: float = eqx.field(static=True, default=0.9999)
-    """Pressure ratio above which the flow function is a straight line to zero; a numerical setting."""
-
-    def critical_ratio(self) -> Values:
-        """Pressure ratio below which the flow is choked, `(2/(gamma+1))^(gamma/(gamma-1))` [2.15]."""
-        gamma = self.heat_capacity_ratio
-        return jnp.exp(gamma / (gamma - 1) * jnp.log(2 / (gamma + 1)))
 
 
-def _choked_or_smooth(air: Air, ratio: Values) -> Values:
-    """`Phi^2` [2.15], held constant below the critical ratio and above `air.linear_above`."""
-    clipped = jnp.clip(ratio, air.critical_ratio(), air.linear_above)
-    root = jnp.exp(jnp.log(clipped) / air.heat_capacity_ratio)
-    return 2 / (air.heat_capacity_ratio - 1) * root * (root - clipped)
+def _choked_or_smooth(gas: AbstractIdealGas, ratio: Values) -> Values:
+    """`Phi^2` [2.15], held constant below the critical ratio and above `linear_above`."""
+    clipped = jnp.clip(ratio, gas.critical_ratio(), gas.linear_above)
+    root = jnp.exp(jnp.log(clipped) / gas.heat_capacity_ratio)
+    return 2 / (gas.heat_capacity_ratio - 1) * root * (root - clipped)
 
 
-def _chord(air: Air, ratio: Values) -> Values:
-    """One up to `air.linear_above`, then straight to zero at equal pressures."""
-    return jnp.minimum((1 - ratio) * (1 / (1 - air.linear_above)), 1.0)
+def _chord(gas: AbstractIdealGas, ratio: Values) -> Values:
+    """One up to `linear_above`, then straight to zero at equal pressures."""
+    return jnp.minimum((1 - ratio) * (1 / (1 - gas.linear_above)), 1.0)
 
 
-def flow_function(air: Air, ratio: Values) -> Values:
+def flow_function(gas: AbstractIdealGas, ratio: Values) -> Values:
     """`Phi(p_down / p_up)` [2.15, with `2/(gamma-1)` under the root], dimensionless: constant when choked, above
-    `air.linear_above` the chord to zero, as its slope is infinite at equal pressures."""
-    return jnp.sqrt(_choked_or_smooth(air, ratio)) * _chord(air, ratio)
+    `linear_above` the chord to zero, as its slope is infinite at equal pressures."""
+    return jnp.sqrt(_choked_or_smooth(gas, ratio)) * _chord(gas, ratio)
 
 
-def orifice_flow(
-    air: Air, area: Values, source_pressure: Values, pressure: Values, temperature: Values
+def flow_between(
+    gas: AbstractIdealGas,
+    area: Values,
+    source_pressure: Values,
+    source_temperature: Values,
+    pressure: Values,
+    temperature: Values,
 ) -> tuple[Values, Values]:
-    """Mass flow from a source through an orifice into a volume [2.13-2.14, A.29], either way.
+    """Mass flow from one volume through an orifice into another [2.13-2.14, A.29], either way.
 
-    Upstream is whichever pressure is larger. Gas that enters has the ambient temperature, gas that leaves has
-    that of the volume.
+    Upstream is whichever pressure is larger. Gas carries the temperature of the volume that it leaves.
 
-    **Arguments:** `area` in m2, both pressures in Pa absolute, `temperature` of the volume in K.
+    **Arguments:** `area` in m2; pressure in Pa absolute and temperature in K of the source, then of the other volume.
 
-    **Returns:** mass flow into the volume in kg/s, and the temperature of the gas that flows in K.
+    **Returns:** mass flow out of the source in kg/s, and the temperature of the gas that flows in K.
     """
     entering = source_pressure > pressure
     # Not maximum and minimum: at equal pressures, where a vented chamber rests, their derivatives split the tie and the
     # flow would not feel either pressure.
     upstream = jnp.where(entering, source_pressure, pressure)
     ratio = jnp.where(entering, pressure, source_pressure) / upstream
-    gas_temperature = jnp.where(entering, air.temperature, temperature)
+    gas_temperature = jnp.where(entering, source_temperature, temperature)
     # sqrt(gamma / (R T)) and Phi under a single root: roots and divisions are what this costs.
-    scale = air.heat_capacity_ratio / air.gas_constant
-    speed = jnp.sqrt(scale * _choked_or_smooth(air, ratio) / gas_temperature)
-    return jnp.where(entering, area, -area) * upstream * speed * _chord(air, ratio), gas_temperature
+    scale = gas.heat_capacity_ratio / gas.gas_constant
+    speed = jnp.sqrt(scale * _choked_or_smooth(gas, ratio) / gas_temperature)
+    return jnp.where(entering, area, -area) * upstream * speed * _chord(gas, ratio), gas_temperature
+
+
+def orifice_flow(
+    air: Air, area: Values, source_pressure: Values, pressure: Values, temperature: Values
+) -> tuple[Values, Values]:
+    """Mass flow from a source of ambient air through an orifice into a volume, either way; see [`flow_between`][].
+
+    **Arguments:** `area` in m2, both pressures in Pa absolute, `temperature` of the volume in K.
+
+    **Returns:** mass flow into the volume in kg/s, and the temperature of the gas that flows in K.
+    """
+    return flow_between(air, area, source_pressure, air.temperature, pressure, temperature)

@@ -20,6 +20,8 @@ class RESULTS(eqx.Enumeration):
     root_not_found = "The implicit solver did not find the root of a step: lower max_step, or loosen its root finder."
     unphysical = "The diaphragm swallows the chamber: enlarge chamber.volume, or correct diaphragm.area or travel."
     """Of members of a population, which are not refused one by one."""
+    not_periodic = "No cycle repeats itself: check that engine and operating point are physical, then raise substeps."
+    """Of an engine, whose exhaust pulsates."""
 
 
 def choose(condition: Any, one: Any, other: Any) -> RESULTS:

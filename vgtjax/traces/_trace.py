@@ -181,8 +181,8 @@ class Trace:
 
     def with_ramped_duty(self) -> "Trace":
         """The same trace with a duty that was linear between its samples; of every interval of `time` its mean."""
-        duty = self.at("pwm")
-        assert duty is not None, "only a duty can be ramped"
+        assert self.pwm is not None, "only a duty can be ramped"
+        duty = self.channels["pwm"].interpolate(self.time)
         return self.replace(time=self.time, pwm=np.append(0.5 * (duty[1:] + duty[:-1]), duty[-1]))
 
     def drive(self) -> Drive:

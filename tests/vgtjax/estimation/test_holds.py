@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from vgtjax.estimation._holds import judge_holds
+from vgtjax import Channel, Trace
+from vgtjax.estimation._holds import judge_holds, sample_interval
 
 SLOW, FAST = 10e-3, 1e-3
 
@@ -42,3 +43,10 @@ def test_two_intervals_do(delays, linear, delay):
 @pytest.mark.parametrize("delays", [[3e-3, 20e-3], [-9e-3, -9e-3]])
 def test_what_nothing_explains_is_not_decided(delays):
     assert not judged(delays, [SLOW, FAST]).decided
+
+
+def test_the_interval_is_that_of_the_duty_whatever_the_other_clocks():
+    duty, position = np.arange(0, 1, SLOW), np.arange(0, 1, FAST)
+    trace = Trace(pwm=Channel(duty, 0 * duty), x_d=Channel(position, 0 * position))
+    assert sample_interval(trace) == pytest.approx(SLOW)
+    assert sample_interval(Trace(position, x_d=0 * position)) == pytest.approx(FAST)

@@ -201,3 +201,11 @@ def test_a_bad_trace_is_refused_in_one_sentence(case):
     make, sentence = BAD[case]
     with pytest.raises(vgtjax.InputError, match=sentence):
         make(np.arange(10.0))
+
+
+def test_a_ramped_duty_is_that_of_its_own_samples_whatever_the_other_clocks():
+    slow, fast = np.arange(0, 1.01, 0.1), np.arange(0, 1.001, 0.02)
+    trace = vgtjax.Trace(pwm=vgtjax.Channel(slow, 100 * slow), x_d=vgtjax.Channel(fast, 0 * fast))
+    ramped = trace.with_ramped_duty()
+    middles = 0.5 * (ramped.time[:-1] + ramped.time[1:])
+    np.testing.assert_allclose(ramped.at("pwm")[:-1], 100 * middles, rtol=1e-12)  # rounding

@@ -1,0 +1,94 @@
+"""What an engine is run at, and through what its manifold empties."""
+
+from typing import Any, Protocol, runtime_checkable
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from .._errors import InputError, require_positive
+from .._types import Scalar, Values
+from ..parameters import as_float_array
+from ..parts import flow_between
+from ._gas import ExhaustGas
+
+
+@runtime_checkable
+class TurbineFlow(Protocol):
+    """What a turbine has to answer for a manifold to empty through it."""
+
+    total_temperature: Scalar
+    """K at the inlet, for which `mass_flow` holds."""
+
+    def mass_flow(self, total_pressure: Values, crank_angle: Values) -> Values:
+        """Flow in kg/s from a total pressure in Pa absolute, with the vanes' crank at an angle in deg."""
+
+
+UNITS = {
+    "engine_speed": "speed in rpm",
+    "trapped_mass": "mass in kg",
+    "opening_temperature": "temperature in K",
+    "outlet_pressure": "pressure in Pa absolute",
+    "effective_area": "area in m2",
+}
+"""What must be positive, and its unit."""
+
+
+def _optional(value: Any) -> Any:
+    return None if value is None else as_float_array(value)
+
+
+class OperatingPoint(eqx.Module):
+    """A point at which an engine runs; numbers, or arrays of one shape for a batch under `jax.vmap`.
+
+    Exactly one of `effective_area` and `turbine` says how the manifold empties; a turbine also needs the `crank_angle`
+    of its vanes.
+
+    **Raises:** `InputError` for a quantity that is not positive, for both ways out of the manifold or none, and for a
+    turbine without an angle or the other way round.
+    """
+
+    engine_speed: Values = eqx.field(converter=as_float_array)
+    """rpm"""
+    trapped_mass: Values = eqx.field(converter=as_float_array)
+    """kg of gas in a cylinder when its exhaust valve opens."""
+    opening_temperature: Values = eqx.field(converter=as_float_array)
+    """K of that gas."""
+    outlet_pressure: Values = eqx.field(converter=as_float_array)
+    """Pa absolute behind the turbine."""
+    effective_area: Values | None = eqx.field(converter=_optional, default=None)
+    """m2 of the orifice that stands for the turbine."""
+    turbine: Any = None
+    """See [`TurbineFlow`][]."""
+    crank_angle: Values | None = eqx.field(converter=_optional, default=None)
+    """deg of the crank that turns the turbine's vanes."""
+
+    def __check_init__(self) -> None:
+        for name, what in UNITS.items():
+            if getattr(self, name) is not None:
+                require_positive(name, getattr(self, name), what, f"correct {name}")
+        if (self.effective_area is None) == (self.turbine is None):
+            given = "neither" if self.turbine is None else "both"
+            raise InputError(
+                "a manifold must empty through either an effective_area or a turbine, but there is "
+                f"{given}; give exactly one"
+            )
+        if (self.turbine is None) != (self.crank_angle is None):
+            raise InputError(
+                "a turbine and the crank_angle of its vanes belong together, but only "
+                f"{'the angle' if self.turbine is None else 'the turbine'} is given; give both or none"
+            )
+        if self.turbine is not None and not isinstance(self.turbine, TurbineFlow):
+            raise InputError(
+                "a turbine must have mass_flow(total_pressure, crank_angle) and total_temperature, but "
+                f"{type(self.turbine).__name__} has not; give e.g. a vane force of a turbine"
+            )
+
+    def leaving(self, gas: ExhaustGas, pressure: Values, temperature: Values) -> Values:
+        """Mass flow in kg/s from a manifold at a pressure in Pa absolute and a temperature in K into the turbine.
+
+        What a turbine takes in goes as `p0 / sqrt(T0)`. Gas that comes back has the manifold's temperature.
+        """
+        if self.turbine is not None:
+            hotter = temperature / self.turbine.total_temperature
+            return self.turbine.mass_flow(pressure, self.crank_angle) / jnp.sqrt(hotter)
+        return flow_between(gas, self.effective_area, pressure, temperature, self.outlet_pressure, temperature)[0]
