@@ -3,9 +3,16 @@
 import importlib
 import pathlib
 
-from ._recording import Recording
+from ._recording import Recording, read_start
 
-READERS: dict[str, str] = {}
+READERS = {
+    ".mf4": "_mdf.MDFRecording",
+    ".mdf": "_mdf.MDFRecording",
+    ".dat": "_mdf.MDFRecording",
+    ".tdms": "_tdms.TDMSRecording",
+    ".mat": "_mat.MATRecording",
+    ".parquet": "_parquet.ParquetRecording",
+}
 """Readers by suffix, imported only when one is needed; every other suffix is text."""
 TEXT = "_text.TextRecording"
 SUFFIXES = (".csv", *READERS)
@@ -19,5 +26,8 @@ def open_recording(path: pathlib.Path) -> Recording:
     """
     suffix = path.suffix.lower()
     reader = READERS.get(suffix, TEXT)
+    # Half of all programs call their files .dat; INCA and CANape mean MDF 3 by it.
+    if suffix == ".dat" and not read_start(path, 8).startswith((b"MDF", b"UnFinMF")):
+        reader = TEXT
     module, name = reader.split(".")
     return getattr(importlib.import_module(f".{module}", __package__), name)(path)

@@ -85,11 +85,11 @@ class Recording(abc.ABC):
         """Where something stands, for a sentence; samples count from 1 there."""
         parts = [self.path.name]
         if isinstance(channel, Entry):
-            parts.append(f"channel {channel.label}" + (f" of group {channel.group}" if channel.group else ""))
+            parts.append(f"{self.noun} {channel.label}" + (f" of group {channel.group}" if channel.group else ""))
         elif channel is not None:
-            parts.append(f"channel {channel}")
+            parts.append(f"{self.noun} {channel}")
         if sample is not None:
-            parts.append(f"sample {sample + 1}")
+            parts.append(f"{self.item} {sample + 1}")
         return ", ".join(parts)
 
     def fail(self, what: str, remedy: str, channel: Entry | str | None = None, sample: int | None = None) -> InputError:
