@@ -1,12 +1,12 @@
-"""One small campaign, written as every kind of file that is read; and files that are spoilt in one way each."""
+"""One small campaign, written as every kind of file that is read."""
 
 import dataclasses
 import pathlib
+import warnings
 from collections.abc import Callable
 
 import asammdf
 import h5py
-import matio
 import nptdms
 import numpy as np
 import pandas as pd
@@ -20,8 +20,6 @@ COUNT = 41
 UNITS = {"pwm": "%", "p_act": "mbar gauge", "p_res": "mbar gauge", "x_d": "mm"}
 STEPS = {"pwm": 0.5, "p_act": 0.1, "p_res": 0.5, "x_d": 0.01}
 """What one count of each channel's converter is worth."""
-MAP = {name: vgtjax.Source(unit=unit) for name, unit in UNITS.items()}
-"""What a file without units needs."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -138,7 +136,17 @@ def write_timetable(path: pathlib.Path, signals: Campaign, version: str) -> None
         time = next(iter(members.values())).time
         index = pd.TimedeltaIndex(np.round(time * 1e6).astype("m8[us]"), name="Time")
         frames[group] = pd.DataFrame({name: signal.value for name, signal in members.items()}, index=index)
-    matio.save_to_mat(str(path), frames, version=version)
+    save_frames(path, frames, version)
+
+
+def save_frames(path: pathlib.Path, frames: dict[str, pd.DataFrame], version: str = "v7") -> None:
+    """Tables and timetables of MATLAB, by name."""
+    with warnings.catch_warnings():
+        # mat-io sets an option of pandas that is deprecated, and says that it chose the format of durations.
+        warnings.simplefilter("ignore")
+        import matio
+
+        matio.save_to_mat(str(path), frames, version=version)
 
 
 def write_parquet(path: pathlib.Path, signals: Campaign) -> None:
@@ -147,7 +155,7 @@ def write_parquet(path: pathlib.Path, signals: Campaign) -> None:
     columns = {"time [s]": pyarrow.array(time)}
     for name, signal in signals.items():
         values: list[float | None] = [None] * len(time)
-        values[:: len(time) // len(signal.time) or 1] = signal.value.tolist()
+        values[:: (len(time) - 1) // (len(signal.time) - 1)] = signal.value.tolist()
         header = name if signal.unit is None else f"{name} [{signal.unit}]"
         columns[header] = pyarrow.array(values, pyarrow.float64())
     pyarrow.parquet.write_table(pyarrow.table(columns), path)
@@ -165,6 +173,8 @@ WRITERS: dict[str, Callable[[pathlib.Path, Campaign], None]] = {
 """By the name of the file that each writes."""
 
 
-def sources_for(path: pathlib.Path) -> dict[str, vgtjax.Source] | None:
+def sources_for(path: pathlib.Path, signals: Campaign) -> dict[str, vgtjax.Source] | None:
     """The map that a file needs: MATLAB states no units."""
-    return MAP if path.suffix == ".mat" else None
+    if path.suffix != ".mat":
+        return None
+    return {name: vgtjax.Source(unit=signal.unit) for name, signal in signals.items() if name in UNITS}

@@ -51,9 +51,9 @@ class MATRecording(Recording):
             return self._loads[entry]()
 
 
-def variable(name: str, group: str, load: Load) -> tuple[Entry, Load]:
+def variable(name: str, group: str, load: Load, unit: str | None = None) -> tuple[Entry, Load]:
     """A vector; MATLAB gives it no unit, and `time` is in seconds by all custom."""
-    return Entry(name, "s" if name == "time" else None, group, key=(group, name)), load
+    return Entry(name, "s" if name == "time" and unit is None else unit, group, key=(group, name)), load
 
 
 def is_vector(shape: tuple[int, ...]) -> bool:

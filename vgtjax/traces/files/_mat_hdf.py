@@ -15,20 +15,15 @@ def list_datasets(path: pathlib.Path, node: Any, group: str = "") -> Iterator[tu
     """Channels below a group of HDF5, which is a struct of MATLAB, or the file itself."""
     for name, item in node.items():
         kind = item.attrs.get("MATLAB_class", b"")
-        inner = f"{group}.{name}" if group else name
         if name.startswith("#"):
             continue  # where MATLAB keeps what others refer to
         if kind in (b"table", b"timetable"):
-            yield from list_table(path, inner)
+            yield from list_table(path, name)
         elif hasattr(item, "items"):
-            yield from list_datasets(path, item, inner)
-        elif (
-            item.dtype.kind in "fiub"
-            and kind != b"char"
-            and is_vector(item.shape)
-            and not item.attrs.get("MATLAB_empty")
-        ):
-            yield variable(name, group, functools.partial(_read, item))
+            yield from list_datasets(path, item, f"{group}.{name}" if group else name)
+        elif item.dtype.kind in "fiub" and kind != b"char" and is_vector(item.shape):
+            # MATLAB writes no unit, other programs do.
+            yield variable(name, group, functools.partial(_read, item), item.attrs.get("unit"))
 
 
 def _read(dataset: Any) -> Record:

@@ -2,7 +2,8 @@
 
 import contextlib
 import pathlib
-from typing import Any
+import traceback
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -20,10 +21,9 @@ class MDFRecording(Recording):
         require_start(path, (b"MDF ", b"UnFinMF "), "MDF")
         asammdf = load_package(path, "asammdf", "mdf")
         with contextlib.ExitStack() as stack:
-            # Opened here: left to itself, asammdf stumbles over its own destructor when a file is broken.
             file = stack.enter_context(path.open("rb"))
             with reading(path, "MDF"):
-                self._file: Any = asammdf.MDF(file)
+                self._file: Any = _open(asammdf, file)
                 stack.callback(self._file.close)
                 self.entries = [entry for index in range(len(self._file.groups)) for entry in self._list(index)]
             self._stack = stack.pop_all()
@@ -86,3 +86,20 @@ class MDFRecording(Recording):
         if unit not in ("s", "ms"):
             raise self.fail(f"times must be in s or ms, but here they are in '{unit}'", "convert them", entry)
         return 1e-3 if unit == "ms" else 1.0
+
+
+def _open(asammdf: Any, file: BinaryIO) -> Any:
+    """The file as asammdf reads it.
+
+    Of a broken file it leaves a reader half made, whose destructor fails, which Python would print whenever it is
+    collected. With what that deletes it can be closed here.
+    """
+    try:
+        return asammdf.MDF(file)
+    except Exception as error:
+        frames = [frame.f_locals for frame, _ in traceback.walk_tb(error.__traceback__)]
+        for reader in (names["self"] for names in frames if hasattr(names.get("self"), "_closed")):
+            vars(reader).setdefault("header", None)
+            vars(reader).setdefault("identification", None)
+            reader.close()
+        raise
