@@ -77,11 +77,12 @@ def write_mdf(path: pathlib.Path, signals: Campaign) -> None:
     """Raw counts with a linear conversion, a group a clock; MDF 4 for `.mf4`, else MDF 3."""
     with asammdf.MDF(version="4.10" if path.suffix == ".mf4" else "3.30") as file:
         for name, group in by_clock(signals).items():
-            file.append([_mdf_signal(*pair) for pair in group.items()], comment=name)
+            file.append([mdf_signal(*pair) for pair in group.items()], comment=name)
         file.save(path, overwrite=True)
 
 
-def _mdf_signal(name: str, signal: Signal) -> asammdf.Signal:
+def mdf_signal(name: str, signal: Signal) -> asammdf.Signal:
+    """Counts with their conversion, or else floating-point numbers."""
     is_count = signal.counts.dtype.kind == "i"
     return asammdf.Signal(
         samples=signal.counts if is_count else signal.value,
