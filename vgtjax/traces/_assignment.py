@@ -45,10 +45,8 @@ class Assignment:
         if not sources:  # names of a file that is mapped are not ours
             for entry in recording.entries:
                 self._refuse_nearly_right(entry)
-        self.found = {}
-        for signal, entry in self._entries():
-            self.found[signal] = self._assign(signal, entry, self._source(signal))
-        self.found = {signal: self._with_clock(assigned) for signal, assigned in self.found.items()}
+        assigned = [self._assign(*found) for found in self._entries()]
+        self.found = {each.signal: self._with_clock(each) for each in assigned}
         untimed = not self.found and not any(entry.timed for entry in recording.entries)
         self.time = self._clock(Entry(""), Source()) if untimed else None
 
@@ -75,29 +73,30 @@ class Assignment:
     def _source(self, signal: str) -> Source:
         return self._sources.get(signal, Source())
 
-    def _entries(self) -> list[tuple[str, Entry]]:
-        """Every signal that is there with its channel, in the order of the file."""
-        found = {}
+    def _entries(self) -> list[tuple[str, Entry, Source]]:
+        """Every signal that is there, its channel and what is known of that, in the order of the file."""
+        found = []
         for signal in UNITS:
             if signal != "time" and signal not in self._ignore:
-                entry = self._entry(signal, self._source(signal))
-                if entry is not None:
-                    found[signal] = entry
+                source = self._source(signal)
+                matching, source = self._matching(signal, source, source.group)
+                if len(matching) > 1:
+                    raise self._ambiguous(signal, matching)
+                if matching:
+                    found.append((signal, matching[0], source))
+                elif (source.name, source.group) != (None, None):
+                    raise self._missing([signal], source.name or signal, source.group)
         order = {entry: place for place, entry in enumerate(self._recording.entries)}
-        return sorted(found.items(), key=lambda pair: order[pair[1]])
+        return sorted(found, key=lambda each: order[each[1]])
 
-    def _entry(self, signal: str, source: Source) -> Entry | None:
-        name = source.name or signal
-        matching = self._matching(name, source.group)
-        if not matching and name != signal:
-            matching = self._matching(signal, None)  # a file with our own names needs no map
-        if not matching and source != Source():
-            raise self._missing([signal], name, source.group)
-        if len(matching) > 1:
-            raise self._ambiguous(signal, matching)
-        return matching[0] if matching else None
+    def _matching(self, signal: str, source: Source, group: str | int | None) -> tuple[list[Entry], Source]:
+        """Channels of a group that a map means, or else those in our own form, which need no map."""
+        mapped = self._named(source.name or signal, group)
+        ours = [] if mapped or source.name is None else self._named(signal, group)
+        stated = [entry for entry in ours if entry.stated_unit is not None]
+        return (stated, Source()) if stated else (mapped, source)
 
-    def _matching(self, name: str, group: str | int | None) -> list[Entry]:
+    def _named(self, name: str, group: str | int | None) -> list[Entry]:
         entries = [entry for entry in self._recording.entries if group is None or entry.group == str(group)]
         return [entry for entry in entries if entry.name == name] or [e for e in entries if e.label == name]
 
@@ -132,16 +131,18 @@ class Assignment:
     def _clock(self, entry: Entry, source: Source) -> Assigned:
         """The channel with the times of another: in the same group, or in one around it."""
         mapped = self._source("time")
-        name = source.time or mapped.name or "time"
         parts = entry.group.split(".")
         around: list[str | int] = [".".join(parts[:length]) for length in range(len(parts), -1, -1)]
         for group in around if mapped.group is None or source.time is not None else [mapped.group]:
-            matching = self._matching(name, group) or self._matching("time", group)
+            if source.time is None:
+                matching, mine = self._matching("time", mapped, group)
+            else:
+                matching, mine = self._named(source.time, group), mapped
             if len(matching) > 1:
                 raise self._ambiguous("time", matching)
             if matching:
-                return self._assign("time", matching[0], mapped)
-        raise self._missing(["time"], name)
+                return self._assign("time", matching[0], mine)
+        raise self._missing(["time"], source.time or mapped.name or "time")
 
     def _missing(self, signals: Sequence[str], name: str, group: str | int | None = None) -> InputError:
         recording, either = self._recording, " or ".join(signals)

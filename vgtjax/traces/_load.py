@@ -70,7 +70,9 @@ def load_trace(
         values = _to_si(recording, assigned, records[signal], clocks.rows[signal], atmosphere, ends.get(signal))
         signals[signal] = Channel(clocks.time[signal], values, valid)
         if not np.all(valid):
-            notes.append(f"{recording.noun} '{assigned.entry.label}': {np.sum(~valid)} samples are marked as invalid")
+            notes.append(
+                f"{recording.noun} '{assigned.entry.label}': {np.sum(~valid)} samples are marked as invalid and skipped"
+            )
             if SIGNALS[signal].role == "input":  # a model can't be driven by what nobody knows
                 check_gaps(recording, assigned.entry, signals[signal].time, clocks.rows[signal][valid])
     if "p_res" not in signals and "f_drive" not in signals:

@@ -59,7 +59,8 @@ def test_a_foreign_text_table_is_mapped(foreign):
 def test_a_map_does_not_disturb_a_file_with_our_own_names(tmp_path):
     write_mdf(tmp_path / "run.mf4", campaign())
     plain = vgtjax.load_trace(tmp_path / "run.mf4")
-    mapped = vgtjax.load_trace(tmp_path / "run.mf4", channels={"p_act": Source("P_boost", unit="mbar gauge")})
+    foreign = Source("P_boost", unit="kPa absolute", scale=250.0, offset=1.0)  # of the study's other files
+    mapped = vgtjax.load_trace(tmp_path / "run.mf4", channels={"p_act": foreign})
     np.testing.assert_array_equal(mapped.p_act, plain.p_act)
 
 
@@ -209,3 +210,30 @@ def test_a_tdms_file_in_our_own_form_may_have_units_in_its_names(tmp_path):
     write_mdf(tmp_path / "run.mf4", campaign())
     trace, other = (vgtjax.load_trace(tmp_path / name) for name in ("run.tdms", "run.mf4"))
     np.testing.assert_allclose(trace.p_act, other.p_act, rtol=1e-12)
+
+
+def test_times_that_a_channel_names_are_those_and_no_others(tmp_path):
+    scipy.io.savemat(tmp_path / "run.mat", {"time": TIME, "t_slow": 2 * TIME, "x_d": TIME})
+    source = Source(unit="mm", time="t_slow")
+    assert vgtjax.load_trace(tmp_path / "run.mat", channels={"x_d": source, "time": Source(unit="s")}).time[-1] == 0.08
+    assert refusal(tmp_path / "run.mat", {"x_d": Source(unit="mm", time="t_slwo")}) == (
+        "run.mat, channel time: no channel is called t_slwo; name it in channels.time, the nearest names are 't_slow', "
+        "'time', 'x_d'"
+    )
+
+
+def test_a_unit_for_what_a_file_does_not_have_is_no_mistake(foreign):
+    trace = vgtjax.load_trace(foreign, channels={**SOURCES, "p_trb": Source(unit="bar gauge")})
+    assert trace.p_trb is None
+
+
+def test_a_struct_with_fields_x_and_y_is_a_struct(tmp_path):
+    scipy.io.savemat(tmp_path / "run.mat", {"run": {"time": TIME, "X": TIME, "Y": 2 * TIME}})
+    trace = vgtjax.load_trace(tmp_path / "run.mat", channels={"x_d": Source("Y", unit="mm")})
+    np.testing.assert_allclose(trace.x_d, 2e-3 * TIME, rtol=1e-15)
+
+
+def test_matrices_and_numbers_are_no_channels(tmp_path):
+    scipy.io.savemat(tmp_path / "run.mat", {"time": TIME, "x_d": np.zeros((COUNT, 2)), "pwm": 1.0, "f_vane": TIME})
+    trace = vgtjax.load_trace(tmp_path / "run.mat", channels={"f_vane": Source(unit="N")})
+    assert list(trace.channels) == ["f_vane"]

@@ -80,7 +80,7 @@ def test_samples_that_are_marked_as_invalid_are_skipped(tmp_path):
     trace = load(tmp_path / "run.mf4")
     np.testing.assert_allclose(trace.channels["x_d"].time, TIME[~wild], atol=1e-15)
     assert np.max(trace.x_d) < 2e-3
-    assert trace.notes == ("channel 'x_d': 10 samples are marked as invalid",)
+    assert trace.notes == ("channel 'x_d': 10 samples are marked as invalid and skipped",)
 
 
 def test_an_input_must_be_valid_without_a_gap(tmp_path):

@@ -86,9 +86,9 @@ def load_objects(path: pathlib.Path, *names: str) -> dict[str, Any]:
         return matio.load_from_mat(str(path), variable_names=list(names), add_table_attrs=True)
 
 
-def list_objects(path: pathlib.Path) -> dict[str, str]:
-    """Classes of the variables of a file with objects, by name."""
+def list_objects(path: pathlib.Path) -> list[tuple[str, tuple[int, ...], str]]:
+    """Name, shape and class of the variables of a file with objects."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         matio = load_package(path, "matio", "mat")
-        return {name: kind for name, (_, kind) in matio.whosmat(str(path)).items()}
+        return [(name, shape, kind) for name, (shape, kind) in matio.whosmat(str(path)).items()]

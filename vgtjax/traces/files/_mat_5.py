@@ -21,12 +21,8 @@ def list_variables(path: pathlib.Path, has_objects: bool) -> Iterator[tuple[Entr
     import scipy.io
 
     load = functools.partial(load_objects if has_objects else _load_plain, path)
-    if has_objects:
-        kinds = list_objects(path)
-    else:
-        kinds = {name: kind for name, shape, kind in scipy.io.whosmat(path) if kind == "struct" or is_vector(shape)}
-    for name, kind in kinds.items():
-        if kind in NUMBERS:
+    for name, shape, kind in list_objects(path) if has_objects else scipy.io.whosmat(path):
+        if kind in NUMBERS and is_vector(shape):
             yield variable(name, "", functools.partial(_read, load, name))
         elif kind == "struct":
             yield from _list_struct(name, load(name)[name])
@@ -48,7 +44,7 @@ def _list_struct(group: str, struct: np.ndarray) -> Iterator[tuple[Entry, Load]]
     if struct.shape != (1, 1):
         return  # an array of structs has no names
     fields = struct.dtype.names or ()
-    if {"X", "Y"} <= set(fields):
+    if {"X", "Y"} <= set(fields) and {"Name", "Data"} <= set(struct[0, 0]["Y"].dtype.names or ()):
         yield from _list_captured(group, struct[0, 0]["X"], struct[0, 0]["Y"])
         return
     for field in fields:
@@ -62,13 +58,11 @@ def _list_struct(group: str, struct: np.ndarray) -> Iterator[tuple[Entry, Load]]
 def _list_captured(group: str, axes: np.ndarray, signals: np.ndarray) -> Iterator[tuple[Entry, Load]]:
     """What dSPACE's ControlDesk captures: an array `Y` of signals with their names, and an array `X` of time axes."""
     fields = signals.dtype.names or ()
-    if not {"Name", "Data"} <= set(fields):
-        return
-    for signal in signals.ravel():
+    for place, signal in enumerate(signals.ravel()):
         axis = int(np.ravel(signal["XIndex"])[0]) - 1 if "XIndex" in fields else 0
         time, values, name = np.ravel(axes.ravel()[axis]["Data"]), np.ravel(signal["Data"]), _to_text(signal["Name"])
         unit = _to_text(signal["Unit"]) if "Unit" in fields else ""
-        yield Entry(name, unit or None, group, True, (group, name)), functools.partial(Record, values, time)
+        yield Entry(name, unit or None, group, True, (group, place)), functools.partial(Record, values, time)
 
 
 def _to_text(cell: np.ndarray) -> str:

@@ -23,7 +23,8 @@ def list_datasets(path: pathlib.Path, node: Any, group: str = "") -> Iterator[tu
             yield from list_datasets(path, item, f"{group}.{name}" if group else name)
         elif item.dtype.kind in "fiub" and kind != b"char" and is_vector(item.shape):
             # MATLAB writes no unit, other programs do.
-            yield variable(name, group, functools.partial(_read, item), item.attrs.get("unit"))
+            unit = item.attrs.get("unit")
+            yield variable(name, group, functools.partial(_read, item), None if unit is None else str(unit))
 
 
 def _read(dataset: Any) -> Record:

@@ -4,6 +4,7 @@ import abc
 import contextlib
 import dataclasses
 import importlib
+import logging
 import pathlib
 import re
 import types
@@ -114,10 +115,13 @@ def load_package(path: pathlib.Path, package: str, extra: str) -> types.ModuleTy
 
 @contextlib.contextmanager
 def reading(path: pathlib.Path, kind: str) -> Iterator[None]:
-    """Turns whatever a package raises about a broken file into one sentence.
+    """Turns whatever a package raises about a broken file into one sentence, and what it logs into nothing.
 
     Parsers raise nearly anything on such a file (struct, index and type errors, their own), which is always its fault.
+    Some also log it, by handlers of their own that print.
     """
+    before = logging.root.manager.disable
+    logging.disable(logging.CRITICAL)
     try:
         yield
     except InputError:
@@ -128,6 +132,8 @@ def reading(path: pathlib.Path, kind: str) -> Iterator[None]:
             f"{path.name}: this {kind} file can't be read ({why[:120]}); it is broken or incomplete, export the trace "
             "again"
         ) from error
+    finally:
+        logging.disable(before)
 
 
 def read_start(path: pathlib.Path, count: int) -> bytes:

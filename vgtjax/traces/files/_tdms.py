@@ -2,7 +2,6 @@
 
 import contextlib
 import pathlib
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -22,7 +21,7 @@ class TDMSRecording(Recording):
         nptdms = load_package(path, "nptdms", "tdms")
         with contextlib.ExitStack() as stack:
             file = stack.enter_context(path.open("rb"))
-            with reading(path, "TDMS"), _quiet(nptdms):
+            with reading(path, "TDMS"):
                 self._file: Any = nptdms.TdmsFile.open(file)
                 incomplete = self._file.file_status.incomplete_final_segment
                 channels = [channel for group in self._file.groups() for channel in group.channels()]
@@ -63,16 +62,3 @@ def _start(channel: Any) -> np.datetime64 | None:
     """When a waveform began, where it says so."""
     start = channel.properties.get("wf_start_time")
     return start if isinstance(start, np.datetime64) and channel.properties.get("wf_increment", 0.0) > 0 else None
-
-
-@contextlib.contextmanager
-def _quiet(nptdms: Any) -> Iterator[None]:
-    """What npTDMS would print of a broken file is said in a sentence of ours."""
-    from nptdms.log import log_manager
-
-    level = log_manager.log_level
-    log_manager.set_level("CRITICAL")
-    try:
-        yield
-    finally:
-        log_manager.set_level(level)
