@@ -218,7 +218,7 @@ def test_times_that_a_channel_names_are_those_and_no_others(tmp_path):
     assert vgtjax.load_trace(tmp_path / "run.mat", channels={"x_d": source, "time": Source(unit="s")}).time[-1] == 0.08
     assert refusal(tmp_path / "run.mat", {"x_d": Source(unit="mm", time="t_slwo")}) == (
         "run.mat, channel time: no channel is called t_slwo; name it in channels.time, the nearest names are 't_slow', "
-        "'time', 'x_d'"
+        "'x_d', 'time'"
     )
 
 
