@@ -89,6 +89,6 @@ from .simulation import (
     StabilisedHeun as StabilisedHeun,
     simulate as simulate,
 )
-from .traces import Channel as Channel, Trace as Trace, load_trace as load_trace
+from .traces import Channel as Channel, Source as Source, Trace as Trace, load_trace as load_trace
 
 __version__ = importlib.metadata.version("vgtjax")

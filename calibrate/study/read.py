@@ -12,7 +12,9 @@ from typing import Any
 import pydantic
 
 from vgtjax import InputError
+from vgtjax.traces import SUFFIXES
 
+from .channels import override
 from .sentences import sentence
 from .tables import AnyStudy, Study, TraceEntry
 
@@ -48,7 +50,8 @@ def expand_traces(study: Study, folder: pathlib.Path) -> list[TraceSource]:
         for path in _files(folder, entry.file):
             name = _fill("{stem}" if entry.name is None else entry.name, path.stem)
             unit = None if entry.unit is None else _fill(entry.unit, path.stem)
-            sources.append(TraceSource(**{**dict(entry), "path": path, "name": name, "unit": unit}))
+            own = {"path": path, "name": name, "unit": unit, "channels": override(study.channels, entry.channels)}
+            sources.append(TraceSource(**{**dict(entry), **own}))
     _check_names(sources)
     return sources
 
@@ -59,7 +62,7 @@ def _files(folder: pathlib.Path, pattern: str) -> list[pathlib.Path]:
         return [folder / pattern]
     found = sorted(glob.glob(pattern, root_dir=folder, recursive=True))
     if not found:
-        there = sorted(path.name for path in folder.glob("*.csv"))
+        there = sorted(path.name for path in folder.glob("*") if path.suffix.lower() in SUFFIXES)
         near = difflib.get_close_matches(pattern, there, n=1, cutoff=0.0)
         remedy = f"did you mean '{near[0]}'?" if near else "names are relative to the study file"
         raise InputError(f"trace file '{pattern}' matches nothing in {folder}; {remedy}")
@@ -100,6 +103,12 @@ def fingerprint(study: Study, sources: list[TraceSource], parameters: dict[str |
     digest.update(study.model_dump_json().encode())
     for source in sources:
         digest.update(repr((source.name, source.unit, source.use)).encode())
-        digest.update(source.path.read_bytes())
+        digest.update(hash_file(source.path).encode())
     digest.update(repr(parameters).encode())
     return digest.hexdigest()
+
+
+def hash_file(path: pathlib.Path) -> str:
+    """SHA-256 of a trace file, which need not fit into memory."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -12,8 +12,8 @@ import pydantic
 from .base import Table
 from .tables import STUDIES
 
-ALTERNATIVES = ("float", "list[float]")
-"""Branches of "a number or a list of them", which are no part of a place."""
+ALTERNATIVES = ("float", "list[float]", "int", "str")
+"""Branches of "a number or a list of them" and the like, which are no part of a place."""
 DISCRIMINATORS = ("model", "kind")
 """Keys whose value decides which other keys there are."""
 
@@ -36,12 +36,15 @@ def sentence(error: pydantic.ValidationError) -> str:
             return _none_of(place.inner(_quoted(context["discriminator"])[0]), context["tag"], known)
         case "literal_error":
             known = _quoted(context["expected"])
+            if first["loc"][-1] == "[key]":
+                return _none_of(f"a key of {_find(first['loc'][:-2]).name}", given, known)
             if len(known) == 1 and place.tag:
                 only = f"{place.name} can only be '{known[0]}'"
                 return f"with {place.discriminator} = '{place.tag}', {only}, but it is {given!r}; remove it"
             return _none_of(place.name, given, known)
         case "model_type":
-            example = "{relative = 0.02}" if place.keys[0] == "population" else f"{{value = {given!r}}}"
+            key = {"population": "relative", "channels": "name"}.get(place.keys[0], "value")
+            example = f"{{{key} = {0.02 if key == 'relative' else repr(given)}}}"
             return f"'{place.name}' must be a table, but it is {given!r}; write e.g. {example}"
         case "value_error":
             return first["msg"].removeprefix("Value error, ")

@@ -5,6 +5,7 @@ from typing import Annotated, Any, Literal
 import pydantic
 
 from .base import Count, Finite, Gauge, Positive, Seed, Share, StartValue, Table
+from .channels import Channels
 from .components import Components, FullComponents, MechanicalComponents, PlungerMapComponents, StaticMapComponents
 from .control import ControlTable
 from .disturbances import Disturbance, PulsationTable
@@ -28,6 +29,8 @@ class TraceEntry(Table):
     """How the duty is known to be between the file's samples; then it is not looked for, and `zero-order` otherwise."""
     gain: dict[Sensor, Annotated[float, pydantic.Field(gt=0.5, lt=2.0)]] = {}
     """Known gains of sensors: what was measured is the gain times what was there, and an offset."""
+    channels: Channels = {}
+    """Where its signals are, where that is not as `[channels]` of the study says."""
 
     @pydantic.field_validator("window")
     @classmethod
@@ -187,6 +190,8 @@ class Study(Table):
     """Where the traces come from, e.g. that they are simulated: in the head of every report."""
     model: str
     components: Components
+    channels: Channels = {}
+    """Where the signals are in the files of all traces."""
     trace: list[TraceEntry] = []
     fit: Fit = Fit()
     parameters: dict[str, StartValue] = {}

@@ -1,7 +1,6 @@
 """A command's work laid out: the study read, every trace loaded and checked, a model for every unit."""
 
 import dataclasses
-import hashlib
 import pathlib
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -12,10 +11,11 @@ from vgtjax.estimation import Unknown
 from vgtjax.parameters import Bounds
 from vgtjax.traces import STANDARD_ATMOSPHERE, TRAVEL
 
+from .channels import sources_of
 from .disturbances import Disturbance
 from .models import build_model, deviations_of, parameters_of, start_model, start_values
 from .parameter_file import FoundDuty, load_duties, load_values
-from .read import EXAMPLE, TraceSource, expand_traces, fingerprint, load_study
+from .read import EXAMPLE, TraceSource, expand_traces, fingerprint, hash_file, load_study
 from .tables import Sensor, Study
 
 
@@ -115,7 +115,7 @@ def prepare(
         duties = {} if parameters is None else load_duties(parameters, name)
         stated = {key for key in ("duty_delay", "duty_hold") for each in mine if getattr(each, key) is not None}
         deviations = deviations_of(start, parameters_of(study))
-        hashes = {source.name: hashlib.sha256(source.path.read_bytes()).hexdigest() for source in mine}
+        hashes = {source.name: hash_file(source.path) for source in mine}
         units.append(Unit(name, start, bounds, deviations, traces, duties, hashes, frozenset(stated)))
     for unit in units:
         if to_fit and not unit.used("fit"):
@@ -140,6 +140,7 @@ def load_source(
     travel = float(vgtjax.get_parameter(model, "diaphragm.travel"))
     trace = vgtjax.load_trace(
         source.path,
+        channels=sources_of(source.channels),
         atmosphere=STANDARD_ATMOSPHERE if source.atmosphere is None else source.atmosphere,
         travel=max(TRAVEL, travel, bounds.get("diaphragm.travel", (None, None))[1] or 0.0),
         needs=needs,

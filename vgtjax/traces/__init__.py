@@ -1,10 +1,12 @@
 """What the bench recorded: signals over time, and what they are to a model."""
 
-from ._bench_file import TRAVEL as TRAVEL, UNITS as UNITS, load_trace as load_trace
 from ._channel import Channel as Channel, noise_level as noise_level
+from ._checks import TRAVEL as TRAVEL
 from ._drive import Drive as Drive, Ramp as Ramp, Start as Start
 from ._duty import delay_duty as delay_duty
+from ._load import load_trace as load_trace
 from ._signals import SIGNALS as SIGNALS, Signal as Signal
+from ._source import Source as Source
 from ._trace import (
     ASSUMED_RESERVOIR as ASSUMED_RESERVOIR,
     SENSOR_PRESSURE_OFFSET as SENSOR_PRESSURE_OFFSET,
@@ -14,3 +16,5 @@ from ._trace import (
     cast as cast,
     require as require,
 )
+from ._units import UNITS as UNITS
+from .files import SUFFIXES as SUFFIXES

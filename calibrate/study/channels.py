@@ -1,0 +1,46 @@
+"""`[channels]`: where the signals are in files whose names are not ours."""
+
+from typing import Literal
+
+import pydantic
+
+from vgtjax.traces import Source
+
+from .base import Finite, Table
+
+ChannelName = Literal["time", "pwm", "p_act", "p_res", "p_trb", "x_d", "f_vane", "f_drive"]
+
+
+class ChannelTable(Table):
+    """One channel: `raw * scale + offset` is its value in `unit`; see [`vgtjax.traces.Source`][]."""
+
+    name: str | None = None
+    unit: str | None = None
+    group: int | str | None = None
+    scale: Finite = 1.0
+    offset: Finite = 0.0
+    time: str | None = None
+
+    @pydantic.field_validator("scale")
+    @classmethod
+    def _not_zero(cls, scale: float) -> float:
+        if scale == 0:
+            raise ValueError("the scale of a channel must not be zero, but it is; remove it or correct it")
+        return scale
+
+
+Channels = dict[ChannelName, ChannelTable]
+
+
+def override(general: Channels, own: Channels) -> Channels:
+    """The channels of one trace: those of the study, key by key overridden by its own."""
+    merged = dict(general)
+    for name, table in own.items():
+        stated = table.model_dump(exclude_unset=True)
+        merged[name] = merged[name].model_copy(update=stated) if name in merged else table
+    return merged
+
+
+def sources_of(channels: Channels) -> dict[str, Source]:
+    """The same for the library."""
+    return {name: Source(**dict(table)) for name, table in channels.items()}

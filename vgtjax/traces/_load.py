@@ -1,0 +1,122 @@
+"""Reading a bench trace from a file, and saying precisely what is wrong with one.
+
+The rules are strict on purpose: a trace that is misread calibrates an actuator to nonsense.
+"""
+
+import contextlib
+import os
+import pathlib
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ._assignment import Assigned, Assignment
+from ._channel import Channel, Samples
+from ._checks import TRAVEL, check_finite, check_gaps, check_numbers, check_range, ends_of
+from ._clocks import Clocks
+from ._signals import SIGNALS
+from ._source import Sources
+from ._trace import ASSUMED_RESERVOIR, STANDARD_ATMOSPHERE, Trace
+from .files import Record, Recording, open_recording
+
+SHARED = 0.9
+"""Part of a channel below which it is noted that others were not recorded at the same time."""
+
+
+def load_trace(
+    path: str | os.PathLike[str],
+    *,
+    channels: Sources | None = None,
+    atmosphere: float = STANDARD_ATMOSPHERE,
+    travel: float = TRAVEL,
+    needs: Sequence[str] = (),
+    ignore: Sequence[str] = (),
+    name: str | None = None,
+) -> Trace:
+    """Reads a bench trace: CSV, MDF, TDMS, MATLAB or Parquet by the suffix of the file.
+
+    Channels are called `name [unit]`, or `name` with a unit that the file states beside it; `channels` maps others.
+    They keep the clocks of the file. The manual (`docs/files.md`) says what each kind of file may look like.
+
+    **Arguments:**
+
+    - `channels`: where signals are, by signal, if not under their own names: a [`Source`][] each.
+    - `atmosphere`: Pa; added to gauge pressures.
+    - `travel`: m; a position beyond it, or a pressure outside vacuum and atmosphere, is refused unless it is
+      within what sensors are off by. With a measured `f_drive` any position goes.
+    - `needs`: signals that must be present, alternatives joined by `|`.
+    - `ignore`: signals that the model at hand has no use for.
+    - `name`: of the trace; the file's stem by default.
+
+    **Returns:** a [`Trace`][] in SI units; its `notes` say what was assumed or ignored.
+
+    **Raises:** `InputError` with file, line (the header is 1) or sample, column or channel, and remedy.
+    """
+    path = pathlib.Path(path)
+    with contextlib.closing(open_recording(path)) as recording:
+        assignment = Assignment(recording, channels or {}, ignore)
+        for need in needs:
+            assignment.require(need)
+        records = {signal: _read(recording, assigned) for signal, assigned in assignment.found.items()}
+        clocks = Clocks(recording, assignment, records)
+    ends = ends_of(atmosphere, travel)
+    if "f_drive" in records:
+        del ends["x_d"]  # a rig that is driven by a force need not be this actuator
+    signals: dict[str, Any] = {}
+    notes = assignment.notes
+    for signal, assigned in assignment.found.items():
+        valid = _valid(records[signal])
+        values = _to_si(recording, assigned, records[signal], clocks.rows[signal], atmosphere, ends.get(signal))
+        signals[signal] = Channel(clocks.time[signal], values, valid)
+        if not np.all(valid):
+            notes.append(
+                f"{recording.noun} '{assigned.entry.label}': {np.sum(~valid)} samples are marked as invalid and skipped"
+            )
+            if SIGNALS[signal].role == "input":  # a model can't be driven by what nobody knows
+                check_gaps(recording, assigned.entry, signals[signal].time, clocks.rows[signal][valid])
+    if "p_res" not in signals and "f_drive" not in signals:
+        reservoir = f"{ASSUMED_RESERVOIR:.0f} Pa absolute is assumed for the reservoir"
+        notes.append(f"no {recording.noun} p_res; {reservoir}")
+    trace = Trace(clocks.alone, **signals, atmosphere=atmosphere, name=path.stem if name is None else name)
+    return trace.replace(notes=(*notes, *_unshared(trace)))
+
+
+def _read(recording: Recording, assigned: Assigned) -> Record:
+    record = recording.read(assigned.entry)
+    check_numbers(recording, assigned.entry, record.value)
+    if not np.any(_valid(record)):
+        what = f"none of its {len(record.value)} samples is valid"
+        raise recording.fail(what, f"leave it out by mapping channels.{assigned.signal} to another", assigned.entry)
+    return record
+
+
+def _valid(record: Record) -> np.ndarray:
+    return np.ones(len(record.value), dtype=bool) if record.valid is None else record.valid
+
+
+def _to_si(
+    recording: Recording,
+    assigned: Assigned,
+    record: Record,
+    rows: np.ndarray,
+    atmosphere: float,
+    ends: tuple[float, float] | None,
+) -> Samples:
+    """Checked values of a signal, those of invalid samples being anything."""
+    raw, valid = assigned.source.apply(record.value), _valid(record)
+    check_finite(recording, assigned.entry, raw, valid, rows)
+    values = assigned.unit.to_si(raw, atmosphere)
+    if ends is not None:
+        check_range(recording, assigned, raw[valid], values[valid], rows[valid], ends)
+    return values
+
+
+def _unshared(trace: Trace) -> list[str]:
+    """A note for every channel of which a good part lies outside the time that all of them share."""
+    notes = []
+    for signal, channel in trace.channels.items():
+        shared, span = trace.time[-1] - trace.time[0], channel.span[1] - channel.span[0]
+        if shared < SHARED * span:
+            notes.append(f"of {span:g} s of {signal} only {shared:g} s are in the time that all channels share")
+    return notes

@@ -1,0 +1,82 @@
+"""The units that a file's signals may have, and how they become SI."""
+
+import dataclasses
+import functools
+from collections.abc import Callable
+
+from .._errors import InputError
+from ._channel import Samples
+from ._signals import SIGNALS
+
+PRESSURES = ("p_act", "p_res", "p_trb")
+PRESSURE_UNITS = ("Pa", "kPa", "mbar", "bar")
+UNITS: dict[str, tuple[str, ...]] = {
+    "time": ("s", "ms"),
+    "pwm": ("%", "1"),
+    "p_act": PRESSURE_UNITS,
+    "p_res": PRESSURE_UNITS,
+    "p_trb": PRESSURE_UNITS,
+    "x_d": ("m", "mm", "um"),
+    "f_vane": ("N",),
+    "f_drive": ("N",),
+}
+"""The units that each signal of a file may have; pressures are followed by `gauge` or `absolute`."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Unit:
+    """The unit of a signal, e.g. `mbar gauge`; `reference` is blank but for pressures."""
+
+    signal: str
+    symbol: str
+    reference: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.symbol} {self.reference}".rstrip()
+
+    def to_si(self, values: Samples, atmosphere: float) -> Samples:
+        """Values in SI; pressures absolute, but that of the turbine gauge; `atmosphere` in Pa."""
+        converted = values * self._factor
+        if self.signal == "p_trb":
+            return converted - atmosphere if self.reference == "absolute" else converted
+        return converted + atmosphere if self.reference == "gauge" else converted
+
+    @property
+    def _factor(self) -> float:
+        if (self.signal, self.symbol) == ("pwm", "1"):
+            return 100.0
+        return factor(self.symbol, "s" if self.signal == "time" else SIGNALS[self.signal].unit.split()[0])
+
+
+def parse_unit(signal: str, text: str, fail: Callable[[str, str], InputError], write: Callable[..., str]) -> Unit:
+    """A unit as a file or a map says it.
+
+    **Arguments:** `fail`: makes an error of what is wrong and its remedy; `write`: how units are stated there.
+
+    **Raises:** what `fail` made, when the unit is not known, or a pressure neither gauge nor absolute.
+    """
+    symbol, *reference = text.split()
+    if symbol not in UNITS[signal] or (reference and signal not in PRESSURES) or len(reference) > 1:
+        either = ", each followed by gauge or absolute" if signal in PRESSURES else ""
+        raise fail(f"the unit '{text}' is not known here", f"use one of {', '.join(UNITS[signal])}{either}")
+    if signal in PRESSURES and reference not in (["gauge"], ["absolute"]):
+        raise fail(
+            f"a pressure must be gauge or absolute, but its unit is '{text}'",
+            f"write {write(f'{symbol} gauge', f'{symbol} absolute')}",
+        )
+    return Unit(signal, symbol, "".join(reference))
+
+
+def example(signal: str) -> str:
+    """A unit that is right."""
+    return "mbar gauge" if signal in PRESSURES else "mm" if signal == "x_d" else UNITS[signal][0]
+
+
+@functools.cache
+def factor(unit: str, target: str) -> float:
+    """Factor from a unit to its SI unit; pint knows, and is only loaded when it is asked."""
+    if unit in (target, "%"):
+        return 1.0
+    import pint
+
+    return float(pint.get_application_registry().Quantity(1.0, unit).to(target).magnitude)

@@ -1,0 +1,31 @@
+"""MAT-files of version 7.3, which are HDF5: every dataset can be read by itself."""
+
+import functools
+import pathlib
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from ._mat import Load, is_vector, list_table, variable
+from ._recording import Entry, Record
+
+
+def list_datasets(path: pathlib.Path, node: Any, group: str = "") -> Iterator[tuple[Entry, Load]]:
+    """Channels below a group of HDF5, which is a struct of MATLAB, or the file itself."""
+    for name, item in node.items():
+        kind = item.attrs.get("MATLAB_class", b"")
+        if name.startswith("#"):
+            continue  # where MATLAB keeps what others refer to
+        if kind in (b"table", b"timetable"):
+            yield from list_table(path, name)
+        elif hasattr(item, "items"):
+            yield from list_datasets(path, item, f"{group}.{name}" if group else name)
+        elif item.dtype.kind in "fiub" and kind != b"char" and is_vector(item.shape):
+            # MATLAB writes no unit, other programs do.
+            unit = item.attrs.get("unit")
+            yield variable(name, group, functools.partial(_read, item), None if unit is None else str(unit))
+
+
+def _read(dataset: Any) -> Record:
+    return Record(np.ravel(dataset[()]))
