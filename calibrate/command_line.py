@@ -30,7 +30,7 @@ CAMPAIGNS = click.Option(
     ["--campaigns"], type=click.IntRange(2), default=64, show_default=True, metavar="K", help="How many."
 )
 RESULTS = click.Argument(["results"], type=PATH)
-FORMATS = ("csv", "cdfx", "dcm", "mat")
+FORMATS = ("csv", "cdfx", "dcm", "mat", "fmu")
 FORMAT = click.Option(["--format", "kind"], type=click.Choice(FORMATS), required=True, help="What the file is.")
 FILE = click.Option(["--out"], type=PATH, required=True, metavar="FILE", help="The file to write.")
 DATE = click.Option(["--date"], type=click.DateTime(["%Y-%m-%d"]), help="Of the calibration, in the file; else today.")

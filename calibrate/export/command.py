@@ -9,19 +9,21 @@ from typing import Literal
 from vgtjax import InputError
 
 from ..characteristics import to_cdfx, to_dcm
+from ..fmu.package import to_fmu
 from ..output.console import console
 from ..output.files import replacing
 from .data_set import to_data_set
 from .results import Results, read_results
 from .tables import to_csv, to_mat
 
-Format = Literal["csv", "cdfx", "dcm", "mat"]
+Format = Literal["csv", "cdfx", "dcm", "mat", "fmu"]
 
 WRITERS: dict[Format, Callable[[Results, str, str], bytes]] = {
     "csv": to_csv,
     "cdfx": lambda *given: to_cdfx(to_data_set(*given)),
     "dcm": lambda *given: to_dcm(to_data_set(*given)),
     "mat": to_mat,
+    "fmu": lambda results, *given: to_fmu(results.model, f"vgtjax {results.study.model}", *given),
 }
 """Of results, the version of this package and a date."""
 

@@ -1,6 +1,5 @@
 """C compilers: the machine's own, and one that builds for other systems too."""
 
-import importlib.util
 import os
 import pathlib
 import platform
@@ -8,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from importlib.util import find_spec
 
 from vgtjax import InputError, SimulationError
 
@@ -17,7 +17,7 @@ SYSTEMS = {
     "darwin64": ("x86_64-macos", ".dylib"),
 }
 """Folders of binaries in FMI 2.0, what Zig calls these systems, and the endings of their libraries."""
-FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-shared")
+FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-shared", "-s")
 """A product and a sum are not joined to one rounding, so that all systems find the same numbers."""
 
 
@@ -40,7 +40,7 @@ def compilers() -> dict[str, tuple[str, ...]]:
     **Raises:** `InputError` where there is none.
     """
     found: dict[str, tuple[str, ...]] = {}
-    if importlib.util.find_spec("ziglang") is not None:
+    if find_spec("ziglang") is not None:
         zig = (sys.executable, "-m", "ziglang", "cc", "-target")
         found = {system: (*zig, target) for system, (target, _) in SYSTEMS.items()}
     own, system = own_compiler(), own_system()

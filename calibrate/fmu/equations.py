@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import re
 from typing import Any
 
 import diffrax
@@ -52,14 +53,15 @@ class Equations:
     @functools.cached_property
     def states(self) -> list[str]:
         """States by their places in the model's own state, in the order of `x`."""
-        return [jax.tree_util.keystr(path, simple=True, separator=".") for path, _ in self._structure[0]]
+        paths = [jax.tree_util.keystr(path, simple=True, separator=".") for path, _ in self._structure[0]]
+        return [re.sub(r"\.(\d+)", r"[\1]", path) for path in paths]
 
     @functools.cached_property
     def signals(self) -> list[str]:
         """Signals that a simulation reports, in the order of its files."""
         first = self.drive(jnp.zeros(len(ALWAYS) + 2 * len(self.inputs)))
         found = jax.eval_shape(lambda: self.model.signals(self.model.start(self._rest(), first), first))
-        return [name for name in SIGNALS if name in found]
+        return [name for name in SIGNALS if name in found and name not in self.inputs]
 
     @property
     def values(self) -> Float[np.ndarray, " entries"]:

@@ -58,7 +58,7 @@ def test_c_simulates_what_the_library_simulates(load, trace, name):
         for step in range(substeps):
             length = u[0] / substeps
             x = call("vg_step", len(x), p, u, x, step * length, length)
-    assert set(found) == set(solution.signals)
+    assert set(found) == set(solution.signals) - set(equations.inputs)
     for signal, values in found.items():
         expected = np.asarray(solution.signals[signal])
         # Rounding: 1200 steps, between which stick and slip amplify a difference.
