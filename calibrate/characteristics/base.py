@@ -9,9 +9,11 @@ import numpy as np
 from jaxtyping import Float
 
 TOOL = "vgtjax"
+DERIVED = "derived."
+"""How names begin of what follows from parameters: it is written for readers, and not read back."""
 UNENDING = sys.float_info.max
 """What stands for infinity, which these files don't have: a `diaphragm.travel` without end."""
-Category = Literal["VALUE", "VAL_BLK", "COM_AXIS", "MAP"]
+Category = Literal["VALUE", "VAL_BLK", "COM_AXIS", "CURVE", "MAP"]
 
 
 def identifier(name: str) -> str:
@@ -37,8 +39,8 @@ def number(value: float) -> str:
 class Characteristic:
     """A parameter, or an entry of one whose entries have units of their own.
 
-    `values` is a number, a block, an axis' knots, or a map with a row for each knot of its first axis; `axes` are
-    the names of a map's axes, `state` and `remarks` what is said of it in its history.
+    `values` is a number, a block, an axis' knots, a curve, or a map with a row for each knot of its first axis; `axes`
+    are the names of a curve's or a map's axes, `state` and `remarks` what is said of it in its history.
     """
 
     name: str
@@ -55,7 +57,9 @@ class Characteristic:
         """As CDFX calls it."""
         if self.is_axis:
             return "COM_AXIS"
-        return ("VALUE", "VAL_BLK", "MAP")[np.ndim(self.values)]  # type: ignore[return-value]
+        if self.axes:
+            return "CURVE" if len(self.axes) == 1 else "MAP"
+        return "VAL_BLK" if np.ndim(self.values) else "VALUE"
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -15,6 +15,7 @@ KEYWORDS = {
     "VALUE": "FESTWERT",
     "VAL_BLK": "FESTWERTEBLOCK",
     "COM_AXIS": "STUETZSTELLENVERTEILUNG",
+    "CURVE": "GRUPPENKENNLINIE",
     "MAP": "GRUPPENKENNFELD",
 }
 READ = (*KEYWORDS.values(), "KENNFELD", "FESTKENNFELD")
@@ -56,18 +57,19 @@ def _values(each: Characteristic, data: DataSet) -> Iterator[str]:
         yield f'EINHEIT_X "{each.unit}"'
         yield f"ST/X {_numbers(each.values)}"
         return
-    if each.category != "MAP":
+    if not each.axes:
         yield f'EINHEIT_W "{each.unit}"'
         yield f"WERT {_numbers(each.values)}"
         return
-    y, x = (data.named(axis) for axis in each.axes)
-    yield f'EINHEIT_X "{x.unit}"'
-    yield f'EINHEIT_Y "{y.unit}"'
+    axes = {letter: data.named(axis) for letter, axis in zip("XY", reversed(each.axes), strict=False)}
+    yield from (f'EINHEIT_{letter} "{axis.unit}"' for letter, axis in axes.items())
     yield f'EINHEIT_W "{each.unit}"'
-    yield f"*SSTX {identifier(x.name)}"
-    yield f"*SSTY {identifier(y.name)}"
-    yield f"ST/X {_numbers(x.values)}"
-    for knot, row in zip(y.values, each.values, strict=True):
+    yield from (f"*SST{letter} {identifier(axis.name)}" for letter, axis in axes.items())
+    yield f"ST/X {_numbers(axes['X'].values)}"
+    if each.category == "CURVE":
+        yield f"WERT {_numbers(each.values)}"
+        return
+    for knot, row in zip(axes["Y"].values, each.values, strict=True):
         yield f"ST/Y {number(knot)}"
         yield f"WERT {_numbers(row)}"
 
@@ -99,7 +101,7 @@ def read_dcm(path: pathlib.Path) -> tuple[str, list[Found]]:
             block.append(line)
         elif keyword == "FKT":
             model = model or _last_text(line)
-        elif keyword.startswith(("KENNLINIE", "FESTKENNLINIE", "GRUPPENKENNLINIE", "TEXTSTRING")):
+        elif keyword in ("KENNLINIE", "FESTKENNLINIE", "TEXTSTRING"):
             raise InputError(f"{path.name}, line {place}: no parameter is a {keyword}; remove '{line}'")
     if head:
         raise InputError(f"{path.name}: '{head}' has no END; add it")

@@ -6,7 +6,7 @@ from typing import Any
 
 from vgtjax import InputError
 
-from .base import UNENDING, Found, parameter_name
+from .base import DERIVED, UNENDING, Found, parameter_name
 from .cdfx import read_cdfx
 from .dcm import read_dcm
 
@@ -26,6 +26,8 @@ def read_data_set(path: pathlib.Path) -> dict[str, Any]:
     parameters: dict[str, Any] = {}
     for found in everything:
         name = parameter_name(found.identifier)
+        if name.startswith(DERIVED):
+            continue
         if name in parameters:
             raise InputError(f"{path.name}: '{found.identifier}' occurs twice; remove one of them")
         parameters[name] = {"value": _value(path, found), "unit": found.unit}

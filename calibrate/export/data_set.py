@@ -9,8 +9,11 @@ from vgtjax.parameters import table_row
 from vgtjax.parts import AbstractGasTables
 from vgtjax.parts.flow_map import LiftTable
 
-from ..characteristics import Characteristic, DataSet
+from ..characteristics import DERIVED, Characteristic, DataSet
 from .results import Results, Row
+
+DUTIES = np.linspace(0.0, 100.0, 21)
+"""Percent."""
 
 
 def to_data_set(results: Results, version: str, date: str) -> DataSet:
@@ -24,9 +27,23 @@ def to_data_set(results: Results, version: str, date: str) -> DataSet:
             found += [_of_entry(results, row) for row in rows]
         else:
             found.append(_of_parameter(results, name, rows, axes.get(name, ()), name in knots))
+    found += _derived(results)
     found.sort(key=lambda each: not each.is_axis)  # some readers want axes before the maps that refer to them
     names = results.study.components.names()
     return DataSet(version, date, results.study.model, names, results.hashes, found)
+
+
+def _derived(results: Results) -> list[Characteristic]:
+    """The steady magnetic force over the duty, of which the parameters are only coefficients."""
+    converter = getattr(results.model, "converter", None)
+    if converter is None:
+        return []
+    force = np.array([float(converter.magnetic_force.steady_pull(duty, 0.0)) for duty in DUTIES])
+    duty, remarks = f"{DERIVED}duty", ("follows from the parameters of converter.magnetic_force",)
+    return [
+        Characteristic(duty, "duty cycle", "%", DUTIES, is_axis=True, remarks=remarks),
+        Characteristic(f"{DERIVED}magnetic_force", "steady, plunger at zero", "N", force, (duty,), remarks=remarks),
+    ]
 
 
 def table_axes(model: Any) -> dict[str, tuple[str, str]]:

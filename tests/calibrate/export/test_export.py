@@ -13,6 +13,7 @@ from commands import Outcome, entries_of, read, run_command
 from dcmReader.dcm_reader import DcmReader
 
 from calibrate.characteristics.base import identifier, parameter_name
+from calibrate.study.start_file import load_model, read_parameters
 
 from .conftest import DATE, FLEET_UNIT
 
@@ -73,6 +74,8 @@ def test_cdfx_keeps_to_the_order_of_its_schema(export):
 def test_cdfx_has_every_number_and_unit(instances, fleet_unit):
     found = {}
     for name, instance in instances.items():
+        if name.startswith("derived__"):
+            continue
         values = numbers(instance)
         scalar = instance.findtext("CATEGORY") == "VALUE"
         names = [parameter_name(name)] if scalar else [f"{parameter_name(name)}[{i}]" for i in range(len(values))]
@@ -90,6 +93,14 @@ def test_cdfx_maps_refer_to_their_axes(instances, fleet_unit):
     assert np.shape(rows) == (len(pressures), len(columns))
     assert list(np.ravel(rows)) == fleet_unit["vane_force.closing"]["value"]
     assert {instances[axis].findtext("CATEGORY") for axis in axes} == {"COM_AXIS"}
+
+
+def test_the_magnetic_force_is_a_curve(instances):
+    curve = instances["derived__magnetic_force"]
+    (axis,) = (each.findtext("SW-INSTANCE-REF") for each in curve.iter("SW-AXIS-CONT"))
+    duties, model = numbers(instances[axis]), load_model(*read_parameters(FLEET_UNIT))[1]
+    assert (curve.findtext("CATEGORY"), axis, duties[0], duties[-1]) == ("CURVE", "derived__duty", 0.0, 100.0)
+    assert numbers(curve) == [float(model.converter.magnetic_force.steady_pull(duty, 0.0)) for duty in duties]
 
 
 def test_names_go_to_identifiers_and_back():
@@ -135,7 +146,8 @@ def test_dcm_has_every_number_and_unit(export, fleet_unit):
     for value in reader.get_parameters():
         fields = entries[parameter_name(value.name)]
         assert (value.value, value.unit) == (fields["value"], fields["unit"])
-    for axis in reader._distribution_list:
+    distributions = [each for each in reader._distribution_list if each.name != "derived__duty"]
+    for axis in distributions:
         fields = fleet_unit[parameter_name(axis.name)]
         assert (axis.values, {axis.unit_x}) == (fields["value"], set(fields["unit"]))
     blocks = {parameter_name(block.name): block.values[0] for block in reader.get_block_parameters()}
@@ -145,7 +157,7 @@ def test_dcm_has_every_number_and_unit(export, fleet_unit):
         rows = [list(row.values()) for row in table.values.values()]
         assert list(np.ravel(rows)) == fleet_unit[parameter_name(table.name)]["value"]
     counted = len(reader.get_parameters()) + sum(
-        np.size(fleet_unit[parameter_name(each.name)]["value"]) for each in (*reader._distribution_list, *tables)
+        np.size(fleet_unit[parameter_name(each.name)]["value"]) for each in (*distributions, *tables)
     )
     assert counted + sum(map(len, blocks.values())) == len(entries)
 
@@ -156,6 +168,20 @@ def test_dcm_maps_stand_over_their_axes(export, fleet_unit):
     assert all(list(row) == fleet_unit["vane_force.crank_angle"]["value"] for row in table.values.values())
     assert (table.x_mapping, table.y_mapping) == ("vane_force__crank_angle", "vane_force__turbine_pressure")
     assert (table.unit_x, table.unit_y, table.unit_values) == ("deg", "Pa gauge", "N")
+
+
+def test_dcm_has_the_magnetic_force_as_a_curve(export):
+    (curve,) = dcm(export(FLEET_UNIT, "dcm")[0]).get_group_characteristic_lines()
+    model = load_model(*read_parameters(FLEET_UNIT))[1]
+    assert (curve.name, curve.x_mapping, curve.unit_x, curve.unit_values) == (
+        "derived__magnetic_force",
+        "derived__duty",
+        "%",
+        "N",
+    )
+    force = {duty: float(model.converter.magnetic_force.steady_pull(duty, 0.0)) for duty in curve.values}
+    assert len(force) == 21
+    assert curve.values == force
 
 
 def test_dcm_says_where_it_comes_from(fitted, export):
