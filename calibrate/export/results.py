@@ -8,6 +8,7 @@ from typing import Any
 import vgtjax
 from vgtjax import InputError
 
+from ..characteristics import READERS
 from ..output.console import console
 from ..output.files import SUMMARY, read_json
 from ..study.start_file import load_model, read_parameters, unit_files
@@ -74,7 +75,7 @@ def read_results(place: pathlib.Path) -> Results:
             f"one actuator is exported at a time, but {place} holds {len(units)}: {', '.join(units)}; give one of "
             f"them, e.g. {place / units[0]}"
         )
-    if place.suffix.lower() in (".cdfx", ".dcm"):
+    if place.suffix.lower() in READERS:
         raise InputError(
             f"{place.name}: what is exported is a parameters.json or the folder of a fit; give one of them"
         )

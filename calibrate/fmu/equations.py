@@ -26,6 +26,8 @@ ALWAYS = ("duration", "ambient_shift")
 """What a drive has besides its inputs."""
 START = tuple(field.name for field in dataclasses.fields(Start))
 """What is known of the start state."""
+TRUTHS = ("at_rest", "pressure_known", "position_known")
+"""Those of it that are true or false."""
 Vector = Float[Array, " entries"]
 
 
@@ -86,7 +88,7 @@ class Equations:
 
     def start(self, p: Vector, s: Vector, u: Vector) -> list[Array]:
         """The start state."""
-        start = Start(**{name: s[i] != 0 if "known" in name or "at" in name else s[i] for i, name in enumerate(START)})
+        start = Start(**{name: s[i] != 0 if name in TRUTHS else s[i] for i, name in enumerate(START)})
         return jax.tree.leaves(self.with_values(p).start(start, self.drive(u)))
 
     def step(self, p: Vector, u: Vector, x: Vector, begin: Array, length: Array) -> list[Array]:

@@ -11,7 +11,7 @@ from vgtjax.parameters import table_row
 from vgtjax.simulation import FixedStep
 from vgtjax.traces import ASSUMED_RESERVOIR, SIGNALS, STANDARD_ATMOSPHERE
 
-from .equations import START, Equations
+from .equations import START, TRUTHS, Equations
 
 Causality = Literal["parameter", "input", "output", "local"]
 START_MEANINGS = {
@@ -76,7 +76,7 @@ def _start() -> list[Variable]:
             START_MEANINGS[name],
             START_UNITS.get(name),
             REST.get(name, 0.0),
-            is_boolean=name not in START_UNITS,
+            is_boolean=name in TRUTHS,
         )
         for name in START
     ]

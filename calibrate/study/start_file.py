@@ -49,8 +49,8 @@ def _migrated(path: pathlib.Path, content: dict[str, Any]) -> dict[str, Any]:
         )
     if schema == 1:  # it had neither intervals nor nuisance
         parameters = {name: _with_interval(fields) for name, fields in content["parameters"].items()}
-        content = {"nuisance": {}, **content, "model": content.get("model"), "parameters": parameters}
-    return {**content, "schema": SCHEMA}
+        content = {"nuisance": {}, **content, "parameters": parameters}
+    return {**content, "model": content.get("model"), "schema": SCHEMA}
 
 
 def _with_interval(fields: Any) -> Any:

@@ -145,6 +145,14 @@ def test_parameters_can_be_set(unit, model, trace):
     np.testing.assert_allclose(x_d, solution.x_d, rtol=0, atol=1e-11)
 
 
+def test_a_communication_step_is_divided_as_the_library_divides_it(unit, model, trace):
+    time = np.linspace(0.0, 0.6, 61)
+    slow = trace.replace(time=time, **{name: trace.at(name, time) for name in trace.channels})
+    solution = vgtjax.simulate(model, slow, stepping=vgtjax.simulation.FixedStep(max_step=1.5e-4))
+    (x_d,) = unit(max_step=1.5e-4).run(slow, ("x_d",))
+    np.testing.assert_allclose(x_d, solution.x_d, rtol=0, atol=1e-11)
+
+
 def test_the_start_can_be_set(unit, model, trace):
     """Of a trace that begins in motion, at a pressure of its own and another atmosphere."""
     late = trace.replace(atmosphere=99000.0).window(0.4, 0.6)
