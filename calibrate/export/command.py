@@ -38,7 +38,9 @@ def run(results: pathlib.Path, kind: Format, out: pathlib.Path, date: datetime.d
     if out.exists():
         raise InputError(f"{out} is there already; remove it, or choose another --out")
     day = (date or datetime.datetime.now(datetime.UTC)).date().isoformat()
-    content = WRITERS[kind](read_results(results), importlib.metadata.version("vgtjax"), day)
+    found = read_results(results)
+    with console.status(f"writing {out.name}"):  # a compiler for other systems takes minutes when it is new
+        content = WRITERS[kind](found, importlib.metadata.version("vgtjax"), day)
     out.parent.mkdir(parents=True, exist_ok=True)
     with replacing(out) as new:
         new.write_bytes(content)
