@@ -24,11 +24,17 @@ def main() -> None:
 STUDY = click.Argument(["study"], type=PATH, required=False)
 OUT = click.Option(["--out"], type=PATH, required=True, metavar="DIR", help="Folder for the results.")
 SEEN = click.Option(["--out"], type=PATH, metavar="DIR", help="Folder for the results; without it they are only said.")
-START = "Start from a parameters.json, or from the folder of a fit with several units."
-KNOWN = "What is simulated: a parameters.json, or the folder of a fit with several units; else the study's values."
+START = "Start from a parameters.json, a CDFX or a DCM file, or from the folder of a fit with several units."
+KNOWN = "What is simulated: a parameters.json, or what else a fit may start from; without it the study's values."
 CAMPAIGNS = click.Option(
     ["--campaigns"], type=click.IntRange(2), default=64, show_default=True, metavar="K", help="How many."
 )
+RESULTS = click.Argument(["results"], type=PATH)
+FORMATS = ("csv", "cdfx", "dcm", "mat", "fmu")
+FORMAT = click.Option(["--format", "kind"], type=click.Choice(FORMATS), required=True, help="What the file is.")
+FILE = click.Option(["--out"], type=PATH, required=True, metavar="FILE", help="The file to write.")
+DATE = click.Option(["--date"], type=click.DateTime(["%Y-%m-%d"]), help="Of the calibration, in the file; else today.")
+EXPORT = "Writes RESULTS (a parameters.json, or the folder of one actuator's fit) as a file for other tools."
 POPULATION = "The nominal actuator's parameters.json, or the folder of a fit with several units: the population."
 PROCESSES = (
     click.Option(["--process"], type=int, metavar="INDEX", help="Which of them this one is, from 0."),
@@ -124,4 +130,7 @@ for _name, _does, _given, *_options in (
     ("sensitivity", f"Ranks what the spread of a population comes from {FLEET}", POPULATION, *PROCESSES),
 ):
     _add(_name, _does, STUDY, click.Option(["--parameters"], type=PATH, metavar="FILE", help=_given), *_options)
+main.add_command(
+    click.Command("export", None, functools.partial(_run, "export"), [RESULTS, FORMAT, DATE, FILE], EXPORT)
+)
 _add("reproduce", "Checks the numbers of the thesis's chapters 2 to 5 against this model.")

@@ -11,8 +11,9 @@ from vgtjax.population import Population, Spread, fitted_levels, fitted_populati
 
 from ..output.files import read_json
 from ..study.models import build_model, start_model, values_of
-from ..study.parameter_file import fit_covariance, fitted_entries, load_values, unit_files
+from ..study.parameter_file import fit_covariance, fitted_entries
 from ..study.places import OF_A_POPULATION, stated
+from ..study.start_file import load_values, unit_files
 from ..study.tables import Study
 
 

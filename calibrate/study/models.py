@@ -79,7 +79,7 @@ def start_values(model: eqx.Module, stated: Mapping[str, StartValue]) -> tuple[d
                 )
             bounds[entry] = (low, high)
         if given.value is not None:
-            values |= _merge(model, values, name, given.value)
+            values |= merge(model, values, name, given.value)
     return values, bounds
 
 
@@ -134,7 +134,7 @@ def _bound(values: float | list[float] | None, position: int) -> float | None:
     return None if bound is None or math.isinf(bound) else bound
 
 
-def _merge(model: eqx.Module, values: dict[str, Any], name: str, value: Any) -> dict[str, Any]:
+def merge(model: eqx.Module, values: dict[str, Any], name: str, value: Any) -> dict[str, Any]:
     """A value for a whole parameter, or for one entry of a vector."""
     if not name.endswith("]"):
         return {name: value}

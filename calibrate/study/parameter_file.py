@@ -1,4 +1,4 @@
-"""`parameters.json`: what a fit found, and what simulate and the next fit start from."""
+"""`parameters.json`: what a fit found."""
 
 import dataclasses
 import math
@@ -10,13 +10,12 @@ import numpy as np
 from jaxtyping import Float
 
 import vgtjax
-from vgtjax import InputError
 from vgtjax.estimation import Calibration, TraceResult
-from vgtjax.parameters import Bounds, entry_names, unknown_name
+from vgtjax.parameters import Bounds
 from vgtjax.plants import on_given_knots
 
 from ..output.files import finite, read_json
-from .models import check_length, values_of
+from .models import values_of
 from .tables import Study
 
 Interval = tuple[float | None, float | None]
@@ -144,101 +143,6 @@ def to_json(study: Study, found: list[Entry], **more: dict[str, Any]) -> dict[st
             parameters[name] = fields
     names = {"model": study.model, "components": study.components.names()}
     return {"schema": SCHEMA, **names, "parameters": parameters, **more}
-
-
-def _read(path: pathlib.Path, unit: str | None) -> tuple[pathlib.Path, dict[str, Any]]:
-    """The file of a unit, given itself or the folder of a fit with several, and its content."""
-    if path.is_dir():
-        inner = path / unit / "parameters.json" if unit is not None else path / "parameters.json"
-        if not inner.exists():
-            raise InputError(f"{path} has no parameters for {unit or 'a study without units'}; fit that unit first")
-        path = inner
-    content = read_json(path)
-    if not isinstance(content, dict) or not isinstance(content.get("parameters"), dict):
-        raise InputError(f"{path.name}: this is no parameters.json of a fit; give one that 'fit' wrote")
-    schema = content.get("schema", 1)
-    if isinstance(schema, bool) or not isinstance(schema, int) or not 1 <= schema <= SCHEMA:
-        raise InputError(
-            f"{path.name}: its schema must be a number from 1 to {SCHEMA}, but it is {schema!r}; use a newer vgtjax"
-        )
-    return path, content
-
-
-@dataclasses.dataclass(frozen=True)
-class FoundDuty:
-    """What a fit found of the duty of a trace: `delay` in s, and whether it was linear between samples."""
-
-    delay: float
-    linear: bool
-
-    def applied(self, trace: vgtjax.Trace) -> vgtjax.Trace:
-        """The trace with the duty that reached the valve."""
-        trace = trace.with_ramped_duty() if self.linear else trace
-        return trace.with_late_duty(self.delay) if self.delay else trace
-
-
-def load_duties(path: pathlib.Path, unit: str | None) -> dict[str, FoundDuty]:
-    """What a fit has found of the duty of each of its traces."""
-    path, content = _read(path, unit)
-    traces = content.get("nuisance", {})
-    if not isinstance(traces, dict) or not all(isinstance(fields, dict) for fields in traces.values()):
-        raise InputError(f"{path.name}: its nuisance must be a table for each trace, but it is not; correct it")
-    duties = {}
-    for name, fields in traces.items():
-        delay, hold = fields.get("duty_delay", 0.0), fields.get("duty_hold", "zero-order")
-        if isinstance(delay, bool) or not isinstance(delay, int | float) or not -1 < delay < 1:
-            raise InputError(
-                f"{path.name}: the duty_delay of '{name}' must be seconds between -1 and 1, but it is {delay!r}; "
-                "correct it"
-            )
-        if hold not in ("zero-order", "linear"):
-            raise InputError(
-                f"{path.name}: the duty_hold of '{name}' must be 'zero-order' or 'linear', but it is {hold!r}; correct "
-                "it"
-            )
-        duties[name] = FoundDuty(float(delay), hold == "linear")
-    return duties
-
-
-def load_values(path: pathlib.Path, unit: str | None, study: Study, model: vgtjax.AbstractModel) -> dict[str, Any]:
-    """Values by name from a `parameters.json`, or from a folder of a fit with several units."""
-    path, content = _read(path, unit)
-    wanted = study.components.names()
-    if content.get("model") != study.model:
-        raise InputError(
-            f"{path.name}: these are parameters of the model '{content.get('model')}', but the study's is "
-            f"'{study.model}'; give parameters of the same model"
-        )
-    if content.get("components", wanted) != wanted:
-        raise InputError(
-            f"{path.name}: these are parameters of a model with other components than the study's; give "
-            "parameters of the same components"
-        )
-    table = vgtjax.parameter_table(model)
-    values = {}
-    for name, fields in content["parameters"].items():
-        if name not in table:
-            raise unknown_name(f"{path.name}: parameter", name, entry_names(table))
-        if not isinstance(fields, dict) or "value" not in fields:
-            raise InputError(f"{path.name}: the parameter '{name}' has no value; add it")
-        value = values[name] = math.inf if fields["value"] is None else fields["value"]
-        for each in value if isinstance(value, list) else [value]:
-            if isinstance(each, bool) or not isinstance(each, int | float):
-                raise InputError(f"{path.name}: the value of '{name}' must be a number, but it is {each!r}; correct it")
-    try:
-        model = on_given_knots(model, values)
-        table = vgtjax.parameter_table(model)
-        for name, value in values.items():
-            check_length(name, "value", value, entry_names({name: table[name]}))
-        vgtjax.replace_parameters(model, values)
-    except InputError as error:  # the file is at fault, not what the study states
-        raise InputError(f"{path.name}: {error}") from error
-    return values
-
-
-def unit_files(folder: pathlib.Path) -> dict[str, pathlib.Path]:
-    """`parameters.json` of every unit below the folder of a fit, by unit."""
-    return {path.parent.name: path for path in sorted(folder.glob("*/parameters.json"))}
 
 
 def fit_covariance(path: pathlib.Path, entries: Sequence[str]) -> Float[np.ndarray, "entries entries"] | None:

@@ -14,8 +14,8 @@ from vgtjax.traces import STANDARD_ATMOSPHERE, TRAVEL
 from .channels import sources_of
 from .disturbances import Disturbance
 from .models import build_model, deviations_of, parameters_of, start_model, start_values
-from .parameter_file import FoundDuty, load_duties, load_values
 from .read import EXAMPLE, TraceSource, expand_traces, fingerprint, hash_file, load_study
+from .start_file import FoundDuty, load_duties, load_values
 from .tables import Sensor, Study
 
 

@@ -25,6 +25,7 @@ PARAMETER_FILES = [
         {"model": "mechanical", "parameters": {}},
         f"these are parameters of the model 'mechanical', {SAME_MODEL}",
     ),
+    ({"schema": 2, "parameters": {}}, f"these are parameters of the model 'None', {SAME_MODEL}"),
     ({"parameters": {}}, f"these are parameters of the model 'None', {SAME_MODEL}"),
     (
         {"model": "full", "components": {**COMPONENTS, "friction": "dahl"}, "parameters": {}},

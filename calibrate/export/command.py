@@ -1,0 +1,47 @@
+"""The command `export`: writes the results of a fit as one file for other tools."""
+
+import datetime
+import importlib.metadata
+import pathlib
+from collections.abc import Callable
+from typing import Literal
+
+from vgtjax import InputError
+
+from ..characteristics import to_cdfx, to_dcm
+from ..fmu.package import to_fmu
+from ..output.console import console
+from ..output.files import replacing
+from .data_set import to_data_set
+from .results import Results, read_results
+from .tables import to_csv, to_mat
+
+Format = Literal["csv", "cdfx", "dcm", "mat", "fmu"]
+
+WRITERS: dict[Format, Callable[[Results, str, str], bytes]] = {
+    "csv": to_csv,
+    "cdfx": lambda *given: to_cdfx(to_data_set(*given)),
+    "dcm": lambda *given: to_dcm(to_data_set(*given)),
+    "mat": to_mat,
+    "fmu": lambda results, *given: to_fmu(results.model, f"vgtjax {results.study.model}", *given),
+}
+"""Of results, the version of this package and a date."""
+
+
+def run(results: pathlib.Path, kind: Format, out: pathlib.Path, date: datetime.datetime | None) -> None:
+    """Writes one file, whole or not at all, and never over another.
+
+    **Raises:** `InputError` for results that no fit wrote, or a file that is there or has another ending.
+    """
+    if out.suffix.lower() != f".{kind}":
+        raise InputError(f"--out must end in .{kind}, as --format says, but it is {out.name}; rename it")
+    if out.exists():
+        raise InputError(f"{out} is there already; remove it, or choose another --out")
+    day = (date or datetime.datetime.now(datetime.UTC)).date().isoformat()
+    found = read_results(results)
+    with console.status(f"writing {out.name}"):  # a compiler for other systems takes minutes when it is new
+        content = WRITERS[kind](found, importlib.metadata.version("vgtjax"), day)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(out) as new:
+        new.write_bytes(content)
+    console.print(f"wrote {out}")

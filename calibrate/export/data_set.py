@@ -1,0 +1,111 @@
+"""From the results of a fit to a data set of characteristics."""
+
+from typing import Any
+
+import numpy as np
+
+import vgtjax
+from vgtjax.parameters import table_row
+from vgtjax.parts import AbstractGasTables
+from vgtjax.parts.flow_map import LiftTable
+
+from ..characteristics import DERIVED, Characteristic, DataSet
+from .results import Results, Row
+
+DUTIES = np.linspace(0.0, 100.0, 21)
+"""Percent."""
+
+
+def to_data_set(results: Results, version: str, date: str) -> DataSet:
+    """All parameters as characteristics; a vector whose entries differ in their units becomes a value for each."""
+    axes = table_axes(results.model)
+    knots = {axis for pair in axes.values() for axis in pair}
+    found: list[Characteristic] = []
+    for name in vgtjax.parameter_table(results.model):
+        rows = results.rows_of(name)
+        if len({row.unit for row in rows}) > 1:
+            found += [_of_entry(results, row) for row in rows]
+        else:
+            found.append(_of_parameter(results, name, rows, axes.get(name, ()), name in knots))
+    found += _derived(results)
+    found.sort(key=lambda each: not each.is_axis)  # some readers want axes before the maps that refer to them
+    names = results.study.components.names()
+    return DataSet(version, date, results.study.model, names, results.hashes, found)
+
+
+def _derived(results: Results) -> list[Characteristic]:
+    """The steady magnetic force over the duty, of which the parameters are only coefficients."""
+    converter = getattr(results.model, "converter", None)
+    if converter is None:
+        return []
+    force = np.array([float(converter.magnetic_force.steady_pull(duty, 0.0)) for duty in DUTIES])
+    duty, remarks = f"{DERIVED}duty", ("follows from the parameters of converter.magnetic_force",)
+    return [
+        Characteristic(duty, "duty cycle", "%", DUTIES, is_axis=True, remarks=remarks),
+        Characteristic(f"{DERIVED}magnetic_force", "steady, plunger at zero", "N", force, (duty,), remarks=remarks),
+    ]
+
+
+def table_axes(model: Any) -> dict[str, tuple[str, str]]:
+    """The parameters of a model that are maps, each with those that are the knots of its rows and of its columns."""
+    found: dict[str, tuple[str, str]] = {}
+    for part in ("vane_force", "friction", "flow_map", "flow_map.table"):
+        try:
+            component = _part(model, part)
+        except AttributeError:
+            continue
+        if isinstance(component, AbstractGasTables):
+            pair = (f"{part}.turbine_pressure", f"{part}.crank_angle")
+            found |= {f"{part}.{table}": pair for table in component.tables}
+        elif isinstance(component, LiftTable):
+            found[f"{part}.flow"] = (f"{part}.position", f"{part}.pressure")
+    return found
+
+
+def _part(model: Any, path: str) -> Any:
+    for name in path.split("."):
+        model = getattr(model, name)
+    return model
+
+
+def _of_entry(results: Results, row: Row) -> Characteristic:
+    return Characteristic(
+        row.name,
+        _long_name(results, row.name),
+        row.unit,
+        np.array(row.value),
+        state=_state([row]),
+        remarks=(_said(row),),
+    )
+
+
+def _of_parameter(results: Results, name: str, rows: list[Row], axes: tuple[str, ...], is_axis: bool) -> Characteristic:
+    values = np.array([row.value for row in rows])
+    if axes:
+        values = values.reshape(len(results.rows_of(axes[0])), -1)
+    elif rows[0].name == name:
+        values = values[0]
+    remarks = tuple(map(_said, rows)) if any(row.free for row in rows) else (f"{name}: held",)
+    long_name = _long_name(results, name)
+    return Characteristic(name, long_name, rows[0].unit, values, axes, is_axis, _state(rows), remarks)
+
+
+def _long_name(results: Results, name: str) -> str:
+    row = table_row(vgtjax.parameter_table(results.model), name)
+    return f"{name} ({row.symbol})"
+
+
+def _state(rows: list[Row]) -> str:
+    """`calibrated` is what the fit stands behind."""
+    return "calibrated" if all(row.identifiable for row in rows) else "prelimcalibrated"
+
+
+def _said(row: Row) -> str:
+    """What a fit knows of an entry."""
+    if not row.free:
+        return f"{row.name}: held"
+    if row.std_error is None:
+        return f"{row.name}: not determined"
+    ends = "" if row.low is None or row.high is None else f", 95 % from {row.low!r} to {row.high!r} {row.unit}"
+    doubt = "" if row.identifiable else ", not determined"
+    return f"{row.name}: standard error {row.std_error!r} {row.unit}{ends}{doubt}"

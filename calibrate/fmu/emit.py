@@ -1,0 +1,273 @@
+"""From a traced JAX function to straight-line C: every array apart, a variable a number."""
+
+import re
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import jax
+import numpy as np
+
+from vgtjax import InputError
+
+from .primitives import ELEMENTWISE, INLINED, OF_TRUTH, REDUCTIONS, c_type, integer_power, literal
+
+Names = np.ndarray
+"""What an array is in C: an array of the same shape, of names and numbers."""
+
+
+def emit_function(name: str, function: Callable[..., Any], arguments: dict[str, Any]) -> str:
+    """A JAX function as one in C.
+
+    **Arguments:**
+
+    - `function`: of as many arrays as there are `arguments`, gives a sequence of numbers.
+    - `arguments`: by their names in C an array of one dimension, which comes as a pointer, or a number.
+
+    **Raises:** `InputError` for what no C is known for.
+    """
+    traced = jax.make_jaxpr(lambda *given: [*function(*given)])(*arguments.values())
+    emitter = _Emitter()
+    given = [_argument(each, np.ndim(value), np.size(value)) for each, value in arguments.items()]
+    results = emitter.program(traced.jaxpr, traced.consts, given)
+    emitter.lines += [f"out[{place}] = {number};" for place, each in enumerate(results) for number in each.flat]
+    signature = ", ".join(f"const double *{n}" if np.ndim(v) else f"double {n}" for n, v in arguments.items())
+    unused = "".join(f"    (void){each};\n" for each in arguments)
+    body = "".join(f"    {line}\n" for line in emitter.lines)
+    return f"VG_LOCAL void {name}({signature}, double *out) {{\n{unused}{body}}}\n"
+
+
+def _argument(name: str, dimensions: int, size: int) -> Names:
+    return _names([f"{name}[{i}]" for i in range(size)] if dimensions else name)
+
+
+def _names(texts: Any) -> Names:
+    return np.array(texts, dtype=object)
+
+
+class _Emitter:
+    """Writes the statements of a function, one after the other."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+        self._count = 0
+
+    def program(self, program: Any, constants: Sequence[Any], arguments: Sequence[Names]) -> list[Names]:
+        """Writes a program, and gives what it returns."""
+        known: dict[Any, Names] = {}
+        known.update(zip(program.constvars, map(_literals, constants), strict=True))
+        known.update(zip(program.invars, arguments, strict=True))
+
+        def read(atom: Any) -> Names:
+            return _literals(atom.val) if hasattr(atom, "val") else known[atom]
+
+        for equation in _needed(program):
+            found = self._equation(equation, [read(atom) for atom in equation.invars])
+            known.update(zip(equation.outvars, found, strict=True))
+        return [read(atom) for atom in program.outvars]
+
+    def _equation(self, equation: Any, given: list[Names]) -> list[Names]:
+        name, settings, out = equation.primitive.name, equation.params, equation.outvars[0].aval
+        if name in INLINED:
+            inner = settings[INLINED[name]]
+            return self.program(getattr(inner, "jaxpr", inner), getattr(inner, "consts", ()), given)
+        if name in ("scan", "while", "cond"):
+            return getattr(self, f"_{name}")(given, **settings)
+        if name in _REARRANGED:
+            return [_REARRANGED[name](*given, **settings)]
+        if name in REDUCTIONS:
+            return [self._reduce(REDUCTIONS[name], given[0], settings["axes"], out.dtype)]
+        if name == "dynamic_slice":
+            return [self._dynamic_slice(given[0], given[1:], settings["slice_sizes"], equation.invars[0].aval.dtype)]
+        return [self._elementwise(equation, name, given, out)]
+
+    def _elementwise(self, equation: Any, name: str, given: list[Names], out: Any) -> Names:
+        kinds = {np.dtype(atom.aval.dtype) for atom in equation.invars}
+        if name == "convert_element_type":
+            form = "{0} != 0" if out.dtype == bool else f"({c_type(out.dtype)}){{0}}"
+        elif name == "integer_pow":
+            form = ""
+        elif name not in ELEMENTWISE or (name in OF_TRUTH and kinds != {np.dtype(bool)}) or len(given) > 3:
+            raise InputError(
+                f"no C is known for JAX's primitive '{name}', which this model uses; take another component"
+            )
+        else:
+            form = ELEMENTWISE[name]
+            if c_type(out.dtype) == "int" and name in ("max", "min", "abs", "clamp", "sign"):
+                form = f"(int){form}"  # exact: whole numbers here are places in tables
+
+        def one(*values: str) -> str:
+            if name == "integer_pow":
+                return self._variable(integer_power(values[0], equation.params["y"], self._variable))
+            return self._variable(form.format(*values), c_type(out.dtype))
+
+        rows = np.broadcast_arrays(*given)
+        results = [one(*values) for values in zip(*(row.flat for row in rows), strict=True)]
+        return _names(results).reshape(out.shape)
+
+    def _variable(self, expression: str, kind: str = "double") -> str:
+        name = self._new()
+        self.lines.append(f"const {kind} {name} = {expression};")
+        return name
+
+    def _new(self, letter: str = "t") -> str:
+        self._count += 1
+        return f"{letter}{self._count}"
+
+    def _reduce(self, form: str, given: Names, axes: Sequence[int], dtype: Any) -> Names:
+        last = np.moveaxis(given, axes, range(-len(axes), 0))
+        kept = last.shape[: last.ndim - len(axes)]
+        rows = last.reshape(-1, int(np.prod(last.shape[len(kept) :])))
+        results = []
+        for first, *others in rows:
+            total = first
+            for other in others:
+                total = self._variable(form.format(total, other), c_type(dtype))
+            results.append(total)
+        return _names(results).reshape(kept)
+
+    def _dynamic_slice(self, given: Names, starts: list[Names], sizes: Sequence[int], dtype: Any) -> Names:
+        array = self._array(given, c_type(dtype))
+        strides = [int(np.prod(given.shape[axis + 1 :])) for axis in range(given.ndim)]
+        begins = [
+            self._variable(f"vg_place({start.item()}, {length - size}) * {stride}", "int")
+            for start, length, size, stride in zip(starts, given.shape, sizes, strides, strict=True)
+        ]
+        begin = " + ".join(begins)
+        inside = [int(np.dot(index, strides)) for index in np.ndindex(*sizes)]
+        found = [self._variable(f"{array}[{begin} + {offset}]", c_type(dtype)) for offset in inside]
+        return _names(found).reshape(tuple(sizes))
+
+    def _array(self, given: Names, kind: str) -> str:
+        """An array in C of these numbers: part of an argument, if that is what they are."""
+        flat = [str(each) for each in given.flat]
+        first = re.fullmatch(r"(\w+)\[(\d+)\]", flat[0])
+        if first and flat == [f"{first[1]}[{int(first[2]) + i}]" for i in range(len(flat))]:
+            return f"({first[1]} + {first[2]})"
+        name = self._new("a")
+        self.lines.append(f"const {kind} {name}[] = {{{', '.join(flat)}}};")
+        return name
+
+    def _mutable(self, start: Names, dtype: Any) -> Names:
+        """Variables that a loop or a branch may change."""
+        names = [self._new("m") for _ in start.flat]
+        self.lines += [f"{c_type(dtype)} {name} = {value};" for name, value in zip(names, start.flat, strict=True)]
+        return _names(names).reshape(start.shape)
+
+    def _set(self, variables: Sequence[Names], values: Sequence[Names], types: Sequence[Any]) -> None:
+        """All at once: a value may be one of the variables."""
+        pairs = []
+        for variable, value, aval in zip(variables, values, types, strict=True):
+            for name, number in zip(variable.flat, np.broadcast_to(value, variable.shape).flat, strict=True):
+                kept = self._variable(number, c_type(aval.dtype)) if str(number).startswith("m") else number
+                pairs.append(f"{name} = {kept};")
+        self.lines += pairs
+
+    def _scan(
+        self, given: list[Names], *, jaxpr: Any, length: int, num_consts: int, num_carry: int, reverse: bool, **_: Any
+    ) -> list[Names]:
+        body, types = jaxpr.jaxpr, jaxpr.out_avals
+        fixed, begins, series = given[:num_consts], given[num_consts:][:num_carry], given[num_consts + num_carry :]
+        state = [self._mutable(each, aval.dtype) for each, aval in zip(begins, types, strict=False)]
+        arrays = [
+            (self._array(each, c_type(var.aval.dtype)), each.shape[1:])
+            for each, var in zip(series, body.invars[num_consts + num_carry :], strict=True)
+        ]
+        kept = [(self._new("a"), aval) for aval in types[num_carry:]]
+        self.lines += [f"{c_type(aval.dtype)} {name}[{length * aval.size}];" for name, aval in kept]
+        at = self._new("i")
+        order = f"{at} = {length} - 1; {at} >= 0; --{at}" if reverse else f"{at} = 0; {at} < {length}; ++{at}"
+        self.lines.append(f"for (int {order}) {{")
+        inputs = [_row(name, at, shape) for name, shape in arrays]
+        results = self.program(body, jaxpr.consts, [*fixed, *state, *inputs])
+        for (name, aval), each in zip(kept, results[num_carry:], strict=True):
+            places = _row(name, at, aval.shape)
+            self.lines += [f"{place} = {number};" for place, number in zip(places.flat, each.flat, strict=True)]
+        self._set(state, results[:num_carry], types[:num_carry])
+        self.lines.append("}")
+        outputs = [
+            _names([f"{name}[{i}]" for i in range(length * aval.size)]).reshape(length, *aval.shape)
+            for name, aval in kept
+        ]
+        return [*state, *outputs]
+
+    def _while(
+        self, given: list[Names], *, cond_jaxpr: Any, body_jaxpr: Any, cond_nconsts: int, body_nconsts: int, **_: Any
+    ) -> list[Names]:
+        asked, fixed = given[:cond_nconsts], given[cond_nconsts:][:body_nconsts]
+        types = body_jaxpr.out_avals
+        begins = given[cond_nconsts + body_nconsts :]
+        state = [self._mutable(each, aval.dtype) for each, aval in zip(begins, types, strict=True)]
+        self.lines.append("for (;;) {")
+        (goes_on,) = self.program(cond_jaxpr.jaxpr, cond_jaxpr.consts, [*asked, *state])
+        self.lines.append(f"if (!({goes_on.item()})) break;")
+        results = self.program(body_jaxpr.jaxpr, body_jaxpr.consts, [*fixed, *state])
+        self._set(state, results, types)
+        self.lines.append("}")
+        return state
+
+    def _cond(self, given: list[Names], *, branches: Any, **_: Any) -> list[Names]:
+        which, arguments = given[0].item(), given[1:]
+        types = branches[0].out_avals
+        state = [self._mutable(_names(["0"] * aval.size).reshape(aval.shape), aval.dtype) for aval in types]
+        for number, branch in enumerate(branches):
+            last = number == len(branches) - 1
+            self.lines.append("{" if last else f"if ({which} {'<=' if number == 0 else '=='} {number}) {{")
+            self._set(state, self.program(branch.jaxpr, branch.consts, arguments), types)
+            self.lines.append("}" if last else "} else")
+        return state
+
+
+def _row(name: str, at: str, shape: tuple[int, ...]) -> Names:
+    """A row of an array in C, at a place that is known only there."""
+    size = int(np.prod(shape))
+    return _names([f"{name}[{at} * {size} + {i}]" for i in range(size)]).reshape(shape)
+
+
+def _literals(value: Any) -> Names:
+    array = np.asarray(value)
+    return _names([literal(number) for number in array.flat]).reshape(array.shape)
+
+
+def _needed(program: Any) -> list[Any]:
+    """The equations on which a result depends."""
+    wanted = {atom for atom in program.outvars if not hasattr(atom, "val")}
+    kept = []
+    for equation in reversed(program.eqns):
+        if any(out in wanted for out in equation.outvars):
+            kept.append(equation)
+            wanted |= {atom for atom in equation.invars if not hasattr(atom, "val")}
+    return kept[::-1]
+
+
+def _iota(*, dtype: Any, shape: tuple[int, ...], dimension: int, **_: Any) -> Names:
+    along = [1] * len(shape)
+    along[dimension] = shape[dimension]
+    return _literals(np.broadcast_to(np.arange(shape[dimension], dtype=dtype).reshape(along), shape))
+
+
+def _broadcast(given: Names, *, shape: tuple[int, ...], broadcast_dimensions: Sequence[int], **_: Any) -> Names:
+    along = [1] * len(shape)
+    for axis, size in zip(broadcast_dimensions, given.shape, strict=True):
+        along[axis] = size
+    return np.broadcast_to(given.reshape(along), shape)
+
+
+def _slice(
+    given: Names, *, start_indices: Sequence[int], limit_indices: Sequence[int], strides: Any, **_: Any
+) -> Names:
+    steps = strides or [1] * given.ndim
+    return given[tuple(slice(*each) for each in zip(start_indices, limit_indices, steps, strict=True))]
+
+
+_REARRANGED: dict[str, Callable[..., Names]] = {
+    "broadcast_in_dim": _broadcast,
+    "concatenate": lambda *given, dimension, **_: np.concatenate(given, axis=dimension),
+    "expand_dims": lambda given, *, dimensions, **_: np.expand_dims(given, dimensions),
+    "iota": _iota,
+    "reshape": lambda given, *, new_sizes, **_: given.reshape(new_sizes),
+    "rev": lambda given, *, dimensions, **_: np.flip(given, dimensions),
+    "slice": _slice,
+    "squeeze": lambda given, *, dimensions, **_: np.squeeze(given, axis=tuple(dimensions)),
+    "transpose": lambda given, *, permutation, **_: np.transpose(given, permutation),
+}
+"""What only puts numbers elsewhere needs no C."""

@@ -1,0 +1,211 @@
+"""`--parameters` takes a `parameters.json` of any version, CDFX and DCM: the same numbers are the same model."""
+
+import json
+import pathlib
+
+import jax
+import numpy as np
+import pytest
+from commands import assert_refused, read, run_command
+from support import EXAMPLE
+
+import vgtjax
+from calibrate.study.models import build_model
+from calibrate.study.parameter_file import tabulate, to_json
+from calibrate.study.start_file import load_duties, load_model, read_parameters
+from calibrate.study.tables import AnyStudy
+from calibrate.study.units import prepare
+
+FLEET_UNIT = EXAMPLE / "fleet" / "units" / "unit_01" / "parameters.json"
+KINDS = ("cdfx", "dcm")
+
+
+@pytest.fixture(scope="module")
+def data_sets(tmp_path_factory) -> dict[str, pathlib.Path]:
+    """A unit of the fleet in every format that can be read."""
+    folder = tmp_path_factory.mktemp("data_sets")
+    files = {kind: folder / f"unit.{kind}" for kind in KINDS}
+    for kind, path in files.items():
+        assert run_command("export", FLEET_UNIT, "--format", kind, "--out", path).status == 0
+    return files
+
+
+def model(path):
+    return load_model(*read_parameters(path))[1]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_data_set_is_the_model_that_was_exported(data_sets, kind):
+    leaves, structure = jax.tree.flatten(model(data_sets[kind]))
+    expected, its_structure = jax.tree.flatten(model(FLEET_UNIT))
+    assert structure == its_structure
+    assert all(np.array_equal(leaf, other) for leaf, other in zip(leaves, expected, strict=True))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_command_starts_from_it(fitted, tmp_path, kind):
+    data_set = tmp_path / f"fit.{kind}"
+    run_command("export", fitted.out, "--format", kind, "--out", data_set)
+    for given, out in ((fitted.out / "parameters.json", "json"), (data_set, kind)):
+        outcome = run_command("simulate", fitted.study, "--parameters", given, "--out", tmp_path / out)
+        assert (outcome.status, outcome.err, "note:" in outcome.out) == (0, "", False)
+    first, second = ((tmp_path / out / "step_80.csv").read_bytes() for out in ("json", kind))
+    assert first == second
+
+
+@pytest.mark.parametrize(
+    ("name", "components"),
+    [
+        ("mechanical", {"friction": "adaptive-lugre"}),
+        ("plunger-map", {"vane_force": "polynomial"}),
+        ("static-map", {"flow_map": "polynomial"}),
+        ("full", {"friction": "dahl", "line": "wave", "magnetic_force": "coil", "chamber": "wall"}),
+    ],
+)
+def test_every_model_comes_back(tmp_path, name, components):
+    study = AnyStudy.validate_python({"model": name, "components": components})
+    given = build_model(study)
+    content = to_json(study, tabulate(given, given, {}, {}))
+    (tmp_path / "parameters.json").write_text(json.dumps(content))
+    assert run_command("export", tmp_path, "--format", "cdfx", "--out", tmp_path / "p.cdfx").status == 0
+    leaves, expected = jax.tree.leaves(model(tmp_path / "p.cdfx")), jax.tree.leaves(given)
+    assert len(leaves) == len(expected)
+    assert all(np.array_equal(leaf, other) for leaf, other in zip(leaves, expected, strict=True))
+
+
+def test_a_travel_without_end_comes_back(data_sets, tmp_path):
+    content = read(FLEET_UNIT)
+    content["parameters"]["diaphragm.travel"]["value"] = None
+    endless = tmp_path / "p.json"
+    endless.write_text(json.dumps(content))
+    for kind in KINDS:
+        path = tmp_path / f"endless.{kind}"
+        assert run_command("export", endless, "--format", kind, "--out", path).status == 0
+        assert model(path).diaphragm.travel == np.inf
+
+
+def test_the_first_version_is_read_as_todays(tmp_path):
+    old = read(FLEET_UNIT)
+    del old["schema"], old["nuisance"]
+    for fields in old["parameters"].values():
+        del fields["interval"]
+    (tmp_path / "old.json").write_text(json.dumps(old))
+    path, content = read_parameters(tmp_path / "old.json")
+    assert content["schema"] == 2
+    assert content["parameters"]["diaphragm.mass"]["interval"] is None
+    assert content["parameters"]["vane_force.closing"]["interval"] == [None] * 12
+    assert content["nuisance"] == load_duties(path, None) == {}
+    leaves, expected = jax.tree.leaves(model(path)), jax.tree.leaves(model(FLEET_UNIT))
+    assert all(np.array_equal(leaf, other) for leaf, other in zip(leaves, expected, strict=True))
+
+
+# -- parts of a data set -----------------------------------------------------------------------------------------------
+
+HEAD = "KONSERVIERUNG_FORMAT 2.0\n"
+PRELOAD = 'FESTWERT diaphragm__preload\n EINHEIT_W "N"\n WERT 51.5\nEND\n'
+FORCE = 'FESTWERT converter__magnetic_force__2\n EINHEIT_W "N/%^2"\n WERT 0.004\nEND\n'
+
+
+def test_what_a_file_leaves_out_keeps_its_value(folder, capsys):
+    """Also entries of a vector of which others are given."""
+    (folder / "some.dcm").write_text(HEAD + PRELOAD + FORCE)
+    model = prepare(folder / "study.toml", folder / "some.dcm").units[0].model
+    values = {"diaphragm.preload": 51.5, "converter.magnetic_force[2]": 0.004}
+    names = [*values, "converter.magnetic_force[1]", "diaphragm.mass"]
+    printed = vgtjax.Selection(tuple(names[2:])).pack(vgtjax.Actuator())
+    np.testing.assert_array_equal(vgtjax.Selection(tuple(names)).pack(model), [*values.values(), *printed])
+    assert capsys.readouterr().out == (
+        "note: some.dcm says nothing of converter.plunger_mass, converter.membrane_stiffness, "
+        "converter.return_spring_stiffness, converter.plunger_damping, converter.actuator_area, "
+        "converter.atmosphere_area and 22 more: they keep their values\n"
+    )
+
+
+def cdfx(inside: str, model: str = "") -> str:
+    tree = f"<SW-INSTANCE-TREE><LONG-NAME>{model}</LONG-NAME>{inside}</SW-INSTANCE-TREE>"
+    return f"<MSRSW><SW-SYSTEMS><SW-SYSTEM><SW-INSTANCE-SPEC>{tree}</SW-INSTANCE-SPEC></SW-SYSTEM></SW-SYSTEMS></MSRSW>"
+
+
+def instance(name: str, values: str, unit: str = "N", category: str = "VALUE") -> str:
+    container = f"<UNIT-DISPLAY-NAME>{unit}</UNIT-DISPLAY-NAME><SW-VALUES-PHYS>{values}</SW-VALUES-PHYS>"
+    head = f"<SHORT-NAME>{name}</SHORT-NAME><CATEGORY>{category}</CATEGORY>"
+    return f"<SW-INSTANCE>{head}<SW-VALUE-CONT>{container}</SW-VALUE-CONT></SW-INSTANCE>"
+
+
+BAD = {
+    "another unit": (
+        "p.dcm",
+        HEAD + PRELOAD.replace('"N"', '"kN"'),
+        "the unit of 'diaphragm.preload' must be 'N', but it is 'kN'; convert its value",
+    ),
+    "another unit of an entry": (
+        "p.cdfx",
+        cdfx(instance("converter__magnetic_force__2", "<V>0.004</V>", "N/%")),
+        "the unit of 'converter.magnetic_force[2]' must be 'N/%^2', but it is 'N/%'; convert its value",
+    ),
+    "an unknown name": (
+        "p.dcm",
+        HEAD + PRELOAD.replace("preload", "preloat"),
+        "parameter 'diaphragm.preloat' matches nothing; did you mean 'diaphragm.preload'?",
+    ),
+    "another model": (
+        "p.dcm",
+        HEAD + 'FUNKTIONEN\n FKT a "1" "model=mechanical friction=lugre"\nEND\n' + PRELOAD,
+        "these are parameters of the model 'mechanical', but the study's is 'full'; give parameters of the same model",
+    ),
+    "other components": (
+        "p.cdfx",
+        cdfx(instance("diaphragm__preload", "<V>51.5</V>"), "model=full friction=dahl"),
+        "these are parameters of a model with other components than the study's; give parameters of the same "
+        "components",
+    ),
+    "a text": (
+        "p.cdfx",
+        cdfx(instance("diaphragm__preload", "<VT>much</VT>")),
+        "the value of 'diaphragm__preload' must be a number, but it is 'much'; correct it",
+    ),
+    "two values": (
+        "p.cdfx",
+        cdfx(instance("diaphragm__preload", "<V>1</V><V>2</V>")),
+        "'diaphragm__preload' must have one value, but it has 2; correct it",
+    ),
+    "too few values": (
+        "p.cdfx",
+        cdfx(instance("converter__magnetic_force", "<V>1</V><V>2</V>", category="VAL_BLK")),
+        "'converter.magnetic_force' needs 5 numbers under value, but it has 2; give a list of 5",
+    ),
+    "a name twice": ("p.dcm", HEAD + PRELOAD + PRELOAD, "'diaphragm__preload' occurs twice; remove one of them"),
+    "no end": ("p.dcm", HEAD + PRELOAD.replace("END\n", ""), "'FESTWERT diaphragm__preload' has no END; add it"),
+    "a line": (
+        "p.dcm",
+        f"{HEAD}KENNLINIE a 2\nEND\n",
+        "line 2: no parameter is a KENNLINIE; remove 'KENNLINIE a 2'",
+    ),
+    "no DCM": ("p.dcm", "hello\n", "a DCM file begins with KONSERVIERUNG_FORMAT, but this does not; give a DCM file"),
+    "no CDFX": ("p.cdfx", "<a/>", "a CDFX file begins with MSRSW, but this has a; give a CDFX file"),
+    "no XML": (
+        "p.cdfx",
+        "<MSRSW>",
+        "this is not valid XML (no element found: line 1, column 7); write it again",
+    ),
+    "no values": (
+        "p.cdfx",
+        cdfx("<SW-INSTANCE><SHORT-NAME>a</SHORT-NAME><CATEGORY>VALUE</CATEGORY></SW-INSTANCE>"),
+        "'a' has no SW-VALUES-PHYS; write physical values",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_a_data_set_that_can_not_be_taken(folder, fit, case):
+    name, text, sentence = BAD[case]
+    (folder / name).write_text(text)
+    mark = "," if sentence.startswith("line ") else ":"
+    assert_refused(fit("--parameters", folder / name), f"{name}{mark} {sentence}", folder / "out")
+
+
+def test_a_data_set_that_is_not_there(folder, fit):
+    path = folder / "no.dcm"
+    assert_refused(
+        fit("--parameters", path), f"{path}: can't be read (No such file or directory); check the path", folder / "out"
+    )
