@@ -17,6 +17,7 @@ from . import (
     simulation as simulation,
     traces as traces,
     tuning as tuning,
+    turbine as turbine,
 )
 from ._errors import InputError as InputError, SimulationError as SimulationError
 from ._runtime import configure as configure

@@ -1,0 +1,102 @@
+"""Geometry of the nozzle, its moment on a vane, and losses."""
+
+import numpy as np
+import pytest
+
+import vgtjax
+from vgtjax.turbine import (
+    AinleyMathieson,
+    Angles,
+    Blading,
+    Gas,
+    GivenLoss,
+    Losses,
+    Nozzle,
+    Soderberg,
+    energy_loss,
+    steady,
+)
+
+BLADING = Blading(0.01, 0.0146, 0.0065, 0.0029)
+
+
+def test_throat_and_radii():
+    """By the triangles of pivot, edge and axis."""
+    nozzle, angle = Nozzle(), np.radians(30.0)
+    trailing = 25.5e-3 * np.array([0.0, 1.0]) - 7.6e-3 * np.array([np.cos(angle), np.sin(angle)])
+    assert float(nozzle.trailing_radius(angle)) == pytest.approx(np.hypot(*trailing), rel=1e-12)
+    leading = 25.5e-3 * np.array([0.0, 1.0]) + 7.0e-3 * np.array([np.cos(angle), np.sin(angle)])
+    assert float(nozzle.leading_radius(angle)) == pytest.approx(np.hypot(*leading), rel=1e-12)
+    widths = [float(nozzle.throat(np.radians(degrees))) for degrees in (4, 10, 30, 50)]
+    assert widths == sorted(widths)
+    assert 0.5e-3 < widths[0] < 0.7e-3
+
+
+def test_cells_are_shared_out():
+    passage = Nozzle().passage(0.5, 9000.0, 224)
+    assert [int(np.sum(np.asarray(passage.row) == number)) for number in (1, 2)] == [64, 88]
+    assert np.all(np.diff(passage.m) > 0)
+    with pytest.raises(vgtjax.InputError, match="at least 28 cells, but it has 10; take 112 or more"):
+        Nozzle().passage(0.5, 9000.0, 10)
+
+
+def test_a_row_loses_what_its_coefficient_says():
+    """Friction is shared out over the row by incompressible flow; at a small pressure difference that is what it is."""
+    nozzle, gas = Nozzle(), Gas()
+    passage = nozzle.passage(np.radians(30.0), 0.0, 224)
+    flow = steady(passage, nozzle.inlet(1.06e5, 900.0), 1.05e5, gas)
+    entropy = gas.constant * (np.log(flow.pressure) - gas.gamma * np.log(flow.density)) / (gas.gamma - 1)
+    lost = float(flow.temperature[100] * (entropy[100] - entropy[10]))
+    behind = 0.5 * float(flow.v_m[96] ** 2 + flow.v_u[96] ** 2)
+    # Gas follows the vanes only after their loading length, and is not incompressible.
+    assert lost / behind == pytest.approx(0.08, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"thickness": 6e-3}, "have no throat"),
+        ({"volute_radius": 26e-3}, "reach into the volute"),
+        ({"trail": 14e-3}, "have no throat|reach into the wheel"),
+        ({"vanes": 2}, "must be at least 3"),
+        ({"height": 0.0}, "must be above zero, but it is 0"),
+        ({"lead": -1e-3}, "finite and not negative"),
+    ],
+)
+def test_geometry_that_does_not_work(changes, sentence):
+    with pytest.raises(vgtjax.InputError, match=sentence):
+        Nozzle(**changes).passage(np.radians(10.0), 9000.0)
+
+
+def test_given_and_soderberg():
+    angles = Angles(np.asarray(0.0), np.asarray(70.0))
+    assert float(GivenLoss(0.1).coefficient(angles, BLADING, Gas())) == 0.1
+    assert float(Soderberg().coefficient(angles, BLADING, Gas())) == pytest.approx(0.04 + 0.06 * 0.49)
+    with pytest.raises(vgtjax.InputError, match="from 0 to 120 deg for Soderberg's correlation, but it is 140"):
+        Soderberg().coefficient(Angles(np.asarray(70.0), np.asarray(-70.0)), BLADING, Gas())
+
+
+def test_ainley_and_mathieson():
+    """Aungier's fit of the nozzle row's curve, by hand at an outlet angle of 70 deg and a pitch of 0.7."""
+    blading = Blading(0.7, 1.0, 0.5, 0.2)
+    b, pitch = 20.0, 0.7
+    off = pitch - (0.46 + b / 77)
+    by_hand = 0.025 + (27 - b) / 530 + (0.1583 - b / 1640) * off**2 + 0.08 * ((b / 30) ** 2 - 1) * off**3
+    angles = Angles(np.asarray(0.0), np.asarray(70.0))
+    assert float(AinleyMathieson().profile(angles, blading)) == pytest.approx(by_hand, rel=1e-9)
+    # More loss with a gap than without, and with an impulse row than with a nozzle row.
+    tight, gap = (AinleyMathieson(clearance=k).coefficient(angles, blading, Gas()) for k in (0.0, 0.01))
+    assert float(gap) > float(tight) > by_hand
+    with pytest.raises(vgtjax.InputError, match="from 40 to 80 deg for Ainley and Mathieson's correlation"):
+        AinleyMathieson().coefficient(Angles(np.asarray(0.0), np.asarray(85.0)), blading, Gas())
+
+
+def test_losses_are_checked_where_the_vanes_stand():
+    with pytest.raises(vgtjax.InputError, match="from 40 to 80 deg"):
+        Nozzle(losses=Losses(vanes=AinleyMathieson())).passage(np.radians(4.0), 9000.0)
+
+
+def test_energy_loss_of_slow_gas_is_its_pressure_loss():
+    # To first order in the square of the Mach number, here 1e-4.
+    assert float(energy_loss(0.2, 0.01, Gas())) == pytest.approx(0.2, rel=1e-4)
+    assert float(energy_loss(0.2, 0.8, Gas())) < 0.2

@@ -1,0 +1,189 @@
+"""Steady flow against closed forms, another method's solution, conservation and differences."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import vgtjax
+from vgtjax.turbine import Flow, Gas, Inlet, Nozzle, Passage, steady
+
+GAS = Gas()
+CELLS = 64
+NOZZLE_CELLS = 224
+solve = eqx.filter_jit(steady)
+
+
+def duct(radius=(0.05, 0.05), area=(1e-3, 1e-3), length=0.5, friction=0.0, heat=0.0, cells=CELLS) -> Passage:
+    share, still = np.linspace(0, 1, cells + 1), np.zeros(cells)
+    along = [ends[0] + (ends[1] - ends[0]) * share for ends in (radius, area)]
+    return Passage(length * share, *along, still.astype(int), still, still + 1, still, still + friction, still + heat)
+
+
+def plenum(pressure=2e5, temperature=900.0, tangent=0.0) -> Inlet:
+    return Inlet(*map(jnp.asarray, (pressure, temperature, tangent)))
+
+
+def turbine(vane_angle=30.0, speed=12000.0) -> Passage:
+    """The default nozzle with friction that is the loss over the chord, as another method has solved it."""
+    passage = Nozzle().passage(np.radians(vane_angle), speed, NOZZLE_CELLS)
+    friction = np.select([passage.row == 1, passage.row == 2], [0.08 / 14.6e-3, 0.25 / (1.6 * 18e-3)], 0.0)
+    return eqx.tree_at(lambda each: each.friction, passage, jnp.asarray(friction))
+
+
+@pytest.fixture(scope="module")
+def mid() -> Flow:
+    return solve(turbine(), Nozzle().inlet(2e5, 900.0), 1.05e5, GAS)
+
+
+def mach(flow: Flow) -> np.ndarray:
+    return np.asarray(flow.v_m / GAS.sound_speed(flow.temperature))
+
+
+def test_fanno_line():
+    """Friction over a length is the difference of Fanno's function of the Mach number, end to end."""
+    flow = solve(duct(friction=0.8), plenum(), 1.5e5, GAS)
+    assert bool(flow.converged)
+    gamma = GAS.gamma
+
+    def fanno(m):
+        return (1 - m**2) / (gamma * m**2) + (gamma + 1) / (2 * gamma) * np.log(
+            (gamma + 1) * m**2 / (2 + (gamma - 1) * m**2)
+        )
+
+    first, last = mach(flow)[[0, -1]]
+    # Second order: at 64 cells 2e-5 of it.
+    np.testing.assert_allclose(fanno(first) - fanno(last), 0.8 * (flow.m[-1] - flow.m[0]), rtol=1e-4)
+
+
+def test_free_vortex():
+    """Without blades swirl, enthalpy and entropy stay: at every radius an algebraic equation for the velocity."""
+    passage, inlet = duct(radius=(0.04, 0.02), area=(1.6336e-3, 0.8168e-3), length=0.02), plenum(tangent=2.0)
+    flow = solve(passage, inlet, 1.6e5, GAS)
+    swirl = np.asarray(flow.v_u * passage.centre_radius)
+    # K is carried, not balanced against anything.
+    np.testing.assert_allclose(swirl, swirl[0], rtol=1e-10)
+    area = 0.5 * (passage.area[1:] + passage.area[:-1])
+    for cell in (5, 30, 60):
+
+        def excess(velocity, cell=cell):
+            kinetic = 0.5 * (velocity**2 + (swirl[cell] / passage.centre_radius[cell]) ** 2)
+            ratio = 1 - kinetic / (GAS.heat_capacity * 900.0)
+            density = 2e5 / (GAS.constant * 900.0) * ratio ** (1 / (GAS.gamma - 1))
+            return float(density * velocity * area[cell] - flow.mass_flow)
+
+        # Second order: at 64 cells 3e-5 of it.
+        assert float(flow.v_m[cell]) == pytest.approx(brentq(excess, 10.0, 300.0), rel=2e-4)
+
+
+def test_heat_raises_total_enthalpy():
+    flow = solve(duct(heat=6e7), plenum(), 1.5e5, GAS)
+    enthalpy = GAS.heat_capacity * flow.temperature + 0.5 * flow.v_m**2
+    given = 6e7 * 1e-3 * (flow.m[-1] - flow.m[0]) / flow.mass_flow
+    # Between the middles of the first and the last cell; 4e-6 at 64 cells.
+    np.testing.assert_allclose(enthalpy[-1] - enthalpy[0], given, rtol=1e-4)
+
+
+def test_turbine_as_another_method_has_solved_it(mid):
+    """Marched ordinary differential equations with a root for continuity gave these."""
+    assert bool(mid.converged)
+    # 224 cells: 0.1 % of flow and 1 % of moment is what second order leaves.
+    assert float(mid.mass_flow) == pytest.approx(0.09022738709597984, rel=1e-3)
+    assert float(mid.power) == pytest.approx(8830.837813875643, rel=2e-3)
+    moment, _ = Nozzle().vane_moment(turbine(), mid)
+    assert float(moment) == pytest.approx(0.01268, rel=1e-2)
+
+
+def test_conservation(mid):
+    passage = turbine()
+    swirl = np.asarray(mid.v_u * passage.centre_radius)
+    enthalpy = np.asarray(GAS.heat_capacity * mid.temperature + 0.5 * (mid.v_m**2 + mid.v_u**2))
+    # The volute carries swirl and enthalpy unchanged, to rounding times the cells.
+    np.testing.assert_allclose(swirl[:32], swirl[0], rtol=1e-10)
+    np.testing.assert_allclose(enthalpy[:96], enthalpy[0], rtol=5e-4)  # of means over cells; what passes faces is exact
+    torque = -np.sum((mid.blade_force * passage.centre_radius)[120:208])
+    drag = 0.5 * mid.density * passage.friction * np.hypot(mid.v_m, mid.v_u - passage.speed * passage.centre_radius)
+    relative = mid.v_u - passage.speed * passage.centre_radius
+    torque += np.sum((drag * relative * passage.volume * passage.centre_radius)[120:208])
+    np.testing.assert_allclose(mid.power, 12000.0 * torque, rtol=1e-9)
+    # Euler's turbine equation between the cells beside the wheel.
+    np.testing.assert_allclose(mid.power, mid.mass_flow * 12000.0 * (swirl[118] - swirl[209]), rtol=1e-10)
+
+
+def test_shock_in_a_nozzle():
+    """Choked: the flow is that of a sonic throat, and total pressure falls over the shock."""
+    share = np.linspace(0, 1, 129)
+    area = 1e-3 * (1 + 4.75 * (share - 0.5) ** 2)
+    still = np.zeros(128)
+    passage = Passage(0.2 * share, still[0] + 0.05 + 0 * share, area, still.astype(int), still, still + 1, *[still] * 3)
+    flow = solve(passage, plenum(), 1.5e5, GAS)
+    gamma = GAS.gamma
+    choked = (
+        1e-3
+        * 2e5
+        / np.sqrt(900.0)
+        * np.sqrt(gamma / GAS.constant)
+        * (2 / (gamma + 1)) ** ((gamma + 1) / (2 * (gamma - 1)))
+    )
+    assert float(flow.mass_flow) == pytest.approx(float(choked), rel=1e-3)
+    entropy = np.log(np.asarray(flow.pressure)) - gamma * np.log(np.asarray(flow.density))
+    assert mach(flow).max() > 1.1
+    assert entropy[-1] - entropy[0] > 1e-3
+
+
+def test_no_pressure_no_flow():
+    flow = solve(duct(), plenum(), 2e5, GAS)
+    assert bool(flow.converged)
+    assert abs(float(flow.mass_flow)) < 1e-5
+
+
+def _answer(here, vane_angle, pressure):
+    nozzle = eqx.tree_at(lambda each: (each.lead, each.thickness), Nozzle(), here)
+    passage = nozzle.passage(vane_angle, 9000.0, 112)
+    flow = steady(passage, nozzle.inlet(pressure, 900.0), 1.05e5, GAS)
+    return jnp.stack([nozzle.vane_moment(passage, flow)[0] * 100, flow.mass_flow * 10])
+
+
+answer, forward_slope, reverse_slope = (jax.jit(each) for each in (_answer, jax.jacfwd(_answer), jax.jacrev(_answer)))
+
+
+@pytest.mark.parametrize(("vane_angle", "pressure"), [(5.0, 3e5), (30.0, 2e5), (48.0, 3e5)])
+def test_derivatives_of_geometry(vane_angle, pressure):
+    """Closed, half open and choked: forward and reverse mode against fourth-order differences."""
+    here, state = jnp.asarray([7e-3, 0.3e-3]), (jnp.asarray(np.radians(vane_angle)), jnp.asarray(pressure))
+    forward, reverse = (slope((here[0], here[1]), *state) for slope in (forward_slope, reverse_slope))
+    for number, step in enumerate((1e-5, 1e-6)):
+
+        def moved(times, number=number, step=step):
+            there = here.at[number].add(times * step)
+            return answer((there[0], there[1]), *state)
+
+        slope = (8 * (moved(1) - moved(-1)) - (moved(2) - moved(-2))) / (12 * step)
+        # Steady states are found to 1e-12, which these steps make 1e-8; the rest is the differences' own error.
+        np.testing.assert_allclose(forward[number], slope, rtol=1e-6)
+        np.testing.assert_allclose(reverse[number], forward[number], rtol=1e-9)
+
+
+def test_a_choked_exit_does_not_feel_the_outlet():
+    def passed(outlet):
+        return steady(duct(area=(2e-3, 1e-3)), plenum(), outlet, GAS).mass_flow
+
+    # Far below the critical pressure of 1.08 bar.
+    assert float(jax.jit(jax.grad(passed))(6e4)) == 0.0
+
+
+def test_bad_passages():
+    good = duct()
+    with pytest.raises(vgtjax.InputError, match=r"passage\.area must be areas in m2 above zero, but entry 0 is -1"):
+        Passage(good.m, good.radius, -np.ones(CELLS + 1), *[getattr(good, n) for n in REST])
+    with pytest.raises(vgtjax.InputError, match=r"shape is \(60,\); faces have one more than cells"):
+        Passage(*[each[5:] for each in (good.m, good.radius, good.area)], *[getattr(good, n) for n in REST])
+    with pytest.raises(vgtjax.InputError, match="above zero, in K, but it is -1"):
+        plenum(temperature=-1.0)
+    with pytest.raises(vgtjax.InputError, match="specific gas constant"):
+        Gas(constant=0.0)
+
+
+REST = ("row", "tangent", "length", "speed", "friction", "heat")

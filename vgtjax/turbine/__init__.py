@@ -1,0 +1,17 @@
+"""Quasi-one-dimensional flow of exhaust gas through a turbine's variable nozzle, and its moment on the vanes (3.5)."""
+
+from ._gas import Gas as Gas
+from ._losses import (
+    AbstractLoss as AbstractLoss,
+    AinleyMathieson as AinleyMathieson,
+    Angles as Angles,
+    Blading as Blading,
+    GivenLoss as GivenLoss,
+    Soderberg as Soderberg,
+    energy_loss as energy_loss,
+)
+from ._nozzle import VANES as VANES, WHEEL as WHEEL, Losses as Losses, Nozzle as Nozzle
+from ._passage import Inlet as Inlet, Passage as Passage
+from ._riemann import States as States
+from ._rotor import Rotor as Rotor
+from ._steady import Flow as Flow, first_guess as first_guess, steady as steady, steady_near as steady_near

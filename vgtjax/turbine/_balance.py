@@ -1,0 +1,122 @@
+"""What a cell gains and loses: quasi-one-dimensional flow with swirl, blades, friction and heat [3.21-3.59]."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._types import Scalar, Values
+from ._gas import Gas
+from ._passage import Inlet, Passage
+from ._reconstruction import at_faces
+from ._riemann import States, flux, pack, riemann_flux, unpack
+
+LEAST_TEMPERATURE = 0.2
+"""Of the gas at the inlet over its total temperature, whatever velocity a solver tries there."""
+TURNING_SPEED = 1e-3
+"""Speed over that of sound below which blades let go of the gas: in a rotor that turns in gas at rest their force would
+jump where the flow turns back."""
+
+
+class Forces(eqx.Module):
+    """Forces on the gas of each cell in N/m3: of blades, and of friction."""
+
+    blade_m: Values
+    blade_u: Values
+    friction_m: Values
+    friction_u: Values
+
+
+class Ends(eqx.Module):
+    """What is known at the ends of a passage; without an inlet both are open."""
+
+    inlet: Inlet | None
+    outlet_pressure: Scalar | None
+
+
+class Balance(eqx.Module):
+    """The balances of all cells of a passage, with what they are scaled by."""
+
+    passage: Passage
+    gas: Gas
+    ends: Ends
+    scale: Float[Array, " 4"]
+    """Usual sizes of `ln rho`, `V_m`, `r V_u` and `ln p`."""
+    usual: Float[Array, " 4"]
+    """Of mass, momentum, moment of momentum and energy that pass in a second."""
+
+    def __call__(self, states: States) -> Float[Array, "cells 4"]:
+        """What each cell loses in a second: mass (kg), momentum (N), moment of momentum (N m), energy (W) [3.44,
+        corrected]."""
+        passage = self.passage
+        through = self.fluxes(states) * passage.area[:, None]
+        density, _, swirl, pressure = unpack(states)
+        inner, outer = passage.radius[:-1], passage.radius[1:]
+        # Integrals over a cell of p dS and of rho S K^2 / r^3 dr.
+        walls = pressure * jnp.diff(passage.area)
+        centrifugal = (
+            density * swirl**2 * 0.5 * (1 / inner**2 - 1 / outer**2) * 0.5 * (passage.area[1:] + passage.area[:-1])
+        )
+        forces = self.forces(states)
+        radius, volume = passage.centre_radius, passage.volume
+        along = volume * (forces.blade_m + forces.friction_m) + walls + centrifugal
+        moment = volume * radius * (forces.blade_u + forces.friction_u)
+        power = passage.speed * moment + volume * passage.heat
+        return jnp.diff(through, axis=0) - jnp.stack([jnp.zeros_like(along), along, moment, power], axis=-1)
+
+    def forces(self, states: States) -> Forces:
+        """Forces of blades [3.48-3.53] and of friction [3.54-3.58] on the gas; see the manual for what the print has
+        wrong."""
+        passage = self.passage
+        density, velocity, swirl, _ = unpack(states)
+        relative = swirl / passage.centre_radius - passage.centre_radius * passage.speed
+        direction = velocity / jnp.sqrt(velocity**2 + (TURNING_SPEED * self.scale[1]) ** 2)
+        turned = jnp.where(passage.row > 0, density * direction * (velocity * passage.tangent - relative), 0.0)
+        turned = turned / passage.length
+        speed = jnp.sqrt(velocity**2 + relative**2 + (1e-9 * self.scale[1]) ** 2)
+        drag = 0.5 * density * passage.friction * speed
+        # Normal to the relative velocity, so that turning costs no entropy [3.51].
+        return Forces(-turned * relative, turned * velocity, -drag * velocity, -drag * relative)
+
+    def fluxes(self, states: States) -> Float[Array, "faces 4"]:
+        """What crosses a square metre of each face in a second."""
+        radius, gas = self.passage.radius, self.gas
+        before, after = at_faces(self.passage, states, self.scale)
+        inside = riemann_flux(gas, before[1:-1], after[1:-1], radius[1:-1])
+        first, last = after[0], before[-1]
+        entering = flux(gas, first if self.ends.inlet is None else self.entering(self.ends.inlet, first), radius[0])
+        leaving = last if self.ends.outlet_pressure is None else self.leaving(self.ends.outlet_pressure, last)
+        return jnp.concatenate([entering[None], inside, riemann_flux(gas, last, leaving, radius[-1])[None]])
+
+    def entering(self, inlet: Inlet, inside: States) -> States:
+        """Gas at the inlet, at the velocity that the passage takes it at."""
+        velocity = inside[1]
+        kinetic = 0.5 * velocity**2 * (1 + inlet.tangent**2)
+        ratio = jnp.maximum(1 - kinetic / (self.gas.heat_capacity * inlet.total_temperature), LEAST_TEMPERATURE)
+        pressure = self.gas.expanded_pressure(inlet.total_pressure, ratio)
+        density = pressure / (self.gas.constant * inlet.total_temperature * ratio)
+        return pack(density, velocity, self.passage.radius[0] * velocity * inlet.tangent, pressure)
+
+    def leaving(self, outlet_pressure: Values, inside: States) -> States:
+        """Gas behind a simple wave that comes in from the outlet's pressure, as far as to the speed of sound.
+
+        A wave can't make the gas faster than sound where it leaves, so below that pressure the outlet has no say.
+        """
+        density, velocity, swirl, pressure = unpack(inside)
+        gamma = self.gas.gamma
+        sound = jnp.sqrt(gamma * pressure / density)
+        sonic = (2 * sound + (gamma - 1) * velocity) / (gamma + 1)
+        exponent = 2 * gamma / (gamma - 1)
+        choked = pressure * (jnp.maximum(sonic, 0.1 * sound) / sound) ** exponent
+        behind = jnp.maximum(outlet_pressure, choked)
+        there = sound * (behind / pressure) ** (1 / exponent)
+        faster = velocity + 2 / (gamma - 1) * (sound - there)
+        return pack(density * (behind / pressure) ** (1 / gamma), faster, swirl, behind)
+
+
+def balance_of(passage: Passage, inlet: Inlet, outlet_pressure: Scalar, gas: Gas) -> Balance:
+    """The balance between a plenum and an outlet."""
+    sound = gas.sound_speed(inlet.total_temperature)
+    one, swirl = jnp.ones_like(sound), sound * passage.radius[0]
+    mass = inlet.total_pressure / (gas.constant * inlet.total_temperature) * sound * jnp.max(passage.area)
+    usual = mass * jnp.stack([one, sound, swirl, sound**2])
+    return Balance(passage, gas, Ends(inlet, outlet_pressure), jnp.stack([one, sound, swirl, one]), usual)

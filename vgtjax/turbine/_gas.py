@@ -1,0 +1,42 @@
+"""The exhaust gas: calorically perfect."""
+
+import jax.numpy as jnp
+
+from .._errors import require_positive
+from .._types import Scalar, Values
+from ..parameters import Part, parameter
+
+
+class Gas(Part):
+    """A calorically perfect gas [3.38-3.41].
+
+    **Raises:** `InputError` for a gas without a constant, or with a ratio of heat capacities that is not above 1.
+    """
+
+    gamma: Scalar = parameter(1.34, symbol="gamma", unit="-", source="exhaust gas at 900 K, assumed", held=True)
+    """Ratio of the heat capacities."""
+    constant: Scalar = parameter(287.0, symbol="r", unit="J/(kg K)", source="3.40", held=True)
+    """Specific gas constant; the print calls it the universal one (erratum E6)."""
+
+    def __check_init__(self) -> None:
+        require_positive(
+            "gas.constant", self.constant, "specific gas constant in J/(kg K)", "287 is that of exhaust gas"
+        )
+        require_positive("gas.gamma - 1", self.gamma - 1, "number", "the ratio of heat capacities of a gas is above 1")
+
+    @property
+    def heat_capacity(self) -> Values:
+        """At constant pressure, in J/(kg K)."""
+        return self.gamma * self.constant / (self.gamma - 1)
+
+    def sound_speed(self, temperature: Values) -> Values:
+        """In m/s at a temperature in K."""
+        return jnp.sqrt(self.gamma * self.constant * temperature)
+
+    def expanded_temperature(self, temperature: Values, pressure_ratio: Values) -> Values:
+        """In K after a change of pressure by a ratio (end over begin) without loss."""
+        return temperature * pressure_ratio ** ((self.gamma - 1) / self.gamma)
+
+    def expanded_pressure(self, pressure: Values, temperature_ratio: Values) -> Values:
+        """In Pa after a change of temperature by a ratio (end over begin) without loss."""
+        return pressure * temperature_ratio ** (self.gamma / (self.gamma - 1))

@@ -1,0 +1,43 @@
+"""The turbine's wheel."""
+
+import jax.numpy as jnp
+
+from .._types import Scalar, Values
+from ..parameters import Part, parameter
+
+
+class Rotor(Part):
+    """A radial wheel: gas enters inwards and leaves along the axis. No source gives its sizes: all are assumed."""
+
+    place = "rotor"
+    inlet_radius: Scalar = parameter(19e-3, symbol="r_3", unit="m", source="assumed", held=True)
+    outlet_radius: Scalar = parameter(12e-3, symbol="r_4", unit="m", source="assumed", held=True)
+    """Mean radius where the gas leaves."""
+    path: Scalar = parameter(18e-3, symbol="l_r", unit="m", source="assumed", held=True)
+    """Length of the mean stream line."""
+    outlet_area: Scalar = parameter(700e-6, symbol="S_4", unit="m2", source="assumed", held=True)
+    outlet_angle: Scalar = parameter(-58.0, symbol="beta_4", unit="deg", source="assumed", positive=False, held=True)
+    """Of the relative flow from the meridional direction; negative against the rotation."""
+    tail: Scalar = parameter(10e-3, symbol="l_t", unit="m", source="assumed", held=True)
+    """Of the duct behind the wheel."""
+    loading_length: Scalar = parameter(0.12, symbol="l_3", unit="-", source="assumed", held=True)
+    """Share of the path over which gas takes the blades' angle."""
+
+    def radius(self, share: Values) -> Values:
+        """In m, after a share of the path."""
+        return self.inlet_radius + (self.outlet_radius - self.inlet_radius) * (1 - jnp.cos(0.5 * jnp.pi * share))
+
+    def area(self, share: Values, height: Values) -> Values:
+        """In m2, after a share of the path; `height` of the blades in m where the gas enters."""
+        inlet = 2 * jnp.pi * self.inlet_radius * height
+        return inlet + (self.outlet_area - inlet) * smooth_step(share)
+
+    def tangent(self, share: Values) -> Values:
+        """Of the blades' angle after a share of the path."""
+        return jnp.tan(jnp.radians(self.outlet_angle)) * share**2
+
+
+def smooth_step(share: Values) -> Values:
+    """From 0 to 1, level at both ends."""
+    inside = jnp.clip(share, 0.0, 1.0)
+    return inside**2 * (3 - 2 * inside)
