@@ -58,6 +58,7 @@ from .parts import (
     PassiveLuGre as PassiveLuGre,
     PassivityWarning as PassivityWarning,
     SpeedMap as SpeedMap,
+    Turbine as Turbine,
     WallChamber as WallChamber,
     WaveLine as WaveLine,
     chamber as chamber,

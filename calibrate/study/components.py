@@ -9,7 +9,7 @@ import vgtjax
 from .base import Table
 
 Friction = Literal["lugre", "lugre-squared", "lugre-passive", "adaptive-lugre", "dahl", "karnopp", "coulomb"]
-VaneForce = Literal["none", "polynomial", "map", "speed-map"]
+VaneForce = Literal["none", "polynomial", "map", "speed-map", "turbine"]
 Line = Literal["none", "delay", "wave"]
 MagneticForce = Literal["static", "coil"]
 Chamber = Literal["adiabatic", "wall", "isothermal"]
@@ -28,6 +28,7 @@ VANE_FORCE: dict[VaneForce, Callable[[], vgtjax.AbstractVaneForce]] = {
     "polynomial": vgtjax.ForcePolynomial,
     "map": vgtjax.HysteresisMap,
     "speed-map": vgtjax.SpeedMap,
+    "turbine": vgtjax.Turbine,
 }
 LINE: dict[Line, Callable[[], vgtjax.AbstractLine]] = {
     "none": vgtjax.NoLine,

@@ -12,6 +12,7 @@ from jaxtyping import Array, Bool, Float
 
 from .._errors import InputError, is_traced
 from .._types import Scalar
+from ..parts import tabulated
 from ..plants import AbstractModel, State
 from ..simulation import (
     RESULTS,
@@ -152,6 +153,7 @@ def _close_loop(
     kept: Scalar,
 ) -> ClosedLoop:
     dtype = model_dtype(plant)
+    plant = tabulated(plant)
     controller, scenario = _cast(controller, dtype), _cast(scenario, dtype)
     time = jnp.arange(intervals + 1, dtype=dtype) * period
     drive = scenario.drive(time, period)

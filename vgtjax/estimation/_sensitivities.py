@@ -16,6 +16,7 @@ from .._errors import SimulationError
 from .._lanes import replicate, spread
 from .._types import Scalar
 from ..parameters import Selection, select
+from ..parts import tables_of, tabulated, with_tables
 from ..plants import AbstractModel, State
 from ..simulation import FixedStep, march
 from ..traces import Drive, Trace
@@ -172,32 +173,41 @@ def _push_lanes(
     late = inputs[1] is not None
     identity = jnp.eye(states + len(theta) + late, dtype=theta.dtype)
     state_tangents = [jnp.broadcast_to(identity[i, :, None], (len(identity), lanes)) for i in range(states)]
-    theta_tangents = identity[:, states : states + len(theta)]
+    # Tables are made once, not at every step.
+    values, values_tangents = _push_all(
+        lambda theta: (theta, tables_of(selection.unpack(model, theta))),
+        theta,
+        identity[:, states : states + len(theta)],
+    )
     delay_tangents = identity[:, -1] if late else None
+
+    def choose(values):
+        theta, tables = values
+        return with_tables(selection.unpack(model, theta), tables)
 
     def interval(carry, inputs):
         state, tangents = carry
         drive, slope = inputs
 
-        def observe(theta, state, drive):
-            chosen = selection.unpack(model, theta)
+        def observe(values, state, drive):
+            chosen = choose(values)
             return jnp.stack(jax.vmap(chosen.observe)(state, drive))
 
-        def advance(theta, state, drive):
-            chosen = selection.unpack(model, theta)
+        def advance(values, state, drive):
+            chosen = choose(values)
             return jax.vmap(lambda y, u: bundle.plan.advance(chosen, y, u)[0])(state, drive)
 
         def push(function):
-            def along(dtheta, dstate, ddelay):
+            def along(dvalues, dstate, ddelay):
                 if ddelay is None:
-                    return jax.jvp(lambda *given: function(*given, drive), (theta, state), (dtheta, dstate))
+                    return jax.jvp(lambda *given: function(*given, drive), (values, state), (dvalues, dstate))
 
-                def with_duty(theta, state, duty):
-                    return function(theta, state, eqx.tree_at(lambda drive: drive.pwm, drive, duty))
+                def with_duty(values, state, duty):
+                    return function(values, state, eqx.tree_at(lambda drive: drive.pwm, drive, duty))
 
-                return jax.jvp(with_duty, (theta, state, drive.pwm), (dtheta, dstate, ddelay * slope))
+                return jax.jvp(with_duty, (values, state, drive.pwm), (dvalues, dstate, ddelay * slope))
 
-            return jax.vmap(along, out_axes=(None, 0))(theta_tangents, tangents, delay_tangents)
+            return jax.vmap(along, out_axes=(None, 0))(values_tangents, tangents, delay_tangents)
 
         _, observed = push(observe)
         return push(advance), observed
@@ -206,6 +216,11 @@ def _push_lanes(
     (_, ends), observed = jax.lax.scan(interval, start, inputs)
     end_tangents = jnp.transpose(jnp.stack(jax.tree.leaves(ends)), (2, 0, 1))
     return end_tangents, observed[:, :states], observed[:, states:]
+
+
+def _push_all(function: Callable[[Any], Any], at: Any, tangents: Any) -> tuple[Any, Any]:
+    """A function's value, and where it moves along every tangent."""
+    return jax.vmap(lambda along: jax.jvp(function, (at,), (along,)), out_axes=(None, 0))(tangents)
 
 
 def _chain(
@@ -219,7 +234,7 @@ def _chain(
     states = tangents.shape[1]
 
     def start_states(theta):
-        chosen = selection.unpack(model, theta)
+        chosen = tabulated(selection.unpack(model, theta))
         begin = jax.tree.map(lambda leaf: leaf[0], bundle.drive)
         return jnp.stack(jax.tree.leaves(jax.vmap(chosen.start)(bundle.start, begin)), axis=1)
 

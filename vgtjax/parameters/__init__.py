@@ -14,6 +14,7 @@ from ._selection import (
     table_row as table_row,
 )
 from ._table import (
+    AbstractDerived as AbstractDerived,
     Parameter as Parameter,
     Part as Part,
     as_float_array as as_float_array,

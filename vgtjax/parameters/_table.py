@@ -8,6 +8,7 @@ Modules nest deeper than names do: a field declared with [`nested`][] is not par
 a module with one `anonymous` parameter gives it its own name.
 """
 
+import abc
 import dataclasses
 import difflib
 import inspect
@@ -16,6 +17,7 @@ from collections.abc import Iterable, Iterator
 from typing import Any, ClassVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
@@ -100,6 +102,28 @@ def _describe(name: str, field: dataclasses.Field) -> str:
     return f"- `{name}`: {row.symbol} in {unit}, {row.default} [{', '.join(marks)}]"
 
 
+class AbstractDerived(Part):
+    """A part that carries something which takes long to compute from its parameters."""
+
+    @abc.abstractmethod
+    def renewed(self) -> "AbstractDerived":
+        """The same part with what it carries computed from its parameters as they are, or without it while these are
+        traced."""
+
+
+def _renew_moved(old: Any, new: Any) -> Any:
+    """`new` with each part renewed of which a value is not that of `old`."""
+
+    def derived(node: Any) -> bool:
+        return isinstance(node, AbstractDerived)
+
+    def renew(before: Any, after: Any) -> Any:
+        pairs = zip(jax.tree.leaves(before), jax.tree.leaves(after), strict=True)
+        return after.renewed() if derived(after) and any(a is not b for a, b in pairs) else after
+
+    return jax.tree.map(renew, old, new, is_leaf=derived)
+
+
 def as_float_array(value: Any) -> Array:
     """A value as a floating array, in its own precision if it has one."""
     if hasattr(value, "dtype") and jnp.issubdtype(value.dtype, jnp.inexact):
@@ -174,7 +198,8 @@ def replace_parameters(model: eqx.Module, values: dict[str, Any]) -> Any:
             raise unknown_name("parameter", name, table)
         table[name].check(value)
     new = [as_float_array(values[name]).astype(old.dtype) for name, _, old in _walk(model, "") if name in values]
-    return eqx.tree_at(lambda m: [old for name, _, old in _walk(m, "") if name in values], model, new)
+    replaced = eqx.tree_at(lambda m: [old for name, _, old in _walk(m, "") if name in values], model, new)
+    return _renew_moved(model, replaced)
 
 
 def unknown_name(kind: str, given: str, known: Iterable[str], argument: str | None = None) -> InputError:

@@ -20,6 +20,12 @@ from ._converter import (
 from ._diaphragm import Body as Body, Diaphragm as Diaphragm
 from ._gas_effect import feels_gas as feels_gas
 from ._gas_table import AbstractGasTables as AbstractGasTables, bilinear as bilinear
+from ._tabulated import (
+    AbstractTabulated as AbstractTabulated,
+    tables_of as tables_of,
+    tabulated as tabulated,
+    with_tables as with_tables,
+)
 from ._vanes import Crank as Crank, Vanes as Vanes
 from .chamber import *
 from .flow_map import *

@@ -10,6 +10,7 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
+from ..parts import tabulated
 from ..plants import AbstractModel, State
 from ..traces import Drive, Start, Trace, cast, require
 from ._results import RESULTS, check_result
@@ -87,6 +88,7 @@ def _simulate(
     plan: AbstractMarch,
     adjoint: diffrax.AbstractAdjoint,
 ) -> Solution:
+    model = tabulated(model)
     states, result = march(model, drive, start, plan, adjoint)
     return Solution(jnp.asarray(time), states, jax.vmap(model.signals)(states, drive), result)
 
@@ -103,4 +105,5 @@ def march(
     `adjoint` is `diffrax.ForwardMode()` by default.
     """
     first = jax.tree.map(lambda leaf: leaf[0], drive)
+    model = tabulated(model)
     return plan(model, model.start(start, first), drive, diffrax.ForwardMode() if adjoint is None else adjoint)

@@ -15,11 +15,13 @@ from ._gas import Gas
 from ._passage import Inlet, Passage
 from ._riemann import States, densities, pack, unpack
 
-FIRST_CFL, LEAST_GROWTH, MOST_GROWTH = 5.0, 1.5, 10.0
-"""Length of the first step in transits of a cell by sound, and by what the next one is longer."""
+FIRST_CFL, GROWTH, CAREFUL_GROWTH = 5.0, (1.5, 10.0), (1.3, 1.6)
+"""Length of the first step in transits of a cell by sound, and by what the next one is longer, at least and at most."""
+HASTY_STEPS = 30
+"""After which growth is careful, from the first length on: gas that is sonic all along a duct hardly says where."""
 LONGEST_MOVE = 0.3
 """How far a step may go in any variable, in its usual size."""
-MOST_STEPS = 100
+MOST_STEPS = 120
 EXACT, GOOD = 50.0, 0.7
 """Imbalance over what the largest area could pass at which steps end, in units of rounding, and the power of rounding
 above which no flow is found: 1e-11 of double precision."""
@@ -150,15 +152,18 @@ def _search(balance: Balance, start: States) -> tuple[States, Values]:
         return (at.least > EXACT * rounding) & ~stale & (at.steps < MOST_STEPS) & jnp.isfinite(at.imbalance)
 
     def onward(at: _Search) -> _Search:
-        move = _step(balance, at.states, at.cfl) / balance.scale[None]
+        hasty = at.steps < HASTY_STEPS
+        cfl = jnp.where(at.steps == HASTY_STEPS, FIRST_CFL, at.cfl)
+        move = _step(balance, at.states, cfl) / balance.scale[None]
         states = at.states + jnp.clip(move, -LONGEST_MOVE, LONGEST_MOVE) * balance.scale[None]
         imbalance = imbalance_of(balance, states)
-        growth = jnp.clip(at.imbalance / imbalance, LEAST_GROWTH, MOST_GROWTH)
+        least, most = (jnp.where(hasty, *each) for each in zip(GROWTH, CAREFUL_GROWTH, strict=True))
+        growth = jnp.clip(at.imbalance / imbalance, least, most)
         better = imbalance < at.least
         best = jnp.where(better, states, at.best)
         waited = jnp.where(better, zero, at.waited + 1)
         return _Search(
-            states, at.cfl * growth, imbalance, best, jnp.where(better, imbalance, at.least), at.steps + 1, waited
+            states, cfl * growth, imbalance, best, jnp.where(better, imbalance, at.least), at.steps + 1, waited
         )
 
     begin = _Search(start, jnp.full_like(first, FIRST_CFL), first, start, first, zero, zero)

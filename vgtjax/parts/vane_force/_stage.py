@@ -1,0 +1,76 @@
+"""From gas before the turbine to force at the rod: flow through the nozzle, moment on the vanes, linkage."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..._types import Scalar, Values
+from ...parameters import Part, parameter
+from ...turbine import Flow, Gas, Inlet, Nozzle, Passage, States, steady_near
+from .._vanes import Crank
+
+CELLS = 224
+"""Of a passage: the moment on a vane needs 64 in its row."""
+
+
+class Linkage(Part):
+    """From the crank to the vanes: the ring turns all of them by `ratio` degrees a degree of the crank.
+
+    The print's own figures disagree: 3.12 deg/mm over 10.13 mm are 31.6 degrees of the crank, and vanes that turn by 48
+    (erratum E21), hence the ratio.
+    """
+
+    place = "linkage"
+    ratio: Scalar = parameter(48 / 31.6, symbol="i_v", unit="-", source="3.6, 3.14, assumed", held=True)
+    closed_angle: Scalar = parameter(4.0, symbol="phi_0", unit="deg", source="assumed", held=True)
+    """Of the vanes from the tangent, at `closed_crank`."""
+    closed_crank: Scalar = parameter(4.0, symbol="C_r0", unit="deg", source="3.14", positive=False, held=True)
+
+    def vane_angle(self, crank_angle: Values) -> Values:
+        """Of the vanes from the tangent, in rad, at a crank angle in deg."""
+        return jnp.radians(self.closed_angle + self.ratio * (crank_angle - self.closed_crank))
+
+
+class Stage(eqx.Module):
+    """All that the flow through the turbine depends on; see [`Turbine`][] for what they are."""
+
+    nozzle: Nozzle
+    linkage: Linkage
+    crank: Crank
+    gas: Gas
+    total_temperature: Scalar
+    outlet_pressure: Scalar
+    speed_ratio: Scalar
+
+    def wheel_speed(self, total_pressure: Values) -> Values:
+        """In rad/s at a total pressure in Pa absolute, by the ratio of the blades' speed to the spouting velocity."""
+        expanded = self.gas.expanded_temperature(1.0, self.outlet_pressure / total_pressure)
+        falling = 2 * self.gas.heat_capacity * self.total_temperature * (1 - expanded)
+        # Without a pressure difference the wheel stands still; the root's slope is infinite there.
+        spouting = jnp.sqrt(jnp.maximum(falling, 1e-6))
+        return self.speed_ratio * spouting / self.nozzle.rotor.inlet_radius
+
+    def force(self, moment: Values) -> Values:
+        """At the rod in N against +x, of a moment on each vane in N m, by virtual work [3.72, corrected]."""
+        turned = self.linkage.ratio * self.crank.ratio * jnp.pi / 180
+        return self.nozzle.vanes * moment * turned
+
+    def passage(self, total_pressure: Values, crank_angle: Values, cells: int = CELLS) -> tuple[Passage, Inlet]:
+        """What the gas flows through at Pa absolute and deg, and what it comes from."""
+        angle = self.linkage.vane_angle(crank_angle)
+        passage = self.nozzle.passage(angle, self.wheel_speed(total_pressure), cells, self.gas)
+        return passage, self.nozzle.inlet(total_pressure, self.total_temperature)
+
+
+@eqx.filter_jit
+def flow_at(
+    stage: Stage, total_pressure: Scalar, crank_angle: Scalar, cells: int = CELLS, near: States | None = None
+) -> tuple[Flow, Float[Array, " 2"], States]:
+    """Steady flow; force at the rod in N and mass flow in kg/s; and the states where the search ended.
+
+    **Arguments:** Pa absolute and deg; `near`: where to search from.
+    """
+    passage, inlet = stage.passage(total_pressure, crank_angle, cells)
+    flow, states = steady_near(passage, inlet, stage.outlet_pressure, stage.gas, near)
+    moment, _ = stage.nozzle.vane_moment(passage, flow)
+    return flow, jnp.stack([stage.force(moment), flow.mass_flow]), states

@@ -1,0 +1,168 @@
+"""Steady solutions of a turbine stage over total pressure and crank angle, and a vane force that is read off them."""
+
+import functools
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.custom_derivatives import SymbolicZero
+from jaxtyping import Array, Bool, Float
+
+from ..._errors import InputError, SimulationError
+from ..._types import Scalar, Values
+from ...turbine import States, first_guess
+from .._vanes import Crank, Vanes
+from ._base import AbstractVaneForce
+from ._stage import Stage, flow_at
+
+PRESSURES, ANGLES = 25, 25
+"""Knots of the table: linear between them, the force is within 0.03 N of 47."""
+HIGHEST_PRESSURE = 4.5e5
+"""Pa absolute, of the table; held beyond. It begins at the outlet's pressure, where there is no flow."""
+CRANK_RANGE = (4.0, 37.0)
+"""Degrees, of the table; held beyond."""
+
+ForceTable = Float[Array, "quantity pressures angles"]
+"""Rod force in N and mass flow in kg/s over total pressure and crank angle."""
+Rows = tuple[Float[Array, " angles"], ...]
+"""A table as a row for each pressure."""
+
+
+class StageTable(AbstractVaneForce):
+    """Rod force read off a table over total pressure and crank angle; linear between its knots, held beyond them, zero
+    at or below the outlet's pressure. No state."""
+
+    force: Rows
+    mass_flow: Rows
+    crank: Crank
+    ambient_pressure: Scalar
+    outlet_pressure: Scalar
+
+    def initial_state(self) -> None:
+        """Nothing to remember."""
+
+    def read(self, rows: Rows, total_pressure: Values, crank_angle: Values) -> Values:
+        """Value of one of its tables at Pa absolute and deg."""
+        low, high = CRANK_RANGE
+        across = (total_pressure - self.outlet_pressure) / (HIGHEST_PRESSURE - self.outlet_pressure) * (PRESSURES - 1)
+        along = (crank_angle - low) / (high - low) * (ANGLES - 1)
+        # Hats over all knots, as a gather inside a march is slow; row by row, as XLA runs a loop that holds an array of
+        # more than half a kilobyte at a third of the speed.
+        shares = _hats(across, PRESSURES)
+        at_pressure = sum(shares[knot] * row for knot, row in enumerate(rows))
+        return jnp.sum(at_pressure * _hats(along, ANGLES))
+
+    def __call__(self, vanes: Vanes, velocity: Values, state: None) -> tuple[Values, None]:
+        """Force in N, the same in both directions: gas passes in a tenth of the time that the rod needs."""
+        pressure = self.ambient_pressure + vanes.turbine_pressure
+        return self.read(self.force, pressure, self.crank.angle(vanes.opening)), None
+
+    def relaxation(self, vanes: Vanes, velocity: Values, state: None) -> None:
+        """No state, no rate."""
+
+    def signals(self, vanes: Vanes, velocity: Values, state: None) -> dict[str, Array]:
+        """`f_vane` in N."""
+        return {"f_vane": self(vanes, velocity, state)[0]}
+
+    def typical_state(self) -> None:
+        """No state, no size."""
+
+
+@eqx.filter_jit
+def solve_table(stage: Stage) -> tuple[ForceTable, Bool[Array, "pressures angles"]]:
+    """Rod force and mass flow at all knots, and where a steady state was found; zero at the outlet's pressure."""
+    outlet = stage.outlet_pressure
+    pressures = outlet + (HIGHEST_PRESSURE - outlet) * jnp.linspace(0.0, 1.0, PRESSURES)[1:]
+
+    def column(angle: Array) -> tuple[Array, Array]:
+        # Each pressure is searched from the flow at the one below.
+        def rising(near: States, pressure: Array) -> tuple[States, tuple[Array, Array]]:
+            flow, values, states = flow_at(stage, pressure, angle, near=near)
+            return jnp.where(flow.converged, states, near), (values, flow.converged)
+
+        guess = first_guess(*stage.passage(pressures[0], angle), stage.gas)
+        return jax.lax.scan(rising, jax.lax.stop_gradient(guess), pressures)[1]
+
+    values, found = jax.lax.map(column, jnp.linspace(*CRANK_RANGE, ANGLES))
+    table, found = jnp.transpose(values, (2, 1, 0)), found.T
+    still = jnp.zeros_like(table[:, :1])
+    return jnp.concatenate([still, table], axis=1), jnp.concatenate([jnp.ones_like(found[:1]), found])
+
+
+def checked_table(stage: Stage) -> ForceTable:
+    """A table whose failed points are NaN, so that a simulation that comes there fails."""
+    table, found = solve_table(stage)
+    return jnp.where(found, table, jnp.nan)
+
+
+@jax.custom_jvp
+def current_table(stage: Stage, made_of: tuple[Array, ...], made: ForceTable) -> ForceTable:
+    """The table that was made of a stage's values, with derivatives by steady solutions; NaN if they have moved."""
+    pairs = zip(jax.tree.leaves(stage), made_of, strict=True)
+    same = jnp.all(jnp.stack([jnp.all(a == b) for a, b in pairs]))
+    return jnp.where(same, made, jnp.nan)
+
+
+def _differentiate(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> tuple[Array, Any]:
+    stage, made_of, made = primals
+    moved = jax.tree.leaves(tangents[0], is_leaf=lambda leaf: isinstance(leaf, SymbolicZero))
+    if all(isinstance(leaf, SymbolicZero) for leaf in moved):
+        table = current_table(stage, made_of, made)
+        return table, jnp.zeros_like(table)
+    leaves, shape = jax.tree.flatten(stage)
+    along = [jnp.zeros_like(a) if isinstance(t, SymbolicZero) else t for a, t in zip(leaves, moved, strict=True)]
+    return jax.jvp(lambda leaves: checked_table(jax.tree.unflatten(shape, leaves)), (leaves,), (along,))
+
+
+current_table.defjvp(_differentiate, symbolic_zeros=True)
+
+
+def make_table(stage: Stage) -> ForceTable:
+    """The table of a stage; that of one that was met before is remembered.
+
+    **Raises:** `InputError` for a geometry that does not work; `SimulationError` for a point that is not found.
+    """
+    leaves, shape = jax.tree.flatten(stage)
+    return _remembered(tuple(float(leaf) for leaf in leaves), jnp.result_type(*leaves).name, shape)
+
+
+@functools.lru_cache(maxsize=16)
+def _remembered(values: tuple[float, ...], dtype: str, shape: Any) -> ForceTable:
+    stage: Stage = jax.tree.unflatten(shape, [jnp.asarray(value, dtype) for value in values])
+    _require_working(stage)
+    table, found = solve_table(stage)
+    if not np.all(found):
+        row, column = np.argwhere(~np.asarray(found))[0]
+        outlet = float(stage.outlet_pressure)
+        pressure = outlet + (HIGHEST_PRESSURE - outlet) * row / (PRESSURES - 1)
+        raise not_found(pressure, np.linspace(*CRANK_RANGE, ANGLES)[column])
+    return table
+
+
+def _require_working(stage: Stage) -> None:
+    """**Raises:** `InputError` for a stage that the whole table can't be made of."""
+    outlet = float(stage.outlet_pressure)
+    if outlet >= HIGHEST_PRESSURE:
+        raise InputError(
+            f"vane_force.outlet_pressure must be below {HIGHEST_PRESSURE / 1e5:g} bar absolute, where the table ends, "
+            f"but it is {outlet / 1e5:g} bar; correct it",
+            "values",
+        )
+    for crank_angle in np.linspace(*CRANK_RANGE, ANGLES):
+        stage.nozzle.require_range(stage.linkage.vane_angle(crank_angle))
+
+
+def not_found(total_pressure: float, crank_angle: float) -> SimulationError:
+    """The error of a point without a steady state; Pa absolute and deg."""
+    return SimulationError(
+        f"no steady flow through the nozzle was found at {total_pressure / 1e5:.4g} bar absolute and a crank angle of "
+        f"{crank_angle:.4g} deg; check the nozzle's geometry, or give it less swirl or speed there"
+    )
+
+
+def _hats(at: Values, knots: int) -> Float[Array, " knots"]:
+    """Share of each of evenly spaced knots in the value at a place between them, held at the ends."""
+    inside = jnp.clip(at, 0.0, knots - 1.0)
+    return jnp.maximum(0.0, 1.0 - jnp.abs(inside - jnp.arange(knots, dtype=jnp.result_type(at))))

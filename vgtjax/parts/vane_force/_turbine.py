@@ -1,0 +1,138 @@
+"""Vane force from first principles: one-dimensional flow through the variable nozzle (section 3.5)."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ..._errors import is_traced
+from ..._types import Scalar, Values
+from ...parameters import as_float_array, parameter
+from ...turbine import Flow, Gas, Nozzle
+from .._tabulated import AbstractTabulated
+from .._vanes import Crank, Vanes
+from ._base import AbstractVaneForce
+from ._stage import CELLS, Linkage, Stage, flow_at
+from ._stage_table import ForceTable, StageTable, checked_table, current_table, make_table, not_found
+
+
+class Turbine(AbstractVaneForce, AbstractTabulated):
+    """Force of one-dimensional flow through the nozzle on its vanes, at the rod (3.21-3.72, corrected; section 3.5).
+
+    Made of steady solutions, when it is built, as a table over total pressure and crank angle; gas passes the nozzle in
+    0.3 ms, so that an unsteady flow differs by no more than 0.15 N. With other parameters from [`replace_parameters`][]
+    the table is made anew, also inside of `jit`, and derivatives with respect to all of them are exact. A simulation
+    with parameters that were put in by other means inside of `jit` fails rather than read a table of old ones.
+
+    No measured vane force validates it: sizes and the state of the gas are assumed.
+
+    **Raises:** `InputError` for a geometry that does not work, such as vanes that close their throat;
+    `SimulationError` that names the point, if a steady state is not found.
+    """
+
+    nozzle: Nozzle = eqx.field(default_factory=Nozzle)
+    linkage: Linkage = eqx.field(default_factory=Linkage)
+    gas: Gas = eqx.field(default_factory=Gas)
+    total_temperature: Scalar = parameter(900.0, symbol="T_03", unit="K", source="assumed", held=True)
+    """Of the gas before the turbine."""
+    outlet_pressure: Scalar = parameter(1.05e5, symbol="p_4", unit="Pa", source="assumed", held=True)
+    """Pa absolute, behind the turbine."""
+    speed_ratio: Scalar = parameter(0.6, symbol="nu", unit="-", source="assumed", held=True)
+    """Speed of the wheel's blades over the spouting velocity."""
+    ambient_pressure: Scalar = parameter(101013.0, symbol="p_atm", unit="Pa", source="B.2", held=True)
+    """Pa absolute, from which turbine pressure counts."""
+    crank: Crank = eqx.field(default_factory=Crank)
+    _made: tuple[tuple[Array, ...], ForceTable] | None
+
+    def __init__(
+        self,
+        nozzle: Nozzle | None = None,
+        linkage: Linkage | None = None,
+        gas: Gas | None = None,
+        total_temperature: float | Scalar = 900.0,
+        outlet_pressure: float | Scalar = 1.05e5,
+        speed_ratio: float | Scalar = 0.6,
+        ambient_pressure: float | Scalar = 101013.0,
+        crank: Crank | None = None,
+    ):
+        self.nozzle, self.linkage = nozzle or Nozzle(), linkage or Linkage()
+        self.gas, self.crank = gas or Gas(), crank or Crank()
+        self.total_temperature, self.outlet_pressure = (
+            as_float_array(total_temperature),
+            as_float_array(outlet_pressure),
+        )
+        self.speed_ratio, self.ambient_pressure = as_float_array(speed_ratio), as_float_array(ambient_pressure)
+        self._made = _make(self.stage)
+
+    @property
+    def stage(self) -> Stage:
+        """All that the flow depends on."""
+        return Stage(
+            self.nozzle,
+            self.linkage,
+            self.crank,
+            self.gas,
+            self.total_temperature,
+            self.outlet_pressure,
+            self.speed_ratio,
+        )
+
+    def renewed(self) -> "Turbine":
+        """See the base class."""
+        return eqx.tree_at(lambda each: each._made, self, _make(self.stage), is_leaf=lambda node: node is self._made)
+
+    def table(self) -> ForceTable:
+        """See the base class; NaN where no steady state was found, so that a simulation that comes there fails."""
+        if self._made is None:
+            return checked_table(self.stage)
+        return current_table(self.stage, *self._made)
+
+    def with_table(self, table: ForceTable) -> StageTable:
+        """See the base class."""
+        force, mass_flow = (tuple(rows) for rows in table)
+        return StageTable(force, mass_flow, self.crank, self.ambient_pressure, self.outlet_pressure)
+
+    def flow(self, total_pressure: Scalar, crank_angle: Scalar, cells: int = CELLS) -> Flow:
+        """Steady flow through the nozzle at Pa absolute and deg; see `converged`."""
+        return flow_at(self.stage, as_float_array(total_pressure), as_float_array(crank_angle), cells)[0]
+
+    def rod_force(self, total_pressure: Scalar, crank_angle: Scalar) -> Values:
+        """Force in N against +x by a steady solution, not by the table; Pa absolute and deg. Zero at or below the
+        outlet's pressure.
+
+        **Raises:** `SimulationError` where none is found; inside of `jit` the force is NaN.
+        """
+        pressure, angle = as_float_array(total_pressure), as_float_array(crank_angle)
+        flowing = pressure > self.outlet_pressure
+        # Where nothing flows another state is solved for, whose force is not taken.
+        flow, values, _ = flow_at(self.stage, jnp.where(flowing, pressure, 2 * self.outlet_pressure), angle)
+        if not is_traced(flow.converged) and not bool(flow.converged):
+            raise not_found(float(pressure), float(angle))
+        return jnp.where(flow.converged, jnp.where(flowing, values[0], 0.0), jnp.nan)
+
+    def mass_flow(self, total_pressure: Values, crank_angle: Values) -> Values:
+        """In kg/s at Pa absolute and deg, read off the table, of gas at `total_temperature`."""
+        table = self.with_table(self.table())
+        return table.read(table.mass_flow, total_pressure, crank_angle)
+
+    def initial_state(self) -> None:
+        """Nothing to remember."""
+
+    def __call__(self, vanes: Vanes, velocity: Values, state: None) -> tuple[Values, None]:
+        """Force in N, the same in both directions; see [`StageTable`][]."""
+        return self.with_table(self.table())(vanes, velocity, state)
+
+    def relaxation(self, vanes: Vanes, velocity: Values, state: None) -> None:
+        """No state, no rate."""
+
+    def signals(self, vanes: Vanes, velocity: Values, state: None) -> dict[str, Array]:
+        """`f_vane` in N."""
+        return self.with_table(self.table()).signals(vanes, velocity, state)
+
+    def typical_state(self) -> None:
+        """No state, no size."""
+
+
+def _make(stage: Stage) -> tuple[tuple[Array, ...], ForceTable] | None:
+    """The values of a stage and its table, or nothing while they are traced."""
+    return None if is_traced(stage) else (tuple(jax.tree.leaves(stage)), make_table(stage))
