@@ -17,8 +17,17 @@ def component_figures(model: Any) -> list[tuple[str, go.Figure]]:
     figures = _air_path_figures(model) if isinstance(model, vgtjax.Actuator) else []
     figures.append(("Friction against velocity [3.7]", friction_figure(model)))
     if not isinstance(model.vane_force, vgtjax.NoVaneForce):
-        figures.append(("Exhaust gas force on the rod [3.15-3.17]", vane_force_figure(model)))
+        figures.append((_vane_force_title(model.vane_force), vane_force_figure(model)))
     return figures
+
+
+def _vane_force_title(vane_force: vgtjax.AbstractVaneForce) -> str:
+    if isinstance(vane_force, vgtjax.Turbine):
+        return (
+            "Exhaust gas force on the rod by flow through the nozzle [3.21-3.72]: its sizes and the state of the gas are "
+            "assumed, and no measured vane force validates it"
+        )
+    return "Exhaust gas force on the rod [3.15-3.17]"
 
 
 def _air_path_figures(model: vgtjax.Actuator) -> list[tuple[str, go.Figure]]:

@@ -42,7 +42,7 @@ class Turbine(AbstractVaneForce, AbstractTabulated):
     ambient_pressure: Scalar = parameter(101013.0, symbol="p_atm", unit="Pa", source="B.2", held=True)
     """Pa absolute, from which turbine pressure counts."""
     crank: Crank = eqx.field(default_factory=Crank)
-    _made: tuple[tuple[Array, ...], ForceTable] | None
+    _made: tuple[tuple[Array, ...], ForceTable] | None = None
 
     def __init__(
         self,
