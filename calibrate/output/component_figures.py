@@ -24,7 +24,7 @@ def component_figures(model: Any) -> list[tuple[str, go.Figure]]:
 def _vane_force_title(vane_force: vgtjax.AbstractVaneForce) -> str:
     if isinstance(vane_force, vgtjax.Turbine):
         return (
-            "Exhaust gas force on the rod by flow through the nozzle [3.21-3.72]: its sizes and the state of the gas are "
+            "Exhaust gas force on the rod by flow through the nozzle [3.21-3.72]: sizes and the state of the gas are "
             "assumed, and no measured vane force validates it"
         )
     return "Exhaust gas force on the rod [3.15-3.17]"
