@@ -35,6 +35,7 @@ FIRST = (
     "test_fit.py",
     "test_scale.py",
     "test_vane_force.py",
+    "test_turbine.py",
     "test_evaluate.py",
     "test_line.py",
     "test_pulsation_gradients.py",

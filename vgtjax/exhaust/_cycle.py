@@ -10,6 +10,7 @@ import optimistix as optx
 from jaxtyping import Array, Float
 
 from .._errors import InputError
+from ..parts import tabulated
 from ..simulation import RESULTS, check_result, choose
 from ._blow_down import Cylinders, Gas, Geometry, State, fire, geometry, manifold_pressure, step
 from ._engine import Engine
@@ -73,6 +74,7 @@ def steady_cycle(engine: Engine, point: OperatingPoint, *, substeps: int = SUBST
 
 @eqx.filter_jit
 def _solve(engine: Engine, point: OperatingPoint, substeps: int) -> tuple[Pulsation, RESULTS]:
+    point = tabulated(point)
     solver: optx.Newton = optx.Newton(*[float(jnp.finfo(engine.bore.dtype).eps) ** 0.75] * 2)
     guess = jax.tree.map(jnp.log, _run_in(*_constant((engine, point)), substeps))
     found: optx.Solution = optx.root_find(

@@ -34,9 +34,10 @@ class StageTable(AbstractVaneForce):
     """Rod force read off a table over total pressure and crank angle; linear between its knots, held beyond them, zero
     at or below the outlet's pressure. No state."""
 
-    force: Rows
-    mass_flow: Rows
+    forces: Rows
+    flows: Rows
     crank: Crank
+    total_temperature: Scalar
     ambient_pressure: Scalar
     outlet_pressure: Scalar
 
@@ -54,10 +55,14 @@ class StageTable(AbstractVaneForce):
         at_pressure = sum(shares[knot] * row for knot, row in enumerate(rows))
         return jnp.sum(at_pressure * _hats(along, ANGLES))
 
+    def mass_flow(self, total_pressure: Values, crank_angle: Values) -> Values:
+        """In kg/s at Pa absolute and deg, of gas at `total_temperature`."""
+        return self.read(self.flows, total_pressure, crank_angle)
+
     def __call__(self, vanes: Vanes, velocity: Values, state: None) -> tuple[Values, None]:
         """Force in N, the same in both directions: gas passes in a tenth of the time that the rod needs."""
         pressure = self.ambient_pressure + vanes.turbine_pressure
-        return self.read(self.force, pressure, self.crank.angle(vanes.opening)), None
+        return self.read(self.forces, pressure, self.crank.angle(vanes.opening)), None
 
     def relaxation(self, vanes: Vanes, velocity: Values, state: None) -> None:
         """No state, no rate."""

@@ -89,8 +89,9 @@ class Turbine(AbstractVaneForce, AbstractTabulated):
 
     def with_table(self, table: ForceTable) -> StageTable:
         """See the base class."""
-        force, mass_flow = (tuple(rows) for rows in table)
-        return StageTable(force, mass_flow, self.crank, self.ambient_pressure, self.outlet_pressure)
+        forces, flows = (tuple(rows) for rows in table)
+        around = self.total_temperature, self.ambient_pressure, self.outlet_pressure
+        return StageTable(forces, flows, self.crank, *around)
 
     def flow(self, total_pressure: Scalar, crank_angle: Scalar, cells: int = CELLS) -> Flow:
         """Steady flow through the nozzle at Pa absolute and deg; see `converged`."""
@@ -112,8 +113,7 @@ class Turbine(AbstractVaneForce, AbstractTabulated):
 
     def mass_flow(self, total_pressure: Values, crank_angle: Values) -> Values:
         """In kg/s at Pa absolute and deg, read off the table, of gas at `total_temperature`."""
-        table = self.with_table(self.table())
-        return table.read(table.mass_flow, total_pressure, crank_angle)
+        return self.with_table(self.table()).mass_flow(total_pressure, crank_angle)
 
     def initial_state(self) -> None:
         """Nothing to remember."""
