@@ -10,6 +10,7 @@ from vgtjax import InputError
 
 from ..characteristics import to_cdfx, to_dcm
 from ..fmu.package import to_fmu
+from ..fmu.plant import plant_unit
 from ..output.console import console
 from ..output.files import replacing
 from .data_set import to_data_set
@@ -23,7 +24,7 @@ WRITERS: dict[Format, Callable[[Results, str, str], bytes]] = {
     "cdfx": lambda *given: to_cdfx(to_data_set(*given)),
     "dcm": lambda *given: to_dcm(to_data_set(*given)),
     "mat": to_mat,
-    "fmu": lambda results, *given: to_fmu(results.model, f"vgtjax {results.study.model}", *given),
+    "fmu": lambda results, *given: to_fmu(plant_unit(results.model), f"vgtjax {results.study.model}", *given),
 }
 """Of results, the version of this package and a date."""
 

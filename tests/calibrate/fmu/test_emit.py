@@ -85,6 +85,6 @@ def test_what_no_result_needs_is_left_out():
 
 
 def test_an_unknown_primitive_is_refused_by_its_name():
-    sentence = "no C is known for JAX's primitive 'sort', which this model uses; take another component"
+    sentence = "no C is known for JAX's primitive 'sort', which is used here; take another component or controller"
     with pytest.raises(InputError, match=sentence):
         emit_function("f", lambda x: jnp.sort(x), {"x": X})

@@ -16,6 +16,7 @@ from support import EXAMPLE
 
 import vgtjax
 from calibrate.fmu import compilers, package
+from calibrate.fmu.plant import plant_unit
 from calibrate.study.start_file import load_model, read_parameters
 
 from .variants import build
@@ -219,7 +220,7 @@ def test_numbers_that_are_not_finite_are_an_error(unit):
 def test_other_models_are_valid_too(tmp_path, monkeypatch, name):
     monkeypatch.setattr(package, "compilers", own_only)
     path = tmp_path / "model.fmu"
-    path.write_bytes(package.to_fmu(build(name), name, "0", "2026-01-31"))
+    path.write_bytes(package.to_fmu(plant_unit(build(name)), name, "0", "2026-01-31"))
     assert validate_fmu(str(path)) == []
     one = Unit(path, tmp_path / "unpacked")
     one.slave.exitInitializationMode()
