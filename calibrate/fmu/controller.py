@@ -1,17 +1,15 @@
 """A controller as an FMU: its variables, and its C."""
 
 from vgtjax.control import AbstractController
-from vgtjax.traces import ASSUMED_RESERVOIR, SIGNALS, STANDARD_ATMOSPHERE
+from vgtjax.traces import SIGNALS
 
-from .law import Law
+from .law import FIRST, Law
 from .primitives import literal
 from .unit import Unit, define
 from .variables import Variable, parameter_variables
 
 UNITS = {"position": "m", "velocity": "m/s", "acceleration": "m/s2", "jerk": "m/s3"}
 """Of a reference and its derivatives."""
-FIRST = {"p_res": ASSUMED_RESERVOIR, "p_act": STANDARD_ATMOSPHERE, "atmosphere": STANDARD_ATMOSPHERE}
-"""Inputs that don't begin at zero."""
 MEANINGS = {"pwm": "duty that the converter gets", "command": "duty that was asked for"}
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array
 
 from vgtjax.control import AbstractController, Measurement, Reference, saturate
+from vgtjax.traces import ASSUMED_RESERVOIR, STANDARD_ATMOSPHERE
 
 from .emit import emit_function, needs
 from .entries import Vector, entries_of, path_of, with_values
@@ -20,6 +21,9 @@ MEASURED = {"x_d": "position", "p_act": "pressure", "p_res": "reservoir", "atmos
 """Fields of a measurement by the plant's name for each."""
 WANTED = {f"reference.{field.name}": field.name for field in dataclasses.fields(Reference)}
 """Fields of a reference by the input that has each."""
+
+FIRST = {"p_res": ASSUMED_RESERVOIR, "p_act": STANDARD_ATMOSPHERE, "atmosphere": STANDARD_ATMOSPHERE}
+"""Inputs that don't begin at zero."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -61,16 +61,15 @@ def test_c_asks_for_the_duty_that_the_closed_loop_asks_for(load, plant, scenario
 @pytest.mark.parametrize(
     ("name", "inputs"),
     [
-        ("pi", ["x_d", "p_res", "atmosphere", "reference.position"]),
+        ("pi", "x_d p_res atmosphere reference.position"),
         (
             "adaptive-backstepping",
-            ["x_d", "p_act", "atmosphere", *(f"reference.{name}" for name in ("position", "velocity"))]
-            + ["reference.acceleration", "reference.jerk"],
+            "x_d p_act atmosphere reference.position reference.velocity reference.acceleration reference.jerk",
         ),
     ],
 )
 def test_an_input_is_what_a_design_looks_at(plant, name, inputs):
-    assert list(Law(DESIGNS[name].for_plant(plant), PERIOD).inputs) == inputs
+    assert list(Law(DESIGNS[name].for_plant(plant), PERIOD).inputs) == inputs.split()
 
 
 class Sorting(vgtjax.control.ConstantDuty):
@@ -81,5 +80,7 @@ class Sorting(vgtjax.control.ConstantDuty):
 
 
 def test_a_primitive_without_c_is_refused_by_its_name():
-    with pytest.raises(vgtjax.InputError, match="no C is known for JAX's primitive 'sort', which is used here; take an"):
+    with pytest.raises(
+        vgtjax.InputError, match="no C is known for JAX's primitive 'sort', which is used here; take an"
+    ):
         Law(Sorting(), PERIOD).to_c()
