@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ._mat import Load, is_vector, list_objects, list_table, load_objects, variable
+from ._mat_5_check import require_sound
 from ._recording import Entry, Record
 
 NUMBERS = ("double", "single", "logical", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)))
@@ -20,6 +21,8 @@ def list_variables(path: pathlib.Path, has_objects: bool) -> Iterator[tuple[Entr
     """
     import scipy.io
 
+    if not has_objects:
+        require_sound(path)
     load = functools.partial(load_objects if has_objects else _load_plain, path)
     for name, shape, kind in list_objects(path) if has_objects else scipy.io.whosmat(path):
         if kind in NUMBERS and is_vector(shape):
