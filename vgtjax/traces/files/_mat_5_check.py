@@ -23,8 +23,12 @@ START = 1 << 12
 """So many bytes of a plain array say what it is; names are shorter."""
 
 
-def require_sound(path: pathlib.Path) -> None:
-    """**Raises:** `ValueError` or `zlib.error` for a file that scipy must not be given."""
+def sound_variables(path: pathlib.Path) -> list[slice]:
+    """Where the variables of a file stand in it.
+
+    **Raises:** `ValueError` or `zlib.error` for a file that scipy must not be given.
+    """
+    found = []
     with path.open("rb") as file:
         order = "<" if file.read(HEADER)[126:] == b"IM" else ">"
         end = file.seek(0, 2)
@@ -35,7 +39,9 @@ def require_sound(path: pathlib.Path) -> None:
             if kind not in (MATRIX, COMPRESSED) or size > end - at - 8:
                 raise ValueError(f"a variable of type {kind} with {size} bytes")
             _variable(file, order, kind, size)
+            found.append(slice(at, at + 8 + size))
             at += 8 + size
+    return found
 
 
 def _variable(file: BinaryIO, order: str, kind: int, size: int) -> None:
