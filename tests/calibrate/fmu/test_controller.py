@@ -149,7 +149,8 @@ def test_its_duty_holds_from_sample_to_sample(unit, run):
         give(one, run, i, run.measured.position[i])
         for part in range(4):
             one.slave.doStep((i + 0.25 * part) * PERIOD, 0.25 * PERIOD)
-            one["x_d"] = one["x_d"] if part == 3 else 0.0  # between two samples nothing looks at it
+            if part < 3:
+                one["x_d"] = 0.0  # between two samples nothing looks at it
             assert one["pwm"] == pytest.approx(float(run.duty[i]), abs=1e-9)
 
 
