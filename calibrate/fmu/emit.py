@@ -75,7 +75,8 @@ class _Emitter:
         if name in ("scan", "while", "cond"):
             return getattr(self, f"_{name}")(given, **settings)
         if name in REARRANGED:
-            return [REARRANGED[name](*given, **settings)]
+            moved = REARRANGED[name](*given, **settings)
+            return moved if isinstance(moved, list) else [moved]
         if name in REDUCTIONS:
             return [self._reduce(REDUCTIONS[name], given[0], settings["axes"], out.dtype)]
         if name in COMPOSED and (found := COMPOSED[name](self, given, equation)) is not None:
