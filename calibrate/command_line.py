@@ -34,7 +34,7 @@ FORMATS = ("csv", "cdfx", "dcm", "mat", "fmu")
 FORMAT = click.Option(["--format", "kind"], type=click.Choice(FORMATS), required=True, help="What the file is.")
 FILE = click.Option(["--out"], type=PATH, required=True, metavar="FILE", help="The file to write.")
 DATE = click.Option(["--date"], type=click.DateTime(["%Y-%m-%d"]), help="Of the calibration, in the file; else today.")
-EXPORT = "Writes RESULTS (a parameters.json, or the folder of one actuator's fit) as a file for other tools."
+EXPORT = "Writes RESULTS (of the fit of one actuator, or of tune) as a file for other tools."
 POPULATION = "The nominal actuator's parameters.json, or the folder of a fit with several units: the population."
 PROCESSES = (
     click.Option(["--process"], type=int, metavar="INDEX", help="Which of them this one is, from 0."),

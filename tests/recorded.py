@@ -81,6 +81,30 @@ def write_mdf(path: pathlib.Path, signals: Campaign) -> None:
         file.save(path, overwrite=True)
 
 
+LOGGED = {
+    "pwm": ("DutyCycle", "%", 0.01, 1),
+    "p_act": ("P_Chamber", "mbar", 0.05, 1),
+    "p_res": ("P_Vacuum", "mbar", 0.05, 1),
+    "x_d": ("Position", "mm", 5e-4, 2),
+}
+"""Name and unit in the recordings of the example, what a count is worth, and every how many samples there is one."""
+
+
+def write_logged(path: pathlib.Path, trace: vgtjax.Trace) -> None:
+    """A trace of the example as a logger would have recorded it; so `calibrate/example/logger` was made."""
+    units = {"%": 1.0, "mbar": 100.0, "mm": 1e-3}
+    groups: dict[int, list[asammdf.Signal]] = {}
+    for signal, (name, unit, step, every) in LOGGED.items():
+        gauge = vgtjax.traces.STANDARD_ATMOSPHERE if unit == "mbar" else 0.0
+        channel = trace.channels[signal]
+        counts = np.round((channel.value[::every] - gauge) / units[unit] / step).astype("i2")
+        groups.setdefault(every, []).append(mdf_signal(name, Signal(channel.time[::every], counts, step, unit)))
+    with asammdf.MDF(version="4.10") as file:
+        for group in groups.values():
+            file.append(group, comment="simulated, with sensor noise")
+        file.save(path, overwrite=True, compression=2)
+
+
 def mdf_signal(name: str, signal: Signal) -> asammdf.Signal:
     """Counts with their conversion, or else floating-point numbers."""
     is_count = signal.counts.dtype.kind == "i"

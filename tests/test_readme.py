@@ -2,12 +2,16 @@
 
 import pathlib
 import re
+import shlex
 import tomllib
 
+import numpy as np
 import pytest
+from commands import read, run_command
 from support import EXAMPLE
 
 import vgtjax
+from calibrate.study.channels import sources_of
 from calibrate.study.components import CHAMBER, FRICTION, LINE, MAGNETIC_FORCE, VANE_FORCE
 from calibrate.study.models import build_model, start_values
 from calibrate.study.references import build_references
@@ -71,6 +75,54 @@ def test_every_design_is_named():
     listed = next(text for text in blocks("toml") if "[control]" in text)
     for name in DESIGNS:
         assert re.search(rf"\b{name}\b", listed), name
+
+
+@pytest.fixture(scope="module")
+def from_a_recording() -> list[list[str]]:
+    """The three commands from an installation to the report of an MDF file."""
+    text = next(each for each in blocks("bash") if "example/logger" in each)
+    return [shlex.split(line, comments=True) for line in text.splitlines()]
+
+
+def test_a_recording_needs_an_extra_that_exists(from_a_recording):
+    install, *_ = from_a_recording
+    assert install[:2] == ["pip", "install"]
+    (extras,) = re.findall(r"^vgtjax\[(.*)\]$", install[2])
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert set(extras.split(",")) <= set(project["optional-dependencies"])
+
+
+def test_a_recording_becomes_a_report(from_a_recording, tmp_path, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    _, *commands = from_a_recording
+    assert len(commands) == 2
+    for number, (*python, name, study, flag, _) in enumerate(commands):
+        assert (python, flag) == (["python", "-m", "calibrate"], "--out")
+        outcome = run_command(name, study, flag, tmp_path / str(number))
+        assert (outcome.status, outcome.err) == (0, "")
+    assert {path.name for path in (tmp_path / "0").glob("*.csv")} == {"levels_1.csv", "step_80.csv"}
+    summary = read(tmp_path / "1" / "summary.json")
+    assert summary["converged"]
+    # The noise of the sensors; a step to 80 % has more than random levels told, so what was not fitted leaves half as
+    # much again.
+    noise, left = {"x_d": 8e-6, "p_act": 60.0}, summary["traces"]
+    assert left["levels_1"]["rmse"] == pytest.approx(noise, rel=0.1)
+    assert all(left["step_80"]["rmse"][name] < 1.5 * noise[name] for name in noise)
+    assert "levels_1" in (tmp_path / "1" / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("name", ["levels_1", "step_80"])
+def test_a_recording_of_the_example_is_its_csv_to_half_a_count(name):
+    study = AnyStudy.validate_python(tomllib.loads((EXAMPLE / "logger" / "study.toml").read_text(encoding="utf-8")))
+    found = vgtjax.load_trace(EXAMPLE / "logger" / f"{name}.mf4", channels=sources_of(study.channels))
+    wanted = vgtjax.load_trace(EXAMPLE / f"{name}.csv")
+    counts = {"pwm": 0.01, "p_act": 5.0, "p_res": 5.0, "x_d": 5e-7}
+    assert set(found.channels) == set(counts)
+    for signal, count in counts.items():
+        every = 2 if signal == "x_d" else 1
+        np.testing.assert_array_equal(found.channels[signal].time, wanted.channels[signal].time[::every])
+        values = wanted.channels[signal].value[::every]
+        np.testing.assert_allclose(found.channels[signal].value, values, rtol=0, atol=0.5001 * count)
 
 
 def test_ci_finds_both_commands():

@@ -20,6 +20,7 @@ _CASES = (
     "robustness",
     "coverage",
     "memory",
+    "files",
 )
 _LONG = ("tuning", "coverage", "memory")
 """Only when asked for: ten minutes and more."""

@@ -1,20 +1,13 @@
 """`modelDescription.xml` of an FMU."""
 
+import math
 import xml.etree.ElementTree as ET
-from collections.abc import Sequence
 
+from .unit import Unit
 from .variables import Variable
 
-IDENTIFIER = "vgtjax_actuator"
-SOURCE = f"{IDENTIFIER}.c"
-COST = (
-    "In model exchange the importer's solver must stop at every jump of the duty, and its steps must resolve the "
-    "relaxation rates of plunger and friction (thousands a second); co-simulation has the integrator of vgtjax, which "
-    "stays stable without."
-)
 
-
-def describe(variables: Sequence[Variable], name: str, guid: str, version: str, date: str) -> bytes:
+def describe(unit: Unit, name: str, guid: str, version: str, date: str) -> bytes:
     """The text of the file, in the order that the schema of FMI 2.0 demands."""
     root = ET.Element(
         "fmiModelDescription",
@@ -22,30 +15,37 @@ def describe(variables: Sequence[Variable], name: str, guid: str, version: str, 
             "fmiVersion": "2.0",
             "modelName": name,
             "guid": guid,
-            "description": f"Electro-pneumatic actuator of a turbocharger's vanes. {COST}",
+            "description": unit.says,
             "generationTool": f"vgtjax {version}",
             "generationDateAndTime": f"{date}T00:00:00Z",
             "variableNamingConvention": "structured",
             "numberOfEventIndicators": "0",
         },
     )
-    both = {"modelIdentifier": IDENTIFIER, "canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true"}
-    exchange = {"completedIntegratorStepNotNeeded": "true"}
-    steps = {"canHandleVariableCommunicationStepSize": "true", "canInterpolateInputs": "true"}
-    for tag, own in (("ModelExchange", exchange), ("CoSimulation", steps)):
-        ET.SubElement(ET.SubElement(ET.SubElement(root, tag, both | own), "SourceFiles"), "File", {"name": SOURCE})
+    _add_kinds(root, unit)
     units = ET.SubElement(root, "UnitDefinitions")
-    for unit in dict.fromkeys(each.unit for each in variables if each.unit is not None):
-        ET.SubElement(units, "Unit", {"name": unit})
+    for each in dict.fromkeys(variable.unit for variable in unit.variables if variable.unit is not None):
+        ET.SubElement(units, "Unit", {"name": each})
     categories = ET.SubElement(root, "LogCategories")
     ET.SubElement(categories, "Category", {"name": "logStatusError"})
-    ET.SubElement(root, "DefaultExperiment", {"startTime": "0", "stopTime": "10", "stepSize": "0.001"})
+    ET.SubElement(root, "DefaultExperiment", {"startTime": "0", "stopTime": "10", "stepSize": str(unit.step)})
     listed = ET.SubElement(root, "ModelVariables")
-    for reference, variable in enumerate(variables):
+    for reference, variable in enumerate(unit.variables):
         _add_variable(listed, reference, variable)
-    _add_structure(root, variables)
+    _add_structure(root, unit)
     ET.indent(root)
     return b'<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="utf-8") + b"\n"
+
+
+def _add_kinds(root: ET.Element, unit: Unit) -> None:
+    both = {"modelIdentifier": unit.identifier, "canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true"}
+    kinds = {
+        "ModelExchange": {"completedIntegratorStepNotNeeded": "true"},
+        "CoSimulation": {"canHandleVariableCommunicationStepSize": "true", "canInterpolateInputs": "true"},
+    }
+    for tag in ["CoSimulation"] if unit.is_sampled else kinds:
+        files = ET.SubElement(ET.SubElement(root, tag, both | kinds[tag]), "SourceFiles")
+        ET.SubElement(files, "File", {"name": unit.source})
 
 
 def _add_variable(parent: ET.Element, reference: int, variable: Variable) -> None:
@@ -62,16 +62,24 @@ def _add_variable(parent: ET.Element, reference: int, variable: Variable) -> Non
         return
     derivative = None if variable.derivative_of is None else variable.derivative_of + 1
     fields = {"unit": variable.unit, "nominal": variable.nominal, "start": variable.start, "derivative": derivative}
-    ET.SubElement(element, "Real", {key: str(value) for key, value in fields.items() if value is not None})
+    ET.SubElement(element, "Real", {key: _text(value) for key, value in fields.items() if value is not None})
 
 
-def _add_structure(root: ET.Element, variables: Sequence[Variable]) -> None:
+def _text(value: str | float) -> str:
+    """As XML has it, where the number without end is `INF`."""
+    return "INF" if value == math.inf else str(value)
+
+
+def _add_structure(root: ET.Element, unit: Unit) -> None:
     """What depends on what; places count from one here."""
+    variables = unit.variables
     outputs = [i for i, each in enumerate(variables, 1) if each.causality == "output"]
     rates = [i for i, each in enumerate(variables, 1) if each.derivative_of is not None]
     states = [each.derivative_of + 1 for each in variables if each.derivative_of is not None]
     structure = ET.SubElement(root, "ModelStructure")
     for tag, places in (("Outputs", outputs), ("Derivatives", rates), ("InitialUnknowns", [*outputs, *states, *rates])):
+        if not places:
+            continue
         unknowns = ET.SubElement(structure, tag)
         for place in places:
             ET.SubElement(unknowns, "Unknown", {"index": str(place)})

@@ -1,6 +1,5 @@
 """From a traced JAX function to straight-line C: every array apart, a variable a number."""
 
-import re
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -9,10 +8,9 @@ import numpy as np
 
 from vgtjax import InputError
 
-from .primitives import ELEMENTWISE, INLINED, OF_TRUTH, REDUCTIONS, c_type, integer_power, literal
-
-Names = np.ndarray
-"""What an array is in C: an array of the same shape, of names and numbers."""
+from .arrays import COMPOSED, array_of
+from .primitives import ELEMENTWISE, INLINED, OF_TRUTH, REDUCTIONS, c_type, integer_power
+from .rearrange import REARRANGED, Names, literals, names
 
 
 def emit_function(name: str, function: Callable[..., Any], arguments: dict[str, Any]) -> str:
@@ -36,12 +34,16 @@ def emit_function(name: str, function: Callable[..., Any], arguments: dict[str, 
     return f"VG_LOCAL void {name}({signature}, double *out) {{\n{unused}{body}}}\n"
 
 
+def needs(function: Callable[..., Any], arguments: Sequence[Any]) -> list[bool]:
+    """Whether what a JAX function gives depends on each of its arguments."""
+    program = jax.make_jaxpr(function)(*arguments).jaxpr
+    used = {atom for equation in _needed(program) for atom in equation.invars if not hasattr(atom, "val")}
+    used |= {atom for atom in program.outvars if not hasattr(atom, "val")}
+    return [argument in used for argument in program.invars]
+
+
 def _argument(name: str, dimensions: int, size: int) -> Names:
-    return _names([f"{name}[{i}]" for i in range(size)] if dimensions else name)
-
-
-def _names(texts: Any) -> Names:
-    return np.array(texts, dtype=object)
+    return names([f"{name}[{i}]" for i in range(size)] if dimensions else name)
 
 
 class _Emitter:
@@ -54,11 +56,11 @@ class _Emitter:
     def program(self, program: Any, constants: Sequence[Any], arguments: Sequence[Names]) -> list[Names]:
         """Writes a program, and gives what it returns."""
         known: dict[Any, Names] = {}
-        known.update(zip(program.constvars, map(_literals, constants), strict=True))
+        known.update(zip(program.constvars, map(literals, constants), strict=True))
         known.update(zip(program.invars, arguments, strict=True))
 
         def read(atom: Any) -> Names:
-            return _literals(atom.val) if hasattr(atom, "val") else known[atom]
+            return literals(atom.val) if hasattr(atom, "val") else known[atom]
 
         for equation in _needed(program):
             found = self._equation(equation, [read(atom) for atom in equation.invars])
@@ -72,12 +74,13 @@ class _Emitter:
             return self.program(getattr(inner, "jaxpr", inner), getattr(inner, "consts", ()), given)
         if name in ("scan", "while", "cond"):
             return getattr(self, f"_{name}")(given, **settings)
-        if name in _REARRANGED:
-            return [_REARRANGED[name](*given, **settings)]
+        if name in REARRANGED:
+            moved = REARRANGED[name](*given, **settings)
+            return moved if isinstance(moved, list) else [moved]
         if name in REDUCTIONS:
             return [self._reduce(REDUCTIONS[name], given[0], settings["axes"], out.dtype)]
-        if name == "dynamic_slice":
-            return [self._dynamic_slice(given[0], given[1:], settings["slice_sizes"], equation.invars[0].aval.dtype)]
+        if name in COMPOSED and (found := COMPOSED[name](self, given, equation)) is not None:
+            return [found]
         return [self._elementwise(equation, name, given, out)]
 
     def _elementwise(self, equation: Any, name: str, given: list[Names], out: Any) -> Names:
@@ -88,7 +91,7 @@ class _Emitter:
             form = ""
         elif name not in ELEMENTWISE or (name in OF_TRUTH and kinds != {np.dtype(bool)}) or len(given) > 3:
             raise InputError(
-                f"no C is known for JAX's primitive '{name}', which this model uses; take another component"
+                f"no C is known for JAX's primitive '{name}', which is used here; take another component or controller"
             )
         else:
             form = ELEMENTWISE[name]
@@ -97,19 +100,21 @@ class _Emitter:
 
         def one(*values: str) -> str:
             if name == "integer_pow":
-                return self._variable(integer_power(values[0], equation.params["y"], self._variable))
-            return self._variable(form.format(*values), c_type(out.dtype))
+                return self.variable(integer_power(values[0], equation.params["y"], self.variable))
+            return self.variable(form.format(*values), c_type(out.dtype))
 
         rows = np.broadcast_arrays(*given)
         results = [one(*values) for values in zip(*(row.flat for row in rows), strict=True)]
-        return _names(results).reshape(out.shape)
+        return names(results).reshape(out.shape)
 
-    def _variable(self, expression: str, kind: str = "double") -> str:
-        name = self._new()
+    def variable(self, expression: str, kind: str = "double") -> str:
+        """Writes a variable, and gives its name."""
+        name = self.new()
         self.lines.append(f"const {kind} {name} = {expression};")
         return name
 
-    def _new(self, letter: str = "t") -> str:
+    def new(self, letter: str = "t") -> str:
+        """A name that is not taken."""
         self._count += 1
         return f"{letter}{self._count}"
 
@@ -121,44 +126,22 @@ class _Emitter:
         for first, *others in rows:
             total = first
             for other in others:
-                total = self._variable(form.format(total, other), c_type(dtype))
+                total = self.variable(form.format(total, other), c_type(dtype))
             results.append(total)
-        return _names(results).reshape(kept)
-
-    def _dynamic_slice(self, given: Names, starts: list[Names], sizes: Sequence[int], dtype: Any) -> Names:
-        array = self._array(given, c_type(dtype))
-        strides = [int(np.prod(given.shape[axis + 1 :])) for axis in range(given.ndim)]
-        begins = [
-            self._variable(f"vg_place({start.item()}, {length - size}) * {stride}", "int")
-            for start, length, size, stride in zip(starts, given.shape, sizes, strides, strict=True)
-        ]
-        begin = " + ".join(begins)
-        inside = [int(np.dot(index, strides)) for index in np.ndindex(*sizes)]
-        found = [self._variable(f"{array}[{begin} + {offset}]", c_type(dtype)) for offset in inside]
-        return _names(found).reshape(tuple(sizes))
-
-    def _array(self, given: Names, kind: str) -> str:
-        """An array in C of these numbers: part of an argument, if that is what they are."""
-        flat = [str(each) for each in given.flat]
-        first = re.fullmatch(r"(\w+)\[(\d+)\]", flat[0])
-        if first and flat == [f"{first[1]}[{int(first[2]) + i}]" for i in range(len(flat))]:
-            return f"({first[1]} + {first[2]})"
-        name = self._new("a")
-        self.lines.append(f"const {kind} {name}[] = {{{', '.join(flat)}}};")
-        return name
+        return names(results).reshape(kept)
 
     def _mutable(self, start: Names, dtype: Any) -> Names:
         """Variables that a loop or a branch may change."""
-        names = [self._new("m") for _ in start.flat]
-        self.lines += [f"{c_type(dtype)} {name} = {value};" for name, value in zip(names, start.flat, strict=True)]
-        return _names(names).reshape(start.shape)
+        variables = [self.new("m") for _ in start.flat]
+        self.lines += [f"{c_type(dtype)} {name} = {value};" for name, value in zip(variables, start.flat, strict=True)]
+        return names(variables).reshape(start.shape)
 
     def _set(self, variables: Sequence[Names], values: Sequence[Names], types: Sequence[Any]) -> None:
         """All at once: a value may be one of the variables."""
         pairs = []
         for variable, value, aval in zip(variables, values, types, strict=True):
             for name, number in zip(variable.flat, np.broadcast_to(value, variable.shape).flat, strict=True):
-                kept = self._variable(number, c_type(aval.dtype)) if str(number).startswith("m") else number
+                kept = self.variable(number, c_type(aval.dtype)) if str(number).startswith("m") else number
                 pairs.append(f"{name} = {kept};")
         self.lines += pairs
 
@@ -169,12 +152,12 @@ class _Emitter:
         fixed, begins, series = given[:num_consts], given[num_consts:][:num_carry], given[num_consts + num_carry :]
         state = [self._mutable(each, aval.dtype) for each, aval in zip(begins, types, strict=False)]
         arrays = [
-            (self._array(each, c_type(var.aval.dtype)), each.shape[1:])
+            (array_of(self, each, c_type(var.aval.dtype)), each.shape[1:])
             for each, var in zip(series, body.invars[num_consts + num_carry :], strict=True)
         ]
-        kept = [(self._new("a"), aval) for aval in types[num_carry:]]
+        kept = [(self.new("a"), aval) for aval in types[num_carry:]]
         self.lines += [f"{c_type(aval.dtype)} {name}[{length * aval.size}];" for name, aval in kept]
-        at = self._new("i")
+        at = self.new("i")
         order = f"{at} = {length} - 1; {at} >= 0; --{at}" if reverse else f"{at} = 0; {at} < {length}; ++{at}"
         self.lines.append(f"for (int {order}) {{")
         inputs = [_row(name, at, shape) for name, shape in arrays]
@@ -185,7 +168,7 @@ class _Emitter:
         self._set(state, results[:num_carry], types[:num_carry])
         self.lines.append("}")
         outputs = [
-            _names([f"{name}[{i}]" for i in range(length * aval.size)]).reshape(length, *aval.shape)
+            names([f"{name}[{i}]" for i in range(length * aval.size)]).reshape(length, *aval.shape)
             for name, aval in kept
         ]
         return [*state, *outputs]
@@ -208,7 +191,7 @@ class _Emitter:
     def _cond(self, given: list[Names], *, branches: Any, **_: Any) -> list[Names]:
         which, arguments = given[0].item(), given[1:]
         types = branches[0].out_avals
-        state = [self._mutable(_names(["0"] * aval.size).reshape(aval.shape), aval.dtype) for aval in types]
+        state = [self._mutable(names(["0"] * aval.size).reshape(aval.shape), aval.dtype) for aval in types]
         for number, branch in enumerate(branches):
             last = number == len(branches) - 1
             self.lines.append("{" if last else f"if ({which} {'<=' if number == 0 else '=='} {number}) {{")
@@ -220,12 +203,7 @@ class _Emitter:
 def _row(name: str, at: str, shape: tuple[int, ...]) -> Names:
     """A row of an array in C, at a place that is known only there."""
     size = int(np.prod(shape))
-    return _names([f"{name}[{at} * {size} + {i}]" for i in range(size)]).reshape(shape)
-
-
-def _literals(value: Any) -> Names:
-    array = np.asarray(value)
-    return _names([literal(number) for number in array.flat]).reshape(array.shape)
+    return names([f"{name}[{at} * {size} + {i}]" for i in range(size)]).reshape(shape)
 
 
 def _needed(program: Any) -> list[Any]:
@@ -237,37 +215,3 @@ def _needed(program: Any) -> list[Any]:
             kept.append(equation)
             wanted |= {atom for atom in equation.invars if not hasattr(atom, "val")}
     return kept[::-1]
-
-
-def _iota(*, dtype: Any, shape: tuple[int, ...], dimension: int, **_: Any) -> Names:
-    along = [1] * len(shape)
-    along[dimension] = shape[dimension]
-    return _literals(np.broadcast_to(np.arange(shape[dimension], dtype=dtype).reshape(along), shape))
-
-
-def _broadcast(given: Names, *, shape: tuple[int, ...], broadcast_dimensions: Sequence[int], **_: Any) -> Names:
-    along = [1] * len(shape)
-    for axis, size in zip(broadcast_dimensions, given.shape, strict=True):
-        along[axis] = size
-    return np.broadcast_to(given.reshape(along), shape)
-
-
-def _slice(
-    given: Names, *, start_indices: Sequence[int], limit_indices: Sequence[int], strides: Any, **_: Any
-) -> Names:
-    steps = strides or [1] * given.ndim
-    return given[tuple(slice(*each) for each in zip(start_indices, limit_indices, steps, strict=True))]
-
-
-_REARRANGED: dict[str, Callable[..., Names]] = {
-    "broadcast_in_dim": _broadcast,
-    "concatenate": lambda *given, dimension, **_: np.concatenate(given, axis=dimension),
-    "expand_dims": lambda given, *, dimensions, **_: np.expand_dims(given, dimensions),
-    "iota": _iota,
-    "reshape": lambda given, *, new_sizes, **_: given.reshape(new_sizes),
-    "rev": lambda given, *, dimensions, **_: np.flip(given, dimensions),
-    "slice": _slice,
-    "squeeze": lambda given, *, dimensions, **_: np.squeeze(given, axis=tuple(dimensions)),
-    "transpose": lambda given, *, permutation, **_: np.transpose(given, permutation),
-}
-"""What only puts numbers elsewhere needs no C."""

@@ -2,22 +2,20 @@
 
 import dataclasses
 import functools
-import re
 from typing import Any
 
 import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
-import vgtjax
-from vgtjax.parameters import entry_names
 from vgtjax.plants import AbstractModel, State
 from vgtjax.simulation import StabilisedHeun
 from vgtjax.traces import SIGNALS, Drive, Ramp, Start
 
 from .emit import emit_function
+from .entries import Vector, entries_of, path_of, with_values
 from .primitives import PRELUDE
 
 FIELDS = {"pwm": "pwm", "p_res": "reservoir", "p_act": "chamber"}
@@ -28,7 +26,6 @@ START = tuple(field.name for field in dataclasses.fields(Start))
 """What is known of the start state."""
 TRUTHS = ("at_rest", "pressure_known", "position_known")
 """Those of it that are true or false."""
-Vector = Float[Array, " entries"]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -50,13 +47,12 @@ class Equations:
     @functools.cached_property
     def entries(self) -> list[str]:
         """Entries of the parameters, in the order of `p`."""
-        return entry_names(vgtjax.parameter_table(self.model))
+        return entries_of(self.model)
 
     @functools.cached_property
     def states(self) -> list[str]:
         """States by their places in the model's own state, in the order of `x`."""
-        paths = [jax.tree_util.keystr(path, simple=True, separator=".") for path, _ in self._structure[0]]
-        return [re.sub(r"\.(\d+)", r"[\1]", path) for path in paths]
+        return [path_of(path) for path, _ in self._structure[0]]
 
     @functools.cached_property
     def signals(self) -> list[str]:
@@ -64,20 +60,6 @@ class Equations:
         first = self.drive(jnp.zeros(len(ALWAYS) + 2 * len(self.inputs)))
         found = jax.eval_shape(lambda: self.model.signals(self.model.start(self._rest(), first), first))
         return [name for name in SIGNALS if name in found and name not in self.inputs]
-
-    @property
-    def values(self) -> Float[np.ndarray, " entries"]:
-        """The model's own parameters."""
-        return np.asarray(vgtjax.Selection(tuple(self.entries)).pack(self.model), float)
-
-    def with_values(self, values: Vector) -> Any:
-        """The model with other parameters."""
-        table, place, found = vgtjax.parameter_table(self.model), 0, {}
-        for name, row in table.items():
-            size = row.size or 1
-            found[name] = values[place] if row.size is None else values[place : place + size]
-            place += size
-        return vgtjax.replace_parameters(self.model, found)
 
     def drive(self, u: Vector) -> Drive:
         """Inputs over an interval."""
@@ -89,21 +71,21 @@ class Equations:
     def start(self, p: Vector, s: Vector, u: Vector) -> list[Array]:
         """The start state."""
         start = Start(**{name: s[i] != 0 if name in TRUTHS else s[i] for i, name in enumerate(START)})
-        return jax.tree.leaves(self.with_values(p).start(start, self.drive(u)))
+        return jax.tree.leaves(with_values(self.model, p).start(start, self.drive(u)))
 
     def step(self, p: Vector, u: Vector, x: Vector, begin: Array, length: Array) -> list[Array]:
         """The state a step later; `begin` in s counts from the start of the interval."""
-        model = self.with_values(p)
+        model = with_values(self.model, p)
         term, solver = diffrax.ODETerm(model.vector_field), StabilisedHeun(model.relaxation)
         return jax.tree.leaves(solver.step(term, begin, begin + length, self._state(x), self.drive(u), None, False)[0])
 
     def derivatives(self, p: Vector, u: Vector, x: Vector) -> list[Array]:
         """The state's derivatives at the start of the interval."""
-        return jax.tree.leaves(self.with_values(p).vector_field(jnp.zeros(()), self._state(x), self.drive(u)))
+        return jax.tree.leaves(with_values(self.model, p).vector_field(jnp.zeros(()), self._state(x), self.drive(u)))
 
     def reports(self, p: Vector, u: Vector, x: Vector) -> list[Array]:
         """The signals at the start of the interval."""
-        found = self.with_values(p).signals(self._state(x), self.drive(u))
+        found = with_values(self.model, p).signals(self._state(x), self.drive(u))
         return [found[name] for name in self.signals]
 
     def to_c(self) -> str:

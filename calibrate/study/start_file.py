@@ -98,14 +98,17 @@ def load_duties(path: pathlib.Path, unit: str | None) -> dict[str, FoundDuty]:
 
 def load_values(path: pathlib.Path, unit: str | None, study: Study, model: vgtjax.AbstractModel) -> dict[str, Any]:
     """Values by name from a file that [`read_parameters`][] reads; what it leaves out is said, and stays."""
-    path, content = read_parameters(path, unit)
+    return _values(*read_parameters(path, unit), study, model)
+
+
+def _values(path: pathlib.Path, content: dict[str, Any], study: Study, model: vgtjax.AbstractModel) -> dict[str, Any]:
     _require_same_model(path, content, study)
     table = vgtjax.parameter_table(model)
     known, given = [*table, *entry_names(table)], {}
     for name, fields in content["parameters"].items():
         if name not in known:
             raise unknown_name(f"{path.name}: parameter", name, known)
-        given[name] = _value(path, name, fields)
+        given[name] = value_in(path, name, fields)
         _require_unit(path, name, fields.get("unit"), table)
     try:
         values = _by_parameter(model, given)
@@ -130,7 +133,8 @@ def _require_same_model(path: pathlib.Path, content: dict[str, Any], study: Stud
         )
 
 
-def _value(path: pathlib.Path, name: str, fields: Any) -> Any:
+def value_in(path: pathlib.Path, name: str, fields: Any) -> Any:
+    """The value of a parameter or of its entries, as its file states it."""
     if not isinstance(fields, dict) or "value" not in fields:
         raise InputError(f"{path.name}: the parameter '{name}' has no value; add it")
     value = math.inf if fields["value"] is None else fields["value"]
@@ -184,7 +188,7 @@ def load_model(path: pathlib.Path, content: dict[str, Any]) -> tuple[Study, vgtj
     except pydantic.ValidationError as error:
         raise InputError(f"{path.name}: no study has its model and components; use a newer vgtjax") from error
     model = build_model(study)
-    values = load_values(path, None, study, model)
+    values = _values(path, content, study, model)
     return study, vgtjax.replace_parameters(on_given_knots(model, values), values)
 
 

@@ -4,14 +4,17 @@ import pathlib
 
 import numpy as np
 
-from vgtjax import SimulationError
+from vgtjax import InputError, SimulationError
+from vgtjax.control import AbstractController
 from vgtjax.tuning import Tuner, TuningProgress, conditions
 
+from ..fmu.cost import SampleCost, sample_cost
 from ..output.console import console
 from ..output.files import REPORT, SUMMARY, read_json, write_json, write_text
 from ..resumable import ProgressFile, run_once
+from .gains_file import NAME, gains_json
 from .job import TuneJob, prepare_tuning
-from .outcome import compare, gain_entries, gains_json, summarise
+from .outcome import compare, gain_entries, summarise
 from .report import render
 
 
@@ -35,12 +38,23 @@ def _compute(job: TuneJob, out: pathlib.Path) -> None:
         outcome = compare(job, progress, seconds)
     tuned = job.true.controller_at(outcome.coordinates)
     entries = gain_entries(job, outcome.coordinates)
-    summary = summarise(job, outcome, {name: float(value) for name, value in conditions(tuned).items()})
-    write_json(out / "gains.json", gains_json(job, entries))
+    with console.status("writing the controller as C"):
+        sample = _sample_cost(job, tuned)
+    summary = summarise(job, outcome, {name: float(value) for name, value in conditions(tuned).items()}, sample)
+    write_json(out / NAME, gains_json(job.study, entries, job.believed))
     write_json(out / SUMMARY, summary)
     with console.status("writing the report"):
         write_text(out / REPORT, render(job, outcome, entries, summary))
     ProgressFile.remove_from(out)
+
+
+def _sample_cost(job: TuneJob, controller: AbstractController) -> SampleCost | None:
+    """What the controller will cost on its target; a design without C is said to have none."""
+    try:
+        return sample_cost(controller, job.study.control.period)
+    except InputError as error:
+        console.print(f"note: the controller cannot be exported: {error}")
+        return None
 
 
 def _tune(job: TuneJob, folder: pathlib.Path) -> tuple[TuningProgress, float]:

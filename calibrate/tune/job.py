@@ -38,10 +38,11 @@ class TuneJob(StudyJob):
     """Everything that tuning needs.
 
     `smooth` is what is tuned, with switching laws softened; `true` has the same cases as they are; `unseen` has other
-    references, turbine pressures, plants and noise.
+    references, turbine pressures, plants and noise; `believed` is the actuator that the controller is designed for.
     """
 
     bounds: Bounds
+    believed: vgtjax.AbstractModel
     smooth: TuningProblem
     true: TuningProblem
     unseen: TuningProblem
@@ -73,6 +74,7 @@ def prepare_tuning(path: pathlib.Path | None, parameters: pathlib.Path | None) -
         path.read_text(encoding="utf-8-sig"),
         fingerprint(study, expand_traces(study, folder), actuators.values | _reference_files(table, folder)),
         bounds,
+        nominal,
         smooth,
         dataclasses.replace(smooth, controller=controller, cases=cases),
         dataclasses.replace(smooth, controller=controller, cases=unseen),

@@ -9,8 +9,9 @@ import numpy as np
 
 from vgtjax.tuning import TERMS, CaseCosts, TuningProblem, TuningProgress, gain_names
 
+from ..fmu.cost import SampleCost
 from ..output.files import finite
-from ..study.parameter_file import Entry, Estimate, tabulate, to_json
+from ..study.parameter_file import Entry, Estimate, tabulate
 from .job import TuneJob
 
 
@@ -62,8 +63,10 @@ def compare(job: TuneJob, progress: TuningProgress, seconds: float) -> Outcome:
     return Outcome(progress, smooth, true, unseen, seconds)
 
 
-def summarise(job: TuneJob, outcome: Outcome, conditions: dict[str, float]) -> dict[str, Any]:
-    """The content of `summary.json`; SI units."""
+def summarise(
+    job: TuneJob, outcome: Outcome, conditions: dict[str, float], sample: SampleCost | None
+) -> dict[str, Any]:
+    """The content of `summary.json`; SI units. `sample` is the cost of the controller in C, where it can be written."""
     progress, true = outcome.progress, outcome.true
     comparisons = {"tuned_on_smoothed": outcome.smooth, "tuned_on": true, "unseen": outcome.unseen}
     gap = true.costs[1] / outcome.smooth.costs[1] - 1 if math.isfinite(true.costs[1]) else math.inf
@@ -77,6 +80,7 @@ def summarise(job: TuneJob, outcome: Outcome, conditions: dict[str, float]) -> d
         "gap": finite(gap),  # by what part the true closed loops cost more than the smoothed ones, with tuned gains
         "history": list(progress.history),
         "conditions": conditions,
+        "sample": None if sample is None else dataclasses.asdict(sample),
         "cases": {name: _rows(comparison) for name, comparison in comparisons.items()},
         "failed": [str(true.problem.cases.labels[i]) for i in np.flatnonzero(true.tuned.failed)],
         "notes": list(job.notes),
@@ -103,18 +107,15 @@ def _numbers(costs: CaseCosts, i: int) -> dict[str, Any]:
 
 
 def gain_entries(job: TuneJob, coordinates: np.ndarray) -> list[Entry]:
-    """Every gain of the design, free and fixed, beside its start; one that moves no error is not identifiable."""
+    """Every gain of the design, free and fixed, and what else the study states of it, beside its start.
+
+    One that moves no error is not identifiable.
+    """
     start, tuned = job.true.controller, job.true.controller_at(coordinates)
     at_bound = job.true.transform.at_bound(jnp.asarray(coordinates)).tolist()
     # A short memory: derivatives of a longer one may overflow.
     bends = job.smooth.linearise(coordinates, min(job.smooth.memories)).curvatures.sum(0)
     felt = (np.diag(bends) > 0).tolist()
     found = zip(job.true.selection.entries, at_bound, felt, strict=True)
-    return tabulate(
-        start, tuned, {name: Estimate(math.nan, *flags) for name, *flags in found}, job.bounds, gain_names(start)
-    )
-
-
-def gains_json(job: TuneJob, entries: list[Entry]) -> dict[str, Any]:
-    """The content of `gains.json`; a gain that was chosen has no standard error."""
-    return {"design": job.study.control.design, **to_json(job.study, entries)}
+    names = dict.fromkeys([*gain_names(start), *job.study.control.gains])
+    return tabulate(start, tuned, {name: Estimate(math.nan, *flags) for name, *flags in found}, job.bounds, [*names])

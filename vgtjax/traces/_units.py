@@ -4,6 +4,8 @@ import dataclasses
 import functools
 from collections.abc import Callable
 
+import numpy as np
+
 from .._errors import InputError
 from ._channel import Samples
 from ._signals import SIGNALS
@@ -36,7 +38,8 @@ class Unit:
 
     def to_si(self, values: Samples, atmosphere: float) -> Samples:
         """Values in SI; pressures absolute, but that of the turbine gauge; `atmosphere` in Pa."""
-        converted = values * self._factor
+        with np.errstate(over="ignore"):  # of a broken file; what is infinite is out of range
+            converted = values * self._factor
         if self.signal == "p_trb":
             return converted - atmosphere if self.reference == "absolute" else converted
         return converted + atmosphere if self.reference == "gauge" else converted

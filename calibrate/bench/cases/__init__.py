@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from ..table import Section
-from . import batch, cold_start, coverage, fit, forward, jacobian, population, robustness, tuning
+from . import batch, cold_start, coverage, files, fit, forward, jacobian, population, robustness, tuning
 
 CASES: dict[str, Callable[[], Section]] = {
     "forward": forward.measure,
@@ -16,5 +16,6 @@ CASES: dict[str, Callable[[], Section]] = {
     "robustness": robustness.measure,
     "coverage": coverage.measure,
     "memory": population.measure_memory,
+    "files": files.measure,
 }
 """By the name on the command line, in the order in which they run."""

@@ -36,6 +36,22 @@ def newton(x):
     return lax.while_loop(lambda root: jnp.abs(root * root - 2.0) > 1e-9, lambda y: 0.5 * (y + 2.0 / y), x[2])
 
 
+def gathered(x):
+    """Rows and columns of a table at places that are known only when it runs."""
+    places, rows = jnp.array([0, 2]) + jnp.sum(x > 2), jnp.reshape(jnp.arange(8.0), (4, 2)) * x[0]
+    return [rows[places], rows.T[:, places], x[places[::-1]]]
+
+
+def scattered(x):
+    place = jnp.sum(x > 0)
+    return [x.at[1].set(9.0), x.at[place].add(x[2]), jnp.reshape(x, (2, 2)).at[:, place - 1].set(x[:2])]
+
+
+def products(x):
+    square = jnp.reshape(jnp.arange(8.0), (2, 4))
+    return [square @ x, jnp.outer(x, x[:2]), x @ x, square @ square.T]
+
+
 FUNCTIONS = {
     "arithmetic": lambda x: [x[0] + x[1] * x[2] - x[0] / x[2], -x[1], jnp.abs(x[1]), jnp.sign(x[1]), jnp.sign(x[3])],
     "functions": lambda x: [jnp.exp(x), jnp.tanh(x), jnp.sqrt(x[:1]), jnp.log(x[2:3]), jnp.log1p(x[:1]), jnp.expm1(x)],
@@ -47,7 +63,17 @@ FUNCTIONS = {
     "rearranged": lambda x: [jnp.concatenate([x[1:], x[:1]]), jnp.flip(x), jnp.reshape(x, (2, 2)).T.ravel()],
     "sums": lambda x: [jnp.sum(jnp.reshape(x, (2, 2)), axis=0), jnp.max(x), jnp.min(x), jnp.prod(x[:3])],
     "inner programs": lambda x: [jax.jit(jnp.square)(x), jax.nn.relu(x), jax.checkpoint(jnp.exp)(x)],
+    "put together": lambda x: [jnp.stack([x, 2 * x], axis=1), *jnp.unstack(x[:2]), *jnp.split(x, [1])],
+    "padded": lambda x: [
+        lax.pad(x, 0.5, [(1, 2, 1)]),
+        lax.pad(x, 0.5, [(-1, 2, 0)]),
+        lax.pad(jnp.reshape(x, (2, 2)), 0.5, [(0, 1, 0), (1, -1, 2)]),
+    ],
+    "products": products,
     "a table": table,
+    "gathered": gathered,
+    "scattered": scattered,
+    "between knots": lambda x: jnp.interp(x, jnp.array([-2.0, 0.0, 1.0, 3.0]), jnp.array([1.0, 2.0, 4.0, 8.0])),
     "a loop of a length": bisection,
     "a loop until": newton,
     "branches": lambda x: lax.switch(jnp.sum(x > 0), [jnp.sin, jnp.cos, lambda y: 2 * y], x),
@@ -85,6 +111,6 @@ def test_what_no_result_needs_is_left_out():
 
 
 def test_an_unknown_primitive_is_refused_by_its_name():
-    sentence = "no C is known for JAX's primitive 'sort', which this model uses; take another component"
+    sentence = "no C is known for JAX's primitive 'sort', which is used here; take another component or controller"
     with pytest.raises(InputError, match=sentence):
         emit_function("f", lambda x: jnp.sort(x), {"x": X})

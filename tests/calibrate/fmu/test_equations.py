@@ -6,6 +6,7 @@ import pytest
 from support import EXAMPLE
 
 import vgtjax
+from calibrate.fmu.entries import values_of, with_values
 from calibrate.fmu.equations import START, Equations
 from calibrate.study.components import FRICTION, VANE_FORCE
 from vgtjax.simulation import FixedStep
@@ -44,8 +45,8 @@ def test_c_simulates_what_the_library_simulates(load, trace, name):
     emitted = build(name)
     equations = Equations(emitted)
     call = load(equations.to_c())
-    p = equations.values * (1 + 0.01 * np.cos(np.arange(len(equations.entries))))
-    model = equations.with_values(jax.numpy.asarray(p))
+    p = values_of(equations.model) * (1 + 0.01 * np.cos(np.arange(len(equations.entries))))
+    model = with_values(emitted, jax.numpy.asarray(p))
     solution = vgtjax.simulate(model, trace)
     substeps = FixedStep().plan(model, trace).substeps
     begin = trace.start()
@@ -69,7 +70,7 @@ def test_c_simulates_what_the_library_simulates(load, trace, name):
 def test_derivatives_are_the_vector_field(load, trace, name):
     equations = Equations(build(name))
     call = load(equations.to_c())
-    p, u = equations.values, inputs(equations, trace)[300]
+    p, u = values_of(equations.model), inputs(equations, trace)[300]
     state = np.asarray(jax.tree.leaves(equations.model.typical_state()), float)
     expected = np.asarray(equations.derivatives(*map(jax.numpy.asarray, (p, u, state))))
     np.testing.assert_allclose(call("vg_derivatives", len(state), p, u, state), expected, rtol=1e-12)

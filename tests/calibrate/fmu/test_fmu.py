@@ -10,24 +10,19 @@ import numpy as np
 import pytest
 from commands import Outcome, run_command
 from fmpy.fmi1 import FMICallException
-from fmpy.fmi2 import FMU2Slave
 from fmpy.validation import validate_fmu
 from support import EXAMPLE
 
 import vgtjax
 from calibrate.fmu import compilers, package
+from calibrate.fmu.plant import plant_unit
 from calibrate.study.start_file import load_model, read_parameters
 
+from .opened import Unit, own_only
 from .variants import build
 
 UNIT = EXAMPLE / "fleet" / "units" / "unit_01" / "parameters.json"
 NONE = "error: an FMU needs a C compiler, but there is none; install gcc or clang, or pip install 'vgtjax[fmu]'\n"
-
-
-def own_only() -> dict[str, tuple[str, ...]]:
-    """Other systems take another compiler minutes."""
-    system = compilers.own_system()
-    return {system: compilers.compilers()[system]}
 
 
 @pytest.fixture(scope="module")
@@ -50,47 +45,6 @@ def model() -> vgtjax.AbstractModel:
 def trace() -> vgtjax.Trace:
     trace = vgtjax.load_trace(EXAMPLE / "step_80.csv").window(0.0, 0.8)
     return trace.replace(p_trb=np.linspace(1e5, 2.5e5, len(trace.time)), p_res=2e4 + 3e3 * np.sin(9 * trace.time))
-
-
-class Unit:
-    """An instance of an FMU for co-simulation, its variables by name."""
-
-    def __init__(self, path: pathlib.Path, folder: pathlib.Path, **values: float):
-        self.description = fmpy.read_model_description(str(path))
-        unpacked = fmpy.extract(str(path), unzipdir=str(folder))
-        self.places = {each.name: each.valueReference for each in self.description.modelVariables}
-        identifier = self.description.coSimulation.modelIdentifier
-        self.slave = FMU2Slave(guid=self.description.guid, unzipDirectory=unpacked, modelIdentifier=identifier)
-        self.slave.instantiate()
-        self.slave.setupExperiment()
-        self.slave.enterInitializationMode()
-        for name, value in values.items():
-            self[name] = value
-
-    def __setitem__(self, name: str, value: float) -> None:
-        setter = self.slave.setBoolean if isinstance(value, bool) else self.slave.setReal
-        setter([self.places[name]], [value])
-
-    def __getitem__(self, name: str) -> float:
-        return self.slave.getReal([self.places[name]])[0]
-
-    def ramp(self, name: str, start: float, rate: float) -> None:
-        self[name] = start
-        self.slave.setRealInputDerivatives([self.places[name]], [1], [rate])
-
-    def run(self, trace: vgtjax.Trace, outputs: tuple[str, ...]) -> np.ndarray:
-        """Along the intervals of a trace, one communication step each."""
-        drive, found = trace.drive(), []
-        for i in range(len(trace.time)):
-            self["pwm"] = drive.pwm[i]
-            self.ramp("p_res", drive.reservoir.start[i], drive.reservoir.rate[i])
-            self.ramp("p_trb", drive.turbine.start[i], drive.turbine.rate[i])
-            if i == 0:
-                self.slave.exitInitializationMode()
-            found.append([self[name] for name in outputs])
-            if i < len(trace.time) - 1:
-                self.slave.doStep(trace.time[i], drive.duration[i])
-        return np.array(found).T
 
 
 @pytest.fixture
@@ -219,7 +173,7 @@ def test_numbers_that_are_not_finite_are_an_error(unit):
 def test_other_models_are_valid_too(tmp_path, monkeypatch, name):
     monkeypatch.setattr(package, "compilers", own_only)
     path = tmp_path / "model.fmu"
-    path.write_bytes(package.to_fmu(build(name), name, "0", "2026-01-31"))
+    path.write_bytes(package.to_fmu(plant_unit(build(name)), name, "0", "2026-01-31"))
     assert validate_fmu(str(path)) == []
     one = Unit(path, tmp_path / "unpacked")
     one.slave.exitInitializationMode()

@@ -11,6 +11,7 @@ from commands import assert_refused, read, run_command
 import calibrate.resumable as resumable
 import vgtjax
 from calibrate.study.references import PrintedReference, SineReference, TraceReference, build_references
+from calibrate.tune.gains_file import load_controller
 from calibrate.tune.job import EXAMPLE, prepare_tuning
 from vgtjax.control import reference_at
 
@@ -75,6 +76,22 @@ def test_gains_have_the_form_of_parameters(done):
     # This duty never saturates, so nothing tells how fast the integral should forget.
     told = {name: found["identifiable"] for name, found in gains["parameters"].items()}
     assert told == {"proportional_gain": True, "integral_gain": True, "tracking_time": False}
+
+
+def test_gains_are_a_whole_controller(done, summary):
+    """With the actuator that it believes in; what a sample of it costs on its target is known."""
+    tuned = load_controller(done / "gains.json")
+    job = prepare_tuning(done.parent / "study.toml", None)
+    values = {name: row["value"] for name, row in read(done / "gains.json")["parameters"].items()}
+    expected = vgtjax.replace_parameters(job.true.controller, values)
+    assert tuned.period == 2e-3
+    for name in vgtjax.parameter_table(expected):
+        np.testing.assert_array_equal(
+            vgtjax.get_parameter(tuned.controller, name), vgtjax.get_parameter(expected, name)
+        )
+    assert summary["sample"]["memory"] == 1
+    assert summary["sample"]["operations"] > 100
+    assert "<h3>On the target</h3>" in (done / "report.html").read_text(encoding="utf-8")
 
 
 def test_the_summary_is_that_of_closed_loops_with_these_gains(done, summary):

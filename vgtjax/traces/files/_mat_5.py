@@ -1,6 +1,7 @@
 """MAT-files of versions 5 to 7: variables one after the other, of which scipy reads those that are wanted."""
 
 import functools
+import io
 import pathlib
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -8,9 +9,14 @@ from typing import Any
 import numpy as np
 
 from ._mat import Load, is_vector, list_objects, list_table, load_objects, variable
+from ._mat_5_check import HEADER, sound_variables
 from ._recording import Entry, Record
 
 NUMBERS = ("double", "single", "logical", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)))
+
+Listed = tuple[str, tuple[int, ...], str]
+"""Name, shape and class of a variable."""
+Contents = Callable[[], dict[str, Any]]
 
 
 def list_variables(path: pathlib.Path, has_objects: bool) -> Iterator[tuple[Entry, Load]]:
@@ -18,26 +24,40 @@ def list_variables(path: pathlib.Path, has_objects: bool) -> Iterator[tuple[Entr
 
     **Arguments:** `has_objects`: whether there are objects of MATLAB's classes in it, which scipy doesn't read.
     """
-    import scipy.io
-
-    load = functools.partial(load_objects if has_objects else _load_plain, path)
-    for name, shape, kind in list_objects(path) if has_objects else scipy.io.whosmat(path):
+    for (name, shape, kind), load in _list_objects(path) if has_objects else _list_plain(path):
         if kind in NUMBERS and is_vector(shape):
             yield variable(name, "", functools.partial(_read, load, name))
         elif kind == "struct":
-            yield from _list_struct(name, load(name)[name])
+            yield from _list_struct(name, load()[name])
         elif kind in ("table", "timetable"):
             yield from list_table(path, name)
 
 
-def _read(load: Callable[[str], dict[str, Any]], name: str) -> Record:
-    return Record(np.ravel(load(name)[name]))
+def _list_objects(path: pathlib.Path) -> Iterator[tuple[Listed, Contents]]:
+    for listed in list_objects(path):
+        yield listed, functools.partial(load_objects, path, listed[0])
 
 
-def _load_plain(path: pathlib.Path, name: str) -> dict[str, Any]:
+def _list_plain(path: pathlib.Path) -> Iterator[tuple[Listed, Contents]]:
     import scipy.io
 
-    return scipy.io.loadmat(path, variable_names=[name])
+    places = sound_variables(path)
+    for listed, place in zip(scipy.io.whosmat(path), places, strict=True):
+        yield listed, functools.partial(_load_plain, path, place)
+
+
+def _load_plain(path: pathlib.Path, place: slice) -> dict[str, Any]:
+    """One variable, as a file that has no other: scipy would look at all that stand before it."""
+    import scipy.io
+
+    with path.open("rb") as file:
+        header = file.read(HEADER)
+        file.seek(place.start)
+        return scipy.io.loadmat(io.BytesIO(header + file.read(place.stop - place.start)))
+
+
+def _read(load: Contents, name: str) -> Record:
+    return Record(np.ravel(load()[name]))
 
 
 def _list_struct(group: str, struct: np.ndarray) -> Iterator[tuple[Entry, Load]]:

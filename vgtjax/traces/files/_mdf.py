@@ -37,6 +37,7 @@ class MDFRecording(Recording):
         group, index = entry.key
         self._require_time(entry, group)
         with reading(self.path, "MDF"):
+            self._require_inside(group, index)
             signal = self._file.get(group=group, index=index, ignore_invalidation_bits=True)
         bits = signal.invalidation_bits
         time = np.asarray(signal.timestamps) * self._seconds(entry, group)
@@ -79,6 +80,19 @@ class MDFRecording(Recording):
         if master is None or getattr(master, "sync_type", TIME) != TIME:  # MDF 3 knows no others
             found = "has no master channel" if master is None else f"is recorded over '{master.name}'"
             raise self.fail(f"a group must have times, but this one {found}", "record it over time", entry)
+
+    def _require_inside(self, group: int, index: int) -> None:
+        """Refuses a channel, or times, that lie outside of their record, which asammdf reads all the same."""
+        for place, which in ((group, index), (group, self._file.masters_db.get(group, index))):
+            head, channel = self._file.groups[place].channel_group, self._file.groups[place].channels[which]
+            if hasattr(channel, "byte_offset"):
+                begin, bits = channel.byte_offset, channel.bit_offset + channel.bit_count
+            else:  # MDF 3
+                begin, bit = divmod(channel.start_offset, 8)
+                begin, bits = begin + getattr(channel, "additional_byte_offset", 0), bit + channel.bit_count
+            size = head.samples_byte_nr + getattr(head, "invalidation_bytes_nr", 0)
+            if begin + -(-bits // 8) > size:
+                raise ValueError(f"'{channel.name}' lies outside of its record of {size} bytes")
 
     def _seconds(self, entry: Entry, group: int) -> float:
         """Factor from the times of a group to seconds, which is what the format asks for."""

@@ -1,6 +1,4 @@
-/* FMI 2.0 around the equations above, for model exchange and for co-simulation.
-
-   All variables stand in one array: parameters' entries, settings, start, inputs, outputs, states, derivatives. */
+/* FMI 2.0 around the equations above. */
 
 #include <stdarg.h>
 #include <stddef.h>
@@ -40,20 +38,21 @@ typedef struct {
     double nextEventTime;
 } EventInfo;
 
+/* All variables stand in one array: parameters' entries, settings, start, inputs, outputs, states, derivatives. */
 enum {
-    MAX_STEP = N_P,
-    ATMOSPHERE,
-    S,
+    SETTINGS = N_P,
+    S = SETTINGS + N_SETTINGS,
     U = S + N_S,
     Y = U + N_U,
     X = Y + N_Y,
     DX = X + N_X,
-    N_V = DX + N_X
+    N_V = DX + N_DX
 };
 
 typedef struct {
     double v[N_V];
     double rates[N_U]; /* of inputs, a second, until the next communication point */
+    double due;        /* time to the next sample of a controller in s */
     int starting;      /* the state still follows from parameters and inputs */
     int stale;         /* outputs and derivatives are those of earlier values */
 } Data;
@@ -76,24 +75,9 @@ static void reset(Data *d) {
     d->starting = d->stale = 1;
 }
 
-static void read_inputs(const Data *d, double duration, double *u) {
-    u[0] = duration;
-    u[1] = d->v[ATMOSPHERE] - STANDARD_ATMOSPHERE;
-    for (int i = 0; i < N_U; ++i) {
-        u[2 + 2 * i] = d->v[U + i];
-        u[3 + 2 * i] = IS_HELD[i] ? 0.0 : d->rates[i];
-    }
-}
-
-static void refresh(Data *d) {
-    double u[2 + 2 * N_U];
-    if (!d->stale) return;
-    read_inputs(d, 0.0, u);
-    if (d->starting) vg_start(d->v, d->v + S, u, d->v + X);
-    vg_reports(d->v, u, d->v + X, d->v + Y);
-    vg_derivatives(d->v, u, d->v + X, d->v + DX);
-    d->stale = 0;
-}
+/* What differs between a plant and a controller stands at the end. */
+static void refresh(Data *d);                    /* brings outputs up to date */
+static String advance(Data *d, double duration); /* gives what is wrong, or NULL */
 
 EXPORT String NAMED(fmi2GetTypesPlatform)(void) { return "default"; }
 EXPORT String NAMED(fmi2GetVersion)(void) { return "2.0"; }
@@ -133,7 +117,7 @@ FUNCTION(fmi2EnterInitializationMode)(Unit *unit) {
 
 FUNCTION(fmi2ExitInitializationMode)(Unit *unit) {
     refresh(&unit->data);
-    unit->data.starting = 0;
+    unit->data.starting = STARTS_LATE;
     return OK;
 }
 
@@ -242,68 +226,7 @@ FUNCTION(fmi2GetDirectionalDerivative)(Unit *unit, const Reference unknowns[], s
     return fail(unit, "there are no directional derivatives");
 }
 
-/* Model exchange */
-
-FUNCTION(fmi2EnterEventMode)(Unit *unit) {
-    UNUSED(unit);
-    return OK;
-}
-
-FUNCTION(fmi2NewDiscreteStates)(Unit *unit, EventInfo *info) {
-    UNUSED(unit);
-    memset(info, 0, sizeof *info);
-    return OK;
-}
-
-FUNCTION(fmi2EnterContinuousTimeMode)(Unit *unit) {
-    UNUSED(unit);
-    return OK;
-}
-
-FUNCTION(fmi2CompletedIntegratorStep)(Unit *unit, Boolean noSet, Boolean *enterEventMode, Boolean *terminate) {
-    UNUSED(unit), UNUSED(noSet);
-    *enterEventMode = *terminate = 0;
-    return OK;
-}
-
-FUNCTION(fmi2SetTime)(Unit *unit, double time) {
-    UNUSED(unit), UNUSED(time);
-    return OK;
-}
-
-FUNCTION(fmi2SetContinuousStates)(Unit *unit, const double x[], size_t n) {
-    if (n != N_X) return fail(unit, "there are more or fewer states");
-    memcpy(unit->data.v + X, x, N_X * sizeof *x);
-    unit->data.stale = 1;
-    return OK;
-}
-
-FUNCTION(fmi2GetContinuousStates)(Unit *unit, double x[], size_t n) {
-    if (n != N_X) return fail(unit, "there are more or fewer states");
-    refresh(&unit->data);
-    memcpy(x, unit->data.v + X, N_X * sizeof *x);
-    return OK;
-}
-
-FUNCTION(fmi2GetDerivatives)(Unit *unit, double dx[], size_t n) {
-    if (n != N_X) return fail(unit, "there are more or fewer states");
-    refresh(&unit->data);
-    memcpy(dx, unit->data.v + DX, N_X * sizeof *dx);
-    return OK;
-}
-
-FUNCTION(fmi2GetNominalsOfContinuousStates)(Unit *unit, double x[], size_t n) {
-    if (n != N_X) return fail(unit, "there are more or fewer states");
-    memcpy(x, NOMINAL, N_X * sizeof *x);
-    return OK;
-}
-
-FUNCTION(fmi2GetEventIndicators)(Unit *unit, double z[], size_t n) {
-    UNUSED(z);
-    return n ? fail(unit, "there are no event indicators") : OK;
-}
-
-/* Co-simulation: the library's integrator */
+/* Co-simulation */
 
 FUNCTION(fmi2SetRealInputDerivatives)(Unit *unit, const Reference r[], size_t n, const int order[],
                                       const double values[]) {
@@ -321,21 +244,13 @@ FUNCTION(fmi2GetRealOutputDerivatives)(Unit *unit, const Reference r[], size_t n
 
 FUNCTION(fmi2DoStep)(Unit *unit, double time, double duration, Boolean noSet) {
     Data *d = &unit->data;
-    double u[2 + 2 * N_U], next[N_X];
     UNUSED(time), UNUSED(noSet);
-    if (!(duration >= 0) || !(d->v[MAX_STEP] > 0)) return fail(unit, "a step and max_step must be positive");
-    const double steps = ceil(duration / d->v[MAX_STEP] * (1 - 1e-9));
-    const double length = duration / (steps < 1 ? 1 : steps);
-    read_inputs(d, duration, u);
-    for (double i = 0; i < steps || i < 1; ++i) {
-        vg_step(d->v, u, d->v + X, i * length, length, next);
-        memcpy(d->v + X, next, sizeof next);
-    }
+    String wrong = duration >= 0 ? advance(d, duration) : "a step must not be negative";
+    if (wrong) return fail(unit, wrong);
     for (int i = 0; i < N_U; ++i) {
         if (!IS_HELD[i]) d->v[U + i] += d->rates[i] * duration;
         d->rates[i] = 0.0;
     }
-    d->stale = 1;
     for (int i = 0; i < N_X; ++i)
         if (!isfinite(d->v[X + i])) return fail(unit, "the simulation left the finite numbers: check the parameters");
     return OK;

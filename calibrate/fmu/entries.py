@@ -1,0 +1,38 @@
+"""The parameters of a model or a controller as one vector, in the order of its parameter table."""
+
+import re
+from typing import Any
+
+import jax
+import numpy as np
+from jaxtyping import Array, Float
+
+import vgtjax
+from vgtjax.parameters import entry_names
+
+Vector = Float[Array, " entries"]
+
+
+def entries_of(model: Any) -> list[str]:
+    """Names of all entries."""
+    return entry_names(vgtjax.parameter_table(model))
+
+
+def values_of(model: Any) -> Float[np.ndarray, " entries"]:
+    """The model's own values."""
+    return np.asarray(vgtjax.Selection(tuple(entries_of(model))).pack(model), float)
+
+
+def with_values(model: Any, values: Vector) -> Any:
+    """The model with others."""
+    place, found = 0, {}
+    for name, row in vgtjax.parameter_table(model).items():
+        size = row.size or 1
+        found[name] = values[place] if row.size is None else values[place : place + size]
+        place += size
+    return vgtjax.replace_parameters(model, found)
+
+
+def path_of(path: Any) -> str:
+    """The place of a leaf of a tree as a name: `a.b[0]`."""
+    return re.sub(r"\.(\d+)", r"[\1]", jax.tree_util.keystr(path, simple=True, separator="."))

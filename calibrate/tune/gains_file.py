@@ -1,0 +1,67 @@
+"""`gains.json`: tuned gains, and the actuator that their controller believes in."""
+
+import dataclasses
+import pathlib
+from collections.abc import Sequence
+from typing import Any
+
+import vgtjax
+from vgtjax import InputError
+from vgtjax.control import AbstractController
+
+from ..output.files import read_json
+from ..study.parameter_file import Entry, tabulate, to_json
+from ..study.start_file import load_model, value_in
+from ..study.tables import Study
+from .designs import DESIGNS
+
+NAME = "gains.json"
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class TunedController:
+    """A controller with its gains, by the name of its design; `period` in s is its sampling time."""
+
+    design: str
+    controller: AbstractController
+    period: float
+
+
+def gains_json(study: Study, entries: Sequence[Entry], believed: vgtjax.AbstractModel) -> dict[str, Any]:
+    """The content of the file; a gain that was chosen has no standard error."""
+    control = study.control
+    plant = to_json(study, tabulate(believed, believed, {}, {}))["parameters"]
+    known = {name: {key: fields[key] for key in ("value", "unit")} for name, fields in plant.items()}
+    return {"design": control.design, "period": control.period, **to_json(study, list(entries), plant=known)}
+
+
+def find_gains(place: pathlib.Path) -> pathlib.Path | None:
+    """The file of gains that this is, or that lies in this folder of `tune`; `None` for results of another kind."""
+    path = place / NAME if place.is_dir() else place
+    if path.suffix != ".json" or not path.exists():
+        return None
+    content = read_json(path)
+    return path if isinstance(content, dict) and "design" in content else None
+
+
+def load_controller(path: pathlib.Path) -> TunedController:
+    """The controller of a file of gains.
+
+    **Raises:** `InputError` for a file that `tune` did not write as it does today.
+    """
+    content = read_json(path)
+    design, plant, period = (content.get(key) for key in ("design", "plant", "period"))
+    if design not in DESIGNS:
+        raise InputError(
+            f"{path.name}: its design must be one of {', '.join(DESIGNS)}, but it is {design!r}; tune again"
+        )
+    if not isinstance(plant, dict) or not isinstance(period, float) or not period > 0:
+        raise InputError(
+            f"{path.name}: it does not state the plant that its controller believes in and its period; tune again"
+        )
+    believed: Any = load_model(path, {**content, "parameters": plant})[1]
+    controller: Any = DESIGNS[design].for_plant(believed)
+    values = {name: value_in(path, name, fields) for name, fields in dict(content.get("parameters") or {}).items()}
+    controller = vgtjax.replace_parameters(controller, values)
+    vgtjax.control.check(controller)
+    return TunedController(design, controller, period)

@@ -1,0 +1,86 @@
+"""Every controller in C is the controller in JAX: sample by sample, on what it measured in a closed loop."""
+
+import jax
+import numpy as np
+import pytest
+from support import EXAMPLE
+
+import vgtjax
+from calibrate.fmu.entries import values_of, with_values
+from calibrate.fmu.law import MEASURED, WANTED, Law
+from calibrate.study.start_file import load_model, read_parameters
+from calibrate.tune.designs import DESIGNS
+from vgtjax.control import Scenario, Sensors, Sine, close_loop
+
+UNIT = EXAMPLE / "fleet" / "units" / "unit_01" / "parameters.json"
+PERIOD = 2e-3
+DURATION = 0.6
+
+
+@pytest.fixture(scope="module")
+def plant() -> vgtjax.Actuator:
+    return load_model(*read_parameters(UNIT))[1]
+
+
+@pytest.fixture(scope="module")
+def scenario() -> Scenario:
+    """Fast enough that the duty reaches its ends, with noise and gas."""
+    return Scenario(
+        Sine(amplitude=0.003, rate=15.0, offset=0.005), vgtjax.control.Constant(1.5e5), sensors=Sensors.bench()
+    )
+
+
+def columns(law: Law, run: vgtjax.control.ClosedLoop) -> np.ndarray:
+    """The inputs at every sample, as C takes them."""
+    found = {name: getattr(run.measured, field) for name, field in MEASURED.items()}
+    found |= {name: getattr(run.reference, field) for name, field in WANTED.items()}
+    return np.array(np.broadcast_arrays(*(found[name] for name in law.inputs))).T
+
+
+@pytest.mark.parametrize("name", DESIGNS)
+def test_c_asks_for_the_duty_that_the_closed_loop_asks_for(load, plant, scenario, name):
+    """With gains and beliefs other than those it was written for: they stay variables."""
+    written_for = DESIGNS[name].for_plant(plant)
+    law = Law(written_for, PERIOD)
+    p = values_of(written_for) * (1 + 0.01 * np.cos(np.arange(len(law.entries))))
+    run = close_loop(plant, with_values(written_for, jax.numpy.asarray(p)), scenario, DURATION, period=PERIOD)
+    call, us = load(law.to_c()), columns(law, run)
+    found, x = [], call("vg_start", len(law.memory), p, us[0])
+    for u in us:
+        result = call("vg_update", len(law.outputs) + len(x), p, u, x)
+        found.append(result[: len(law.outputs)])
+        x = result[len(law.outputs) :]
+    assert law.outputs == ["pwm", "command", *(f"log.{each}" for each in sorted(run.log))]
+    expected = [run.duty, run.command, *(run.log[each] for each in sorted(run.log))]
+    for output, values, those in zip(law.outputs, np.array(found).T, expected, strict=True):
+        # Rounding, as the same measurements went into both; of each output's own size.
+        np.testing.assert_allclose(values, those, rtol=1e-9, atol=1e-9 * np.max(np.abs(those)), err_msg=output)
+    assert np.ptp(run.duty) > 10
+
+
+@pytest.mark.parametrize(
+    ("name", "inputs"),
+    [
+        ("pi", "x_d p_res atmosphere reference.position"),
+        (
+            "adaptive-backstepping",
+            "x_d p_act atmosphere reference.position reference.velocity reference.acceleration reference.jerk",
+        ),
+    ],
+)
+def test_an_input_is_what_a_design_looks_at(plant, name, inputs):
+    assert list(Law(DESIGNS[name].for_plant(plant), PERIOD).inputs) == inputs.split()
+
+
+class Sorting(vgtjax.control.ConstantDuty):
+    """A controller of somebody who sorts."""
+
+    def update(self, state, measurement, reference, period):
+        return state, jax.numpy.sort(jax.numpy.stack([measurement.position, measurement.pressure]))[0], {}
+
+
+def test_a_primitive_without_c_is_refused_by_its_name():
+    with pytest.raises(
+        vgtjax.InputError, match="no C is known for JAX's primitive 'sort', which is used here; take an"
+    ):
+        Law(Sorting(), PERIOD).to_c()
