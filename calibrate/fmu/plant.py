@@ -3,6 +3,7 @@
 import jax
 import numpy as np
 
+from vgtjax.parts import tabulated
 from vgtjax.plants import AbstractModel
 from vgtjax.simulation import FixedStep
 from vgtjax.traces import ASSUMED_RESERVOIR, SIGNALS, STANDARD_ATMOSPHERE
@@ -31,8 +32,8 @@ FIRST = {"p_res": ASSUMED_RESERVOIR, "p_act": STANDARD_ATMOSPHERE}
 
 
 def plant_unit(model: AbstractModel) -> Unit:
-    """A model for model exchange and co-simulation."""
-    equations = Equations(model)
+    """A model for model exchange and co-simulation; tables of its parts are made here, for good."""
+    equations = Equations(tabulated(model))
     variables = list_variables(equations)
     settings = _settings(equations)
     sizes = {

@@ -9,6 +9,7 @@ import vgtjax
 from calibrate.fmu.entries import values_of, with_values
 from calibrate.fmu.equations import START, Equations
 from calibrate.study.components import FRICTION, VANE_FORCE
+from vgtjax.parts import tabulated
 from vgtjax.simulation import FixedStep
 
 from .variants import VARIANTS, build
@@ -42,7 +43,7 @@ def test_all_components_are_among_the_variants():
 @pytest.mark.parametrize("name", VARIANTS)
 def test_c_simulates_what_the_library_simulates(load, trace, name):
     """With parameters other than those it was emitted for: they stay variables."""
-    emitted = build(name)
+    emitted = tabulated(build(name))
     equations = Equations(emitted)
     call = load(equations.to_c())
     p = values_of(equations.model) * (1 + 0.01 * np.cos(np.arange(len(equations.entries))))
