@@ -48,7 +48,12 @@ from ._progress import CHI2_TOLERANCE as CHI2_TOLERANCE, Progress as Progress
 from ._remains import VERDICTS as VERDICTS, Remains as Remains, find_remains as find_remains
 from ._residuals import FitProblem as FitProblem, Sensors as Sensors, build_fit_problem as build_fit_problem
 from ._search import LevenbergMarquardt as LevenbergMarquardt
-from ._sensitivities import jacobian as jacobian, observe as observe, observe_with_jacobian as observe_with_jacobian
+from ._sensitivities import (
+    jacobian as jacobian,
+    observe as observe,
+    observe_backwards as observe_backwards,
+    observe_with_jacobian as observe_with_jacobian,
+)
 from ._sensors import Sensor as Sensor
 from ._slices import WORDS as WORDS, End as End, Slice as Slice, Slices as Slices, slicing as slicing
 from ._task import Task as Task, plan_task as plan_task
