@@ -17,6 +17,8 @@ from ..study.models import passivity_note
 from ..study.parameter_file import Entry, by_entry, start_as_study
 from ..study.units import Job, Unit
 from .around import slices_figure
+from .budget import budget_rows
+from .decisions import decisions
 from .outcome import Fitted
 
 
@@ -26,7 +28,7 @@ def render(job: Job, unit: Unit, fitted: Fitted, table: list[Entry]) -> str:
     known = calibration.uncertainty.determined
     entries = [e for e, is_known in zip(calibration.task.selection.entries, known, strict=True) if is_known]
     covariance = calibration.covariance[np.ix_(known, known)]
-    cost = 2 * np.asarray(calibration.progress.history)
+    cost, sources = 2 * np.asarray(calibration.progress.history), list(calibration.budget.moved)
     return render_page(
         "fit.html.jinja",
         **job.heading(unit.name),
@@ -38,6 +40,10 @@ def render(job: Job, unit: Unit, fitted: Fitted, table: list[Entry]) -> str:
         table=table,
         start=start_as_study(calibration),
         besides=found_besides(calibration),
+        budget=budget_rows(calibration),
+        sources=sources,
+        parts=["value of", "A: noise", "A: scatter", *(f"B: {source}" for source in sources), "combined", "unit"],
+        decisions=decisions(fitted, table),
         shifts=dict(zip(calibration.task.selection.entries, calibration.shifts.tolist(), strict=True)),
         passivity=passivity_note(calibration.model),
         **model_sections(calibration.model, calibration.traces),

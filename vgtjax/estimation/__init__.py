@@ -1,6 +1,7 @@
 """Estimation: exact Jacobians, weighted residuals, Levenberg-Marquardt, and what the data can tell."""
 
 from ._bands import spread_along as spread_along
+from ._budget import Budget as Budget
 from ._bundle import CHANNELS as CHANNELS, SEGMENT as SEGMENT, Bundle as Bundle, bundle_traces as bundle_traces
 from ._calibration import (
     NORMAL_95 as NORMAL_95,

@@ -11,6 +11,7 @@ from .._printing import Cells, Printed
 from ..parameters import Transform, parameter_table, table_row
 from ..plants import AbstractModel
 from ..traces import SIGNALS, Trace
+from ._budget import Budget
 from ._bundle import CHANNELS, bundle_traces
 from ._evaluation import Steps
 from ._evidence import observe_traces
@@ -57,6 +58,11 @@ class Comparison:
     def rmse(self) -> float:
         """Root mean square of what remains."""
         return float(np.std(self.measured - self.simulated))
+
+    @property
+    def peak(self) -> float:
+        """The largest of what remains."""
+        return float(np.max(np.abs(self.residual)))
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -111,6 +117,8 @@ class Calibration(Printed):
     """Number of measurements fitted."""
     sensors: Sensors
     """What the fit found out of the sensors of every trace fitted, by channel."""
+    budget: Budget
+    """Where the standard errors come from."""
     duty_delay: float = 0.0
     """s by which the duty reaches the valve later than its record says."""
     duty_delay_error: float | None = None
