@@ -54,7 +54,7 @@ class Fit(Table):
 
     free: list[str] | None = None
     fixed: list[str] = []
-    loss: Literal["evidence", "gaussian", "huber"] = "evidence"
+    loss: Literal["evidence", "gaussian", "huber", "student"] = "evidence"
     profiles: Literal["flagged", "all", "none"] = "flagged"
     """Which parameters get a profile likelihood: those of directions whose misfit is no parabola, all, or none."""
     starts: Annotated[int, pydantic.Field(ge=1, le=4096)] = 1

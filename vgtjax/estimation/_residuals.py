@@ -53,7 +53,7 @@ def white_sensors(traces: Sequence[Trace], channels: Sequence[str]) -> Sensors:
 
 def _count(sensors: Sensors) -> int:
     """Samples that say something."""
-    return sum(int(np.count_nonzero(sensor.trust)) for each in sensors for sensor in each.values())
+    return sum(sensor.count for each in sensors for sensor in each.values())
 
 
 def _measure(bundle: Bundle, traces: Sequence[Trace], sensors: Sensors) -> Measured:
