@@ -31,7 +31,7 @@ class BudgetRow:
 
 def budget_rows(calibration: Calibration) -> list[BudgetRow]:
     """Of every value that the traces determine."""
-    budget, table = calibration.budget, parameter_table(calibration.model)
+    budget, table = calibration.budget, parameter_table(calibration.task.model)
     rows = []
     for number, name in enumerate(calibration.task.selection.entries):
         noise, scatter = float(budget.noise[number]), float(budget.scatter[number])

@@ -167,6 +167,10 @@ def _summary(fitted: Fitted, job: Job, unit: Unit, table: Sequence[Entry]) -> di
         "duty_hold_decided": progress.hold_decided,
         "duty_delay": calibration.duty_delay,
         "duty_delay_std_error": calibration.duty_delay_error,
+        "instruments": {
+            entry: {"value": value, "std_error": finite(error)}
+            for entry, (value, error) in calibration.instruments.items()
+        },
         "unidentifiable_at_start": fitted.undetermined,
         "expected_relative_error_at_start": fitted.known_before.get("expected_relative_error", {}),
         "friction_is_passive": passivity_note(calibration.model) is None,

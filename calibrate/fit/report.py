@@ -8,6 +8,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from vgtjax.estimation import Calibration
+from vgtjax.parameters import parameter_table, table_row
 
 from ..output import figures
 from ..output.page import render_page
@@ -94,6 +95,11 @@ def found_besides(calibration: Calibration) -> list[str]:
         delay, error = 1e3 * calibration.duty_delay, 1e3 * calibration.duty_delay_error
         way = "later" if delay > 0 else "earlier"
         sentences.append(f"the duty reaches the valve {abs(delay):.3f} +- {error:.3f} ms {way} than the traces say")
+    for entry, (value, error) in calibration.instruments.items():
+        kind, _, channel = entry.partition(".")
+        unit = "" if kind == "gain" else f" {table_row(parameter_table(calibration.task.model), entry).unit}"
+        known = f"{value:.6g} +- {error:.2g}{unit}" if np.isfinite(error) else "not determined by these traces"
+        sentences.append(f"the {kind} of the sensor of {channel} is {known}")
     for name, text in (("x_d", "position"), ("p_act", "chamber pressure")):
         sensors = [known[name] for known in calibration.sensors if name in known]
         coloured = sum(len(sensor.memory) > 0 for sensor in sensors)

@@ -134,7 +134,7 @@ class Calibration(Printed):
         return [self._estimates(), self._comparisons()]
 
     def _estimates(self) -> Cells:
-        table, rows = parameter_table(self.model), [("parameter", "value", "std. error", "unit", "")]
+        table, rows = parameter_table(self.task.model), [("parameter", "value", "std. error", "unit", "")]
         found = zip(self.task.selection.entries, self.values, self.std_errors, self.at_bound, strict=True)
         for entry, value, error, at_bound in found:
             unknown = not np.isfinite(error)
@@ -156,6 +156,15 @@ class Calibration(Printed):
     def duty_hold(self, trace: Trace) -> str:
         """How the duty of a trace was found to be between its samples: `linear`, or as it was read, `zero-order`."""
         return "linear" if sample_interval(trace) in self.progress.linear else "zero-order"
+
+    @property
+    def instruments(self) -> dict[str, tuple[float, float]]:
+        """Gains of sensors and offsets of inputs that were free, each with its standard error, by entry.
+
+        The error is NaN where the data say nothing.
+        """
+        found = zip(self.task.selection.entries, self.values.tolist(), self.std_errors.tolist(), strict=True)
+        return {entry: (value, error) for entry, value, error in found if entry.startswith(("gain.", "offset."))}
 
     @property
     def converged(self) -> bool:
@@ -181,7 +190,7 @@ class Calibration(Printed):
                 "held at the start value the fit is worse; give bounds or better start values"
             )
         if away := self.ran_away:
-            table, entries = parameter_table(self.model), self.task.selection.entries
+            table, entries = parameter_table(self.task.model), self.task.selection.entries
             start = np.asarray(self.task.selection.pack(self.task.model))
             ends = [
                 f"{entry} ended at {value:.4g} {table_row(table, entry).unit} (start {begin:.4g})"

@@ -54,7 +54,9 @@ class Unknown:
     `duty_hold`: whether the duty of a trace was held between samples, as it is read otherwise, or linear.
     `noise` is white or coloured, `loss` Gaussian, Huber's against outliers, or Student's against heavy tails; by
     evidence it is Huber's, which costs nothing where there are none. `numerics`: whether the errors of the smooth seat
-    and of the steps are corrected for.
+    and of the steps are corrected for. `gain`: channels whose sensor may show more or less than is there, and `offset`:
+    inputs whose sensor may show too much, each one value for all traces; the offsets of what is fitted are always free,
+    for each trace.
     """
 
     duty_delay: Choice = "evidence"
@@ -62,6 +64,8 @@ class Unknown:
     noise: Literal["evidence", "white", "coloured"] = "evidence"
     loss: Literal["evidence", "gaussian", "huber", "student"] = "evidence"
     numerics: bool = True
+    gain: tuple[str, ...] = ()
+    offset: tuple[str, ...] = ()
 
     @property
     def anything(self) -> bool:

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..parameters import select
+from ..plants import bare
 from ._bands import Bands, predicted_spread
 from ._budget import Budget
 from ._bundle import CHANNELS
@@ -42,7 +43,7 @@ def finishing(task: Task, search: LevenbergMarquardt, sensors: Sensors, notes: t
     with np.errstate(over="ignore"):  # the error of a value that ran away may be beyond every number
         covariance = uncertainty.covariance * np.outer(slope[:count], slope[:count])
     return Calibration(
-        model,
+        bare(model),
         task,
         transform,
         progress,
