@@ -42,7 +42,7 @@ def instrumented(
         _require(channel, "gain", ("x_d", "p_act", *inputs), traces)
     for channel in shifted:
         _require(channel, "offset", inputs, traces)
-    bench = Instrumented(model=model)
+    bench = Instrumented(model)
     wanted = [*(f"gain.{channel}" for channel in unknown.gain), *(f"offset.{channel}" for channel in shifted)]
     known = {f"gain.{channel}": part for channel, part in gains.items()}
     known |= {f"offset.{channel}": size for channel, size in offsets.items()}

@@ -182,8 +182,8 @@ class _Board(Generic[Name]):
         answers = []
         for which, evaluation in enumerate(question):
             parts = [found[name, which, place] for place in range(len(evaluation.bundles))]
-            observed, columns = ([each for each in half if each is not None] for half in zip(*parts, strict=True))
-            answers.append(Evaluated(observed, columns))
+            observed = [observed for observed, _ in parts if observed is not None]
+            answers.append(Evaluated(observed, [columns for _, columns in parts if columns is not None]))
         return answers
 
 

@@ -54,6 +54,11 @@ class Instrumented(AbstractModel):
     offset: Offsets = eqx.field(default_factory=Offsets)
     air = Inner[Air]("model")
 
+    def __init__(self, model: AbstractModel, gain: Gains | None = None, offset: Offsets | None = None):
+        self.model = model
+        self.gain = Gains() if gain is None else gain
+        self.offset = Offsets() if offset is None else offset
+
     def start(self, start: Start, drive: Drive) -> State:
         """That of the model, at what was there."""
         seen = (lambda start: start.position, lambda start: start.pressure)
