@@ -19,6 +19,7 @@ class BudgetRow:
     scatter: float
     moved: dict[str, float]
     combined: float
+    windowed: float
 
     def summary(self) -> dict[str, Any]:
         """For JSON."""
@@ -26,6 +27,7 @@ class BudgetRow:
             "type_a": {"noise": self.noise, "scatter_of_corrections": self.scatter},
             "type_b": self.moved,
             "combined": self.combined,
+            "noise_by_windows": self.windowed,
         }
 
 
@@ -36,7 +38,8 @@ def budget_rows(calibration: Calibration) -> list[BudgetRow]:
     for number, name in enumerate(calibration.task.selection.entries):
         noise, scatter = float(budget.noise[number]), float(budget.scatter[number])
         moved = {source: float(each[number]) for source, each in budget.moved.items()}
-        row = BudgetRow(name, str(table_row(table, name).unit), noise, scatter, moved, float(budget.combined[number]))
+        combined, windowed = float(budget.combined[number]), float(budget.windowed[number])
+        row = BudgetRow(name, str(table_row(table, name).unit), noise, scatter, moved, combined, windowed)
         if np.isfinite(row.combined):
             rows.append(row)
     return rows

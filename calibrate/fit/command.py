@@ -175,6 +175,7 @@ def _summary(fitted: Fitted, job: Job, unit: Unit, table: Sequence[Entry]) -> di
         "expected_relative_error_at_start": fitted.known_before.get("expected_relative_error", {}),
         "friction_is_passive": passivity_note(calibration.model) is None,
         "found": [*found_besides(calibration), *filter(None, [passivity_note(calibration.model)])],
+        "noise_by_windows": {"seconds": calibration.budget.window, "factor": finite(calibration.budget.excess)},
         "budget": {row.name: row.summary() for row in budget_rows(calibration)},
         "decisions": [each.summary() for each in decisions(fitted, table)],
         "report": job.study.report.model_dump(exclude_none=True),

@@ -22,6 +22,9 @@ from .budget import budget_rows
 from .decisions import decisions
 from .outcome import Fitted
 
+COLOURED = 1.5
+"""Errors by windows over those by the noise as it was found, from which that deserves a word."""
+
 
 def render(job: Job, unit: Unit, fitted: Fitted, table: list[Entry]) -> str:
     """The report of one unit as HTML, with plots, their library and the study inside."""
@@ -43,7 +46,15 @@ def render(job: Job, unit: Unit, fitted: Fitted, table: list[Entry]) -> str:
         besides=found_besides(calibration),
         budget=budget_rows(calibration),
         sources=sources,
-        parts=["value of", "A: noise", "A: scatter", *(f"B: {source}" for source in sources), "combined", "unit"],
+        parts=[
+            "value of",
+            "A: noise",
+            "A: scatter",
+            *(f"B: {source}" for source in sources),
+            "combined",
+            "unit",
+            "noise by windows",
+        ],
         decisions=decisions(fitted, table),
         shifts=dict(zip(calibration.task.selection.entries, calibration.shifts.tolist(), strict=True)),
         passivity=passivity_note(calibration.model),
@@ -108,6 +119,11 @@ def found_besides(calibration: Calibration) -> list[str]:
         far = sum(round(sensor.outliers * len(sensor.trust)) for sensor in sensors)
         if far:
             sentences.append(f"{far} samples of the {text} are outliers and count for little")
+    if calibration.budget.excess > COLOURED:
+        sentences.append(
+            f"residuals are correlated beyond what was found of the sensors' noise: by sums over "
+            f"{calibration.budget.window:.2g} s errors are {calibration.budget.excess:.2g} times as large in the median"
+        )
     if progress.corrections:
         largest = float(np.nanmax(np.abs(calibration.shifts), initial=0.0))
         state = "settled" if progress.settled else "did not settle, and their scatter is part of the errors"

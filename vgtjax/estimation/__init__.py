@@ -41,6 +41,7 @@ from ._least_squares import (
     huber_weights as huber_weights,
     least_squares as least_squares,
     robust_deviation as robust_deviation,
+    windowed_gram as windowed_gram,
 )
 from ._point import Point as Point, Reduced as Reduced, Secant as Secant, Slopes as Slopes, misfit_at as misfit_at
 from ._profiles import Profile as Profile, Profiles as Profiles, profiling as profiling

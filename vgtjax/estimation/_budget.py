@@ -17,11 +17,22 @@ class Budget:
     colour were found, and `scatter`, of corrections that go to and fro. Type B, by what is known from elsewhere:
     `moved`, by source, is how far each value moves when what is held, or the gain of a sensor, is off by its
     uncertainty, with its sign.
+
+    `windowed` checks `noise` and is no further part: the same from sums of residuals over windows of `window` seconds,
+    which believes nothing of the noise but that it forgets within that time.
     """
 
     noise: Errors
     scatter: Errors
     moved: Mapping[str, Errors]
+    windowed: Errors
+    window: float
+
+    @property
+    def excess(self) -> float:
+        """Errors by windows over those by the noise as it was found, in the median; NaN where nothing is known."""
+        known = np.isfinite(self.noise) & (self.noise > 0)
+        return float(np.median(self.windowed[known] / self.noise[known])) if np.any(known) else np.nan
 
     @property
     def type_a(self) -> Errors:

@@ -13,10 +13,15 @@ from ._bundle import CHANNELS
 from ._calibration import Calibration, comparing
 from ._evaluation import Evaluation, Steps, ask
 from ._evidence import turns
-from ._least_squares import LeastSquares, least_squares
+from ._least_squares import LeastSquares, finite_columns, least_squares, windowed_gram
 from ._residuals import Sensors
 from ._search import LevenbergMarquardt
 from ._task import Task
+
+WINDOW = 0.25
+"""s after which residuals should have forgotten each other: a rod's answer to a step of the duty is over then."""
+WINDOWS = 4
+"""Windows for each unknown that traces should have at least: with fewer they are shorter."""
 
 Covariance = Float[np.ndarray, "entries entries"]
 
@@ -31,7 +36,8 @@ def finishing(task: Task, search: LevenbergMarquardt, sensors: Sensors, notes: t
     more = _scatter(uncertainty, np.array(progress.wanted)[:, :count]) if progress.wanted else np.zeros((count, count))
     sources = {**_moved_by_gains(task, search), **(yield from _moved_by_tolerances(task, search))}
     moved = {name: np.where(uncertainty.determined, each[:count], 0.0) for name, each in sources.items()}
-    budget = _budget(uncertainty, more, moved, slope[:count])
+    window, windowed = _by_windows(task, search, everything)
+    budget = _budget(uncertainty, more, moved, slope[:count], windowed[:count], window)
     beside = np.column_stack([np.zeros((count, 0)), *moved.values()])
     more = more + beside @ beside.T
     uncertainty = dataclasses.replace(uncertainty, covariance=uncertainty.covariance + more)
@@ -61,7 +67,12 @@ def finishing(task: Task, search: LevenbergMarquardt, sensors: Sensors, notes: t
 
 
 def _budget(
-    uncertainty: LeastSquares, scatter: Covariance, moved: dict[str, np.ndarray], slope: Float[np.ndarray, " entries"]
+    uncertainty: LeastSquares,
+    scatter: Covariance,
+    moved: dict[str, np.ndarray],
+    slope: Float[np.ndarray, " entries"],
+    windowed: Float[np.ndarray, " entries"],
+    window: float,
 ) -> Budget:
     """Parts of the errors in the units of the table, by the slope of these with respect to coordinates."""
 
@@ -70,7 +81,28 @@ def _budget(
             return np.where(uncertainty.determined, slope * errors, np.nan)
 
     noise, restless = (np.sqrt(np.diag(each)) for each in (uncertainty.covariance, scatter))
-    return Budget(in_units(noise), in_units(restless), {name: in_units(each) for name, each in moved.items()})
+    sources = {name: in_units(each) for name, each in moved.items()}
+    return Budget(in_units(noise), in_units(restless), sources, in_units(windowed), window)
+
+
+def _by_windows(
+    task: Task, search: LevenbergMarquardt, found: LeastSquares
+) -> tuple[float, Float[np.ndarray, " coordinates"]]:
+    """A length in s of windows that forget each other, and errors of coordinates by sums over these: a sandwich.
+
+    What is known beforehand has its own variance, and no time.
+    """
+    problem, point = search.problem, search.point
+    owner = problem.owner
+    columns, before = finite_columns(point.columns)[: len(owner)], point.columns[len(owner) :]
+    scores = (columns * point.residuals[: len(owner), None]).reshape(-1, len(CHANNELS), columns.shape[1]).sum(axis=1)
+    interval = float(np.median([trace.longest_interval for trace in task.fit]))
+    longest = len(scores) / (WINDOWS * columns.shape[1])
+    length = max(1, round(min(WINDOW / interval, longest)))
+    gram = windowed_gram(scores, owner[:: len(CHANNELS)], length) + before.T @ before
+    bread = found.covariance / max(found.scale, 1e-300)
+    with np.errstate(over="ignore", invalid="ignore"):  # of a value that ran away
+        return length * interval, np.sqrt(np.maximum(np.diag(bread @ gram @ bread), 0.0))
 
 
 def _scatter(uncertainty: LeastSquares, wanted: Float[np.ndarray, "steps entries"]) -> Covariance:

@@ -108,6 +108,7 @@ def budget(summary, _):
             "A: scatter": shown(row["type_a"]["scatter_of_corrections"], 2),
             **{f"B: {source}": shown(part, 2) for source, part in row["type_b"].items()},
             "combined": shown(row["combined"], 2),
+            "noise by windows": shown(row["noise_by_windows"], 2),
         }
 
 
@@ -189,7 +190,8 @@ def test_all_other_numbers_stand_in_the_files_or_in_the_template(signed, page, s
     """Words, sentences and cards: what a fit says in words, its summary says with the same words."""
     static = "\n".join(re.sub(r"\{[{%#].*?[}%#]\}", " ", each.read_text()) for each in TEMPLATES.glob("*.jinja"))
     words = json.dumps({key: summary[key] for key in ("found", "verdict", "certificate", "report", "decisions")})
-    counts = [summary["iterations"], len(summary["slices"]), *summary["evaluations"].values()]
+    windows = [shown(value, 2) for value in summary["noise_by_windows"].values()]
+    counts = [*windows, summary["iterations"], len(summary["slices"]), *summary["evaluations"].values()]
     cards = [shown(summary["chi2_per_degree_of_freedom"], 4), shown(summary["wall_seconds"], 3), *map(str, counts)]
     known = {*NUMBER.findall(static), *NUMBER.findall(words), *cards}
     texts = [text for tag in ("p", "b", "span", "li", "div", "h1", "h2", "h3") for text in page.texts.get(tag, [])]
