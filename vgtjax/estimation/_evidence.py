@@ -113,11 +113,13 @@ def sharp_bundles(model: AbstractModel, traces: Sequence[Trace], stepping: Fixed
 def learn_sensors(
     traces: Sequence[Trace],
     channels: Sequence[str],
-    smooth: Sequence[Float[np.ndarray, "time channel"]],
-    sharp: Sequence[Float[np.ndarray, "time channel"]],
+    smooth: Sequence[np.ndarray],
+    sharp: Sequence[np.ndarray],
     unknown: Unknown,
 ) -> Sensors:
     """What a fit that ended at a smooth simulation tells of the sensors, and its sharp one of numerical errors.
+
+    **Arguments:** `smooth`, `sharp`: what is observed of every trace, `(time, channel)`.
 
     **Raises:** `SimulationError` where either left the finite numbers.
     """
