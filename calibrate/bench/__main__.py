@@ -19,10 +19,11 @@ _CASES = (
     "tuning",
     "robustness",
     "coverage",
+    "fleet-coverage",
     "memory",
     "files",
 )
-_LONG = ("tuning", "coverage", "memory")
+_LONG = ("tuning", "coverage", "fleet-coverage", "memory")
 """Only when asked for: ten minutes and more."""
 _PACKAGES = ("jax", "diffrax", "numba", "scipy", "casadi", "cma")
 

@@ -63,6 +63,17 @@ FAULTS = (
 )
 
 
+@dataclasses.dataclass(frozen=True)
+class Fleet:
+    """What a bench records of every unit: a slow loop, and a lively run as well if it is `lively`."""
+
+    name: str
+    lively: bool
+
+
+FLEETS = (Fleet("a slow loop", False), Fleet("a slow loop and a lively run", True))
+
+
 def draw_unit(rng: np.random.Generator) -> vgtjax.Actuator:
     """An actuator of the series: its friction is passive, and its magnetic force differs in scale and bend."""
     nominal = vgtjax.Actuator()
@@ -84,6 +95,17 @@ def record(unit: vgtjax.Actuator, rng: np.random.Generator, fault: Fault) -> lis
     return [_record(unit, name, duty, rng, fault) for name, duty in _duties(rng)]
 
 
+def record_fleet(unit: vgtjax.Actuator, rng: np.random.Generator, fleet: Fleet) -> list[vgtjax.Trace]:
+    """A slow loop at 100 Hz and, for a lively fleet, random levels at 500 Hz; the duty changes with the samples."""
+    loop = np.concatenate([np.zeros(50), np.linspace(0, 100, 1450), np.linspace(100, 0, 1450), np.zeros(50)])
+    traces = [_record(unit, "loop", loop, rng, FAULTS[0], 1e-2)]
+    if fleet.lively:
+        holds = rng.integers(25, 150, 100)
+        levels = np.repeat([0.0, *np.round(rng.uniform(15, 95, 100), 1)], [50, *holds])[:2500]
+        traces.append(_record(unit, "lively", levels, rng, FAULTS[0], 2e-3))
+    return traces
+
+
 def _duties(rng: np.random.Generator) -> list[tuple[str, Float[np.ndarray, " time"]]]:
     steps = [(f"step_{level:.0f}", np.repeat([0.0, level, 0.0], [200, 2000, 1800])) for level in (80.0, 100.0)]
     holds = rng.integers(120, 900, 100)
@@ -93,9 +115,14 @@ def _duties(rng: np.random.Generator) -> list[tuple[str, Float[np.ndarray, " tim
 
 
 def _record(
-    unit: vgtjax.Actuator, name: str, duty: Float[np.ndarray, " time"], rng: np.random.Generator, fault: Fault
+    unit: vgtjax.Actuator,
+    name: str,
+    duty: Float[np.ndarray, " time"],
+    rng: np.random.Generator,
+    fault: Fault,
+    rate: float = RATE,
 ) -> vgtjax.Trace:
-    time, late = np.arange(len(duty)) * RATE, round(fault.delay / RATE)
+    time, late = np.arange(len(duty)) * rate, round(fault.delay / rate)
     applied = np.concatenate([np.full(late, duty[0]), duty[: len(duty) - late]])
     phases = rng.uniform(0, 2 * np.pi, 2)
     supply = 2e4 + 150 * np.sin(2 * np.pi * 12.3 * time + phases[0]) + 300 * np.sin(0.1 * np.pi * time + phases[1])

@@ -81,7 +81,8 @@ class Around:
             for name, each in self.profiles.profiles.items()
         }
         counts = {"slices": self.slices.left_out, "profiles": self.profiles.left_out}
-        return {"slices": slices, "profiles": profiles, "not_looked_at": counts}
+        evaluations = {"slices": self.slices.evaluations, "profiles": self.profiles.evaluations}
+        return {"slices": slices, "profiles": profiles, "not_looked_at": counts, "evaluations": evaluations}
 
     def intervals(self, calibration: Calibration) -> dict[str, Interval | None]:
         """95 % intervals of what has a profile, in the units of the table: open ends are `None`, or zero below a

@@ -1,6 +1,7 @@
 """The command `fit`: calibrates every unit of a study, resumably, and reports."""
 
 import pathlib
+from collections.abc import Sequence
 from typing import Any
 
 from vgtjax import SimulationError
@@ -13,9 +14,11 @@ from ..output.files import REPORT, SUMMARY, finite, read_json, write_json, write
 from ..output.sections import sensor_summary, trace_summary
 from ..resumable import Folders, ProgressFile, run_units
 from ..study.models import passivity_note
-from ..study.parameter_file import calibrated, covariance, nuisance, to_json
+from ..study.parameter_file import Entry, calibrated, covariance, nuisance, to_json
 from ..study.units import Job, Unit, prepare
 from .around import looking_around
+from .budget import budget_rows
+from .decisions import decisions
 from .outcome import Fitted
 from .plan import plan
 from .report import found_besides, render, render_overview
@@ -124,7 +127,7 @@ def _write(job: Job, unit: Unit, folder: pathlib.Path, outcome: Fitted | Simulat
         folder / "parameters.json",
         to_json(job.study, table, nuisance=nuisance(calibration), covariance=covariance(calibration)),
     )
-    write_json(folder / SUMMARY, _summary(outcome, job, unit))
+    write_json(folder / SUMMARY, _summary(outcome, job, unit, table))
     page = render(job, unit, outcome, table)
     write_text(folder / REPORT, page)
     ProgressFile.remove_from(folder)
@@ -139,7 +142,7 @@ def _population(job: Job, out: pathlib.Path) -> dict[str, dict[str, Any]]:
     return {name: read_json(file)["parameters"] for name, file in files.items() if name and file.exists()}
 
 
-def _summary(fitted: Fitted, job: Job, unit: Unit) -> dict[str, Any]:
+def _summary(fitted: Fitted, job: Job, unit: Unit, table: Sequence[Entry]) -> dict[str, Any]:
     calibration, progress = fitted.calibration, fitted.calibration.progress
     learned = zip(calibration.task.fit, calibration.sensors, strict=True)
     sensors = {trace.name: {"sensors": sensor_summary(known)} for trace, known in learned}
@@ -150,6 +153,8 @@ def _summary(fitted: Fitted, job: Job, unit: Unit) -> dict[str, Any]:
         "rejected_steps": progress.rejected,
         "failed_simulations": progress.failed,
         "cost": progress.cost,
+        "cost_at_start": progress.history[0],
+        "measurements": calibration.count,
         "chi2_per_degree_of_freedom": calibration.uncertainty.scale,
         "chi2_gain_of_a_further_linear_step": calibration.uncertainty.gain,
         "corrections": {
@@ -162,9 +167,18 @@ def _summary(fitted: Fitted, job: Job, unit: Unit) -> dict[str, Any]:
         "duty_hold_decided": progress.hold_decided,
         "duty_delay": calibration.duty_delay,
         "duty_delay_std_error": calibration.duty_delay_error,
+        "instruments": {
+            entry: {"value": value, "std_error": finite(error)}
+            for entry, (value, error) in calibration.instruments.items()
+        },
         "unidentifiable_at_start": fitted.undetermined,
         "expected_relative_error_at_start": fitted.known_before.get("expected_relative_error", {}),
         "friction_is_passive": passivity_note(calibration.model) is None,
+        "found": [*found_besides(calibration), *filter(None, [passivity_note(calibration.model)])],
+        "noise_by_windows": {"seconds": calibration.budget.window, "factor": finite(calibration.budget.excess)},
+        "budget": {row.name: row.summary() for row in budget_rows(calibration)},
+        "decisions": [each.summary() for each in decisions(fitted, table)],
+        "report": job.study.report.model_dump(exclude_none=True),
         **job.account(fitted.seconds),
         **({} if fitted.around is None else fitted.around.summary()),
         "traces": {
@@ -177,6 +191,7 @@ def _summary(fitted: Fitted, job: Job, unit: Unit) -> dict[str, Any]:
         },
         "certificate": {
             **fitted.certificate.summary(),
+            "sentence": fitted.certificate.sentence,
             "traces": {each.trace.name: "failed" if each.failed else "simulated" for each in calibration.traces},
             "rejected_steps": progress.rejected,
             "failed_simulations": progress.failed,

@@ -23,4 +23,5 @@ def plan(job: Job, unit: Unit) -> Task:
         deviations=unit.deviations,
         starts=chosen.starts,
         gains=job.study.report.gains,
+        offsets=job.study.report.offsets,
     )

@@ -8,6 +8,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from vgtjax.estimation import Calibration
+from vgtjax.parameters import parameter_table, table_row
 
 from ..output import figures
 from ..output.page import render_page
@@ -17,7 +18,12 @@ from ..study.models import passivity_note
 from ..study.parameter_file import Entry, by_entry, start_as_study
 from ..study.units import Job, Unit
 from .around import slices_figure
+from .budget import budget_rows
+from .decisions import decisions
 from .outcome import Fitted
+
+COLOURED = 1.5
+"""Errors by windows over those by the noise as it was found, from which that deserves a word."""
 
 
 def render(job: Job, unit: Unit, fitted: Fitted, table: list[Entry]) -> str:
@@ -26,7 +32,7 @@ def render(job: Job, unit: Unit, fitted: Fitted, table: list[Entry]) -> str:
     known = calibration.uncertainty.determined
     entries = [e for e, is_known in zip(calibration.task.selection.entries, known, strict=True) if is_known]
     covariance = calibration.covariance[np.ix_(known, known)]
-    cost = 2 * np.asarray(calibration.progress.history)
+    cost, sources = 2 * np.asarray(calibration.progress.history), list(calibration.budget.moved)
     return render_page(
         "fit.html.jinja",
         **job.heading(unit.name),
@@ -38,6 +44,18 @@ def render(job: Job, unit: Unit, fitted: Fitted, table: list[Entry]) -> str:
         table=table,
         start=start_as_study(calibration),
         besides=found_besides(calibration),
+        budget=budget_rows(calibration),
+        sources=sources,
+        parts=[
+            "value of",
+            "A: noise",
+            "A: scatter",
+            *(f"B: {source}" for source in sources),
+            "combined",
+            "unit",
+            "noise by windows",
+        ],
+        decisions=decisions(fitted, table),
         shifts=dict(zip(calibration.task.selection.entries, calibration.shifts.tolist(), strict=True)),
         passivity=passivity_note(calibration.model),
         **model_sections(calibration.model, calibration.traces),
@@ -88,6 +106,11 @@ def found_besides(calibration: Calibration) -> list[str]:
         delay, error = 1e3 * calibration.duty_delay, 1e3 * calibration.duty_delay_error
         way = "later" if delay > 0 else "earlier"
         sentences.append(f"the duty reaches the valve {abs(delay):.3f} +- {error:.3f} ms {way} than the traces say")
+    for entry, (value, error) in calibration.instruments.items():
+        kind, _, channel = entry.partition(".")
+        unit = "" if kind == "gain" else f" {table_row(parameter_table(calibration.task.model), entry).unit}"
+        known = f"{value:.6g} +- {error:.2g}{unit}" if np.isfinite(error) else "not determined by these traces"
+        sentences.append(f"the {kind} of the sensor of {channel} is {known}")
     for name, text in (("x_d", "position"), ("p_act", "chamber pressure")):
         sensors = [known[name] for known in calibration.sensors if name in known]
         coloured = sum(len(sensor.memory) > 0 for sensor in sensors)
@@ -96,6 +119,11 @@ def found_besides(calibration: Calibration) -> list[str]:
         far = sum(round(sensor.outliers * len(sensor.trust)) for sensor in sensors)
         if far:
             sentences.append(f"{far} samples of the {text} are outliers and count for little")
+    if calibration.budget.excess > COLOURED:
+        sentences.append(
+            f"residuals are correlated beyond what was found of the sensors' noise: by sums over "
+            f"{calibration.budget.window:.2g} s errors are {calibration.budget.excess:.2g} times as large in the median"
+        )
     if progress.corrections:
         largest = float(np.nanmax(np.abs(calibration.shifts), initial=0.0))
         state = "settled" if progress.settled else "did not settle, and their scatter is part of the errors"

@@ -6,13 +6,11 @@ import rich.box
 import rich.table
 
 from vgtjax.estimation import Calibration
-from vgtjax.traces import SIGNALS, noise_level
+from vgtjax.traces import SIGNALS
 
 from ..study.parameter_file import Entry
+from .decisions import MEETS, noise_ratios
 from .outcome import Fitted
-
-MEETS = 1.1
-"""RMSE per noise up to which a trace counts as met: five deviations of what 1300 samples of white noise give."""
 
 
 def say(fitted: Fitted, entries: Sequence[Entry]) -> list[rich.table.Table | str]:
@@ -73,22 +71,10 @@ def verdict(fitted: Fitted, entries: Sequence[Entry]) -> str:
     said = f"verdict: converged; {len(free) - len(unknown)} of {len(free)} free parameters are determined"
     if unknown:
         said += f" (not {', '.join(unknown)})"
-    (trace, channel), worst = max(_ratios(calibration).items(), key=lambda pair: pair[1])
+    (trace, channel), worst = max(noise_ratios(calibration).items(), key=lambda pair: pair[1])
     if worst <= MEETS:
         return f"{said}; every trace is met to within {worst:.2f} of its sensors' noise"
     return (
         f"{said}; {channel} of {trace} is off by {worst:.1f} times its sensor's noise: the model lacks something that "
         "errors don't know of"
     )
-
-
-def _ratios(calibration: Calibration) -> dict[tuple[str, str], float]:
-    """What remains of each channel of each fitted trace in units of its noise: that which the signal itself shows, as a
-    fit learns its noise from what remains; or else, of coloured noise, that."""
-    found = {}
-    fitted = (result for result in calibration.traces if result.use == "fit")
-    for result, sensors in zip(fitted, calibration.sensors, strict=True):
-        for channel, met in result.channels.items():
-            noise = met.noise if len(sensors[channel].memory) else noise_level(met.measured, channel)
-            found[result.trace.name, channel] = met.rmse / noise
-    return found

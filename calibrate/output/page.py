@@ -2,6 +2,7 @@
 
 import datetime
 import importlib.metadata
+import itertools
 import platform
 from typing import Any
 
@@ -22,7 +23,7 @@ def render_page(template: str, **values: Any) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"number": _number, "figure": _figure}
+    environment.filters |= {"number": _number, "figure": _Figures()}
     return environment.get_template(template).render(
         date=datetime.datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z"),
         versions={name: importlib.metadata.version(name) for name in _PACKAGES},
@@ -33,10 +34,16 @@ def render_page(template: str, **values: Any) -> str:
     )
 
 
-def _figure(figure: go.Figure) -> markupsafe.Markup:
-    """A figure as a part of a page that has the plot library already."""
-    config = {"displaylogo": False, "responsive": True}
-    return markupsafe.Markup(figure.to_html(full_html=False, include_plotlyjs=False, config=config))
+class _Figures:
+    """Figures as parts of a page that has the plot library already; numbered, so that a page can be made again."""
+
+    def __init__(self) -> None:
+        self._numbers = itertools.count(1)
+
+    def __call__(self, figure: go.Figure) -> markupsafe.Markup:
+        config = {"displaylogo": False, "responsive": True}
+        name = f"figure-{next(self._numbers)}"
+        return markupsafe.Markup(figure.to_html(full_html=False, include_plotlyjs=False, config=config, div_id=name))
 
 
 def _number(value: float | None, digits: int = 5) -> str:

@@ -84,7 +84,7 @@ def trace_section(result: TraceResult) -> dict[str, Any]:
                 "noise": channel.noise * scale,
                 "error": None if channel.error is None else float(np.max(channel.error)) * scale,
                 "offset": channel.offset * scale,
-                "peak": float(np.max(np.abs(channel.residual))) * scale,
+                "peak": channel.peak * scale,
                 "correlation": figures.autocorrelation(channel.residual, 1),
             }
         )
@@ -114,11 +114,15 @@ def trace_summary(result: TraceResult) -> dict[str, Any]:
         "rmse": finite(result.rmse),
         "offset": finite(result.offset),
         "noise": {name: channel.noise for name, channel in result.channels.items()},
+        "peak": {name: finite(channel.peak) for name, channel in result.channels.items()},
+        "correlation_of_neighbours": {
+            name: finite(figures.autocorrelation(channel.residual, 1)) for name, channel in result.channels.items()
+        },
         "largest_error": {
             name: finite(float(np.max(channel.error)))
             for name, channel in result.channels.items()
             if channel.error is not None
         },
-        **({} if pair is None else {"loop_width": pair.widths}),
+        **({} if pair is None else {"loop_width": pair.widths, "loop_turbine_pressure": pair.turbine}),
         "notes": list(result.trace.notes),
     }

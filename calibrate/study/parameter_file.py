@@ -86,7 +86,7 @@ def calibrated(calibration: Calibration, profiled: Mapping[str, Interval | None]
     for entry, interval in (profiled or {}).items():
         believed = estimates[entry].identifiable and interval is not None
         estimates[entry] = dataclasses.replace(estimates[entry], interval=interval, identifiable=believed)
-    return tabulate(calibration.task.model, calibration.model, estimates, calibration.task.bounds)
+    return tabulate(calibration.task.plant, calibration.model, estimates, calibration.task.bounds)
 
 
 def by_entry(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -98,7 +98,7 @@ def by_entry(values: Mapping[str, Any]) -> dict[str, Any]:
 
 def start_as_study(calibration: Calibration) -> str:
     """The start values of a fit, exact to the last digit, as the `[parameters]` table of a study."""
-    lines = [f'"{name}" = {{value = {value!r}}}' for name, value in values_of(calibration.task.model).items()]
+    lines = [f'"{name}" = {{value = {value!r}}}' for name, value in values_of(calibration.task.plant).items()]
     return "\n".join(["[parameters]", *lines])
 
 
@@ -110,10 +110,16 @@ _FIELDS = ("value", "unit", "free", "std_error", "interval", "initial", "lower",
 def nuisance(calibration: Calibration) -> dict[str, Any]:
     """What a fit found out of each trace besides the parameters, in SI units."""
     late = {} if calibration.duty_delay_error is None else {"duty_delay": calibration.duty_delay}
+    of_sensors: dict[str, dict[str, float]] = {"gain": {}, "offset": {}}
+    for entry, (value, _) in calibration.instruments.items():
+        kind, _, channel = entry.partition(".")
+        of_sensors[kind][channel] = value
+    gain = {"gain": of_sensors["gain"]} if of_sensors["gain"] else {}
 
     def found(result: TraceResult) -> dict[str, Any]:
         linear = calibration.duty_hold(result.trace) == "linear"
-        return {**late, **({"duty_hold": "linear"} if linear else {}), "offset": finite(result.offset)}
+        offset = {**finite(result.offset), **of_sensors["offset"]}
+        return {**late, **({"duty_hold": "linear"} if linear else {}), **gain, "offset": offset}
 
     return {result.trace.name: found(result) for result in calibration.traces}
 

@@ -11,6 +11,7 @@ OF_A_MODEL = {
     "free": "[fit]",
     "fixed": "[fit]",
     "traces": "[[trace]]",
+    "unknown": "[fit.unknown]",
 }
 """Tables of a study by the arguments of fits and simulations."""
 OF_A_CONTROLLER = {

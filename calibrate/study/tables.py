@@ -11,6 +11,8 @@ from .control import ControlTable
 from .disturbances import Disturbance, PulsationTable
 
 Sensor = Literal["x_d", "p_act", "p_res", "p_trb", "f_vane", "f_drive"]
+Fitted = Literal["x_d", "p_act", "p_res", "p_trb", "f_drive"]
+"""Sensors whose gain or offset a fit can find."""
 
 
 class TraceEntry(Table):
@@ -47,6 +49,12 @@ class UnknownTable(Table):
     duty_hold: Literal["evidence", False] = "evidence"
     noise: Literal["evidence", "white", "coloured"] = "evidence"
     numerics: bool = True
+    gain: list[Fitted] = []
+    """Sensors whose gain is free, one for all traces of a unit; `relative_uncertainty` under `[[report.sensor]]` says
+    how well it is known beforehand."""
+    offset: list[Fitted] = []
+    """Inputs whose sensor's offset is free, one for all traces of a unit; `uncertainty` under `[[report.sensor]]` says
+    how well it is known beforehand. Offsets of what is fitted always are, for each trace, and may be named too."""
 
 
 class Fit(Table):
@@ -54,7 +62,7 @@ class Fit(Table):
 
     free: list[str] | None = None
     fixed: list[str] = []
-    loss: Literal["evidence", "gaussian", "huber"] = "evidence"
+    loss: Literal["evidence", "gaussian", "huber", "student"] = "evidence"
     profiles: Literal["flagged", "all", "none"] = "flagged"
     """Which parameters get a profile likelihood: those of directions whose misfit is no parabola, all, or none."""
     starts: Annotated[int, pydantic.Field(ge=1, le=4096)] = 1
@@ -180,6 +188,12 @@ class ReportTable(Table):
         """Relative standard uncertainty of each sensor's gain, where one is stated."""
         stated = {sensor.channel: sensor.relative_uncertainty for sensor in self.sensor}
         return {channel: part for channel, part in stated.items() if part is not None}
+
+    @property
+    def offsets(self) -> dict[str, float]:
+        """Standard uncertainty of each sensor's offset in its unit, where one is stated."""
+        stated = {sensor.channel: sensor.uncertainty for sensor in self.sensor}
+        return {channel: size for channel, size in stated.items() if size is not None}
 
 
 class Study(Table):

@@ -70,7 +70,8 @@ class Unit:
     def unknown(self, study: Study) -> Unknown:
         """What a fit of its traces finds out besides the parameters."""
         table = study.fit.unknown.model_copy(update=dict.fromkeys(self.stated, False))
-        return Unknown(loss=study.fit.loss, **dict(table))
+        free = {"gain": tuple(table.gain), "offset": tuple(table.offset)}
+        return Unknown(loss=study.fit.loss, **{**dict(table), **free})
 
     def folder(self, out: pathlib.Path) -> pathlib.Path:
         """Where this unit's files go."""

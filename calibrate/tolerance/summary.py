@@ -18,6 +18,7 @@ from ..study.tables import Limit
 QUANTILES = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
 ENVELOPE = (0.05, 0.5, 0.95)
 CONFIDENCE = 0.95
+RULE = "a sample whose simulated value lies within keeps the limit, without a guard band (simple acceptance)"
 
 
 def check_limits(outputs: Sequence[Output], limits: dict[str, Limit]) -> None:
@@ -73,7 +74,9 @@ def _number(output: Output, values: np.ndarray, nominal: float, limit: Limit | N
         "mean": finite(found.mean),
         "deviation": finite(found.deviation),
         "quantiles": {f"{share:g}": finite(value) for share, value in zip(QUANTILES, found.quantiles, strict=True)},
-        **({} if limit is None else {"limit": limit.model_dump(), "yield": _share(_meets(values, limit))}),
+        **(
+            {} if limit is None else {"limit": limit.model_dump(), "rule": RULE, "yield": _share(_meets(values, limit))}
+        ),
     }
 
 

@@ -1,6 +1,11 @@
 """Whether a calibration can be signed: what traces can tell, before; what a repetition would give, after."""
 
-from ._certificate import Certificate as Certificate, certifying as certifying
+from ._certificate import (
+    UNEQUAL as UNEQUAL,
+    WRONG as WRONG,
+    Certificate as Certificate,
+    certifying as certifying,
+)
 from ._information import Information as Information, examine as examine, examining as examining
 from ._next_run import Gain as Gain, next_runs as next_runs, ranking as ranking
 from ._recovery import Recovery as Recovery, Refit as Refit, Truth as Truth, refitting as refitting

@@ -1,4 +1,5 @@
-"""Whether the derivatives that a fit's errors rest on are those of its misfit: columns against differences."""
+"""Whether the derivatives that a fit's errors rest on are those of its misfit: forward mode, which made the columns,
+against reverse mode and against differences."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -7,7 +8,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from ..estimation import Calibrator, FitProblem, Steps, misfit_at, side_by_side
+from .._errors import SimulationError
+from ..estimation import Calibrator, Evaluated, FitProblem, Slopes, Steps, ask, misfit_at, side_by_side
 
 DIRECTIONS = 4
 """Random directions along which all columns are tried together."""
@@ -20,6 +22,9 @@ column of 51 that is twice what it should be makes it 0.06."""
 WRONG_ALONE = 0.3
 """The same for one column by itself, where that is asked for: a kink of a small problem with Dahl's friction leaves
 0.16, a column that is twice what it should be 0.5."""
+UNEQUAL = 1e-6
+"""Part by which a derivative may differ between forward and reverse mode, which differ by rounding alone: in fits of
+ours by 1e-12, where a rod sticks and slips by 1e-9."""
 FARTHEST = 0.05
 """Coordinates by which nothing is moved farther, however little it shows."""
 DEAD = 1e-3
@@ -35,31 +40,37 @@ Coordinates = Float[np.ndarray, " coordinates"]
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Certificate:
-    """What differences say of the derivatives at the end of a fit.
+    """What differences and reverse mode say of the derivatives at the end of a fit.
 
     `mismatches` are the parts of the differences that columns miss along random directions, NaN where a simulation
-    failed. `dead` entries change nothing, by their column and by a difference; `exploded` ones have a column that is no
-    number; `wrong` ones have a column that is not what a difference shows, with the part by which it is off.
+    failed; `modes` the parts by which forward and reverse mode differ along the same. `dead` entries change nothing, by
+    their column and by a difference; `exploded` ones have a column that is no number; `wrong` ones have a column that
+    is not what a difference shows, `unequal` ones one that is not what reverse mode finds, with the part by which it is
+    off.
     """
 
     mismatches: Sequence[float]
+    modes: Sequence[float]
     dead: Sequence[str]
     exploded: Sequence[str]
     wrong: dict[str, float]
+    unequal: dict[str, float]
 
     @property
     def passed(self) -> bool:
         """Whether errors may be believed as far as derivatives go."""
-        return not self.exploded and not self.wrong
+        return not (self.exploded or self.wrong or self.unequal)
 
     def summary(self) -> dict[str, Any]:
         """All of it for JSON; `None` for what could not be simulated."""
         return {
             "passed": self.passed,
             "forward_against_differences": [None if np.isnan(each) else each for each in self.mismatches],
+            "forward_against_reverse": [None if np.isnan(each) else each for each in self.modes],
             "dead_columns": list(self.dead),
             "exploded_columns": list(self.exploded),
             "wrong_columns": self.wrong,
+            "unequal_columns": self.unequal,
         }
 
     @property
@@ -68,17 +79,22 @@ class Certificate:
         worst = float(np.nanmax(self.mismatches, initial=0.0))
         if self.passed:
             kink = "" if worst <= WRONG else ", as the misfit has a kink there; no column by itself is wrong"
-            return f"derivatives agree with differences to {100 * worst:.2g} %{kink}"
+            modes = float(np.nanmax(self.modes, initial=0.0))
+            return f"derivatives agree with differences to {100 * worst:.2g} %{kink}, with reverse mode to {modes:.1g}"
         said = [f"the derivative by {name} is no number" for name in self.exploded]
         if len(self.wrong) > MOST_NAMED:
             return f"the gradient certificate failed: {len(self.wrong)} derivatives are off: the misfit is not smooth"
         said += [f"the derivative by {name} is off by {100 * part:.0f} %" for name, part in self.wrong.items()]
+        apart = {name: part for name, part in self.unequal.items() if name not in self.wrong}
+        said += [
+            f"the derivative by {name} differs from reverse mode by {100 * part:.2g} %" for name, part in apart.items()
+        ]
         return f"the gradient certificate failed: {'; '.join(said)}"
 
 
 def certifying(calibrator: Calibrator) -> Steps[Certificate]:
-    """The certificate of a calibration at its end, as a computation: two simulations a direction, and two an entry
-    where these disagree."""
+    """The certificate of a calibration at its end, as a computation: one sweep in reverse mode, two simulations a
+    direction, and two an entry where these disagree."""
     search, entries = calibrator.minimiser, calibrator.task.selection.entries
     problem, at = search.problem, search.slopes.at
     columns = np.asarray(search.point.columns)
@@ -92,6 +108,8 @@ def certifying(calibrator: Calibrator) -> Steps[Certificate]:
     clean = np.where(usable, columns, 0.0)
     mismatches = [_miss(clean @ move, found) for move, found in zip(moves, differences, strict=True)]
     held = np.asarray(problem.transform.at_bound(np.asarray(search.progress.coordinates)))
+    modes, apart = yield from _reverse(problem, search.slopes, clean, moves)
+    apart = np.where(np.isfinite(lengths) & ~held, apart, 0.0)
     silent = [number for number in np.flatnonzero(lengths == 0).tolist() if not held[number]]
     suspects = list(range(len(at))) if np.nanmax(mismatches, initial=0.0) > WRONG else silent
     suspects = [number for number in suspects if np.isfinite(lengths[number]) and not held[number]]
@@ -102,10 +120,37 @@ def certifying(calibrator: Calibrator) -> Steps[Certificate]:
     }
     return Certificate(
         mismatches,
+        modes,
         [names[number] for number in silent if not parts[names[number]] > 0],
         [name for name, length in zip(names, lengths, strict=True) if not np.isfinite(length)],
         {name: part for name, part in parts.items() if part > WRONG_ALONE},
+        {name: float(part) for name, part in zip(names, apart, strict=True) if part > UNEQUAL},
     )
+
+
+def _reverse(
+    problem: FitProblem, slopes: Slopes, columns: Float[np.ndarray, "rows coordinates"], moves: np.ndarray
+) -> Steps[tuple[list[float], Float[np.ndarray, " coordinates"]]]:
+    """Parts by which columns and reverse mode differ along moves, and by each coordinate; NaN where that failed.
+
+    The product of a random combination of columns with all of them: forward mode has it from the columns themselves.
+    """
+    observed, nothing = slopes.evaluated.observed, np.full(len(moves), np.nan).tolist()
+    columns = columns[: sum(lanes.size for lanes in observed)]  # without what is known beforehand
+    combined = columns @ moves.sum(axis=0)
+    asked = problem.evaluation(slopes.at, slopes=True)
+    question = dataclasses.replace(asked, cotangent=problem.pulled(combined, observed))
+    try:
+        answer: Evaluated = yield from ask(question)
+    except SimulationError:
+        return nothing, np.zeros(columns.shape[1])
+    found = np.sum(answer.columns, axis=0) * np.asarray(problem.transform.slope(slopes.at))
+    difference = found - combined @ columns
+    size = max(float(np.linalg.norm(combined)), 1e-300)
+    lengths = np.maximum(np.linalg.norm(columns, axis=0), np.abs(found) / size)
+    apart = np.abs(difference) / (size * np.where(lengths > 0, lengths, 1.0))
+    along = np.maximum(np.linalg.norm(columns @ moves.T, axis=0), 1e-300)
+    return (np.abs(moves @ difference) / (size * along)).tolist(), np.where(np.isfinite(apart), apart, 1.0)
 
 
 def _difference(

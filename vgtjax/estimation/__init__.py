@@ -1,6 +1,7 @@
 """Estimation: exact Jacobians, weighted residuals, Levenberg-Marquardt, and what the data can tell."""
 
 from ._bands import spread_along as spread_along
+from ._budget import Budget as Budget
 from ._bundle import CHANNELS as CHANNELS, SEGMENT as SEGMENT, Bundle as Bundle, bundle_traces as bundle_traces
 from ._calibration import (
     NORMAL_95 as NORMAL_95,
@@ -40,6 +41,7 @@ from ._least_squares import (
     huber_weights as huber_weights,
     least_squares as least_squares,
     robust_deviation as robust_deviation,
+    windowed_gram as windowed_gram,
 )
 from ._point import Point as Point, Reduced as Reduced, Secant as Secant, Slopes as Slopes, misfit_at as misfit_at
 from ._profiles import Profile as Profile, Profiles as Profiles, profiling as profiling
@@ -48,7 +50,12 @@ from ._progress import CHI2_TOLERANCE as CHI2_TOLERANCE, Progress as Progress
 from ._remains import VERDICTS as VERDICTS, Remains as Remains, find_remains as find_remains
 from ._residuals import FitProblem as FitProblem, Sensors as Sensors, build_fit_problem as build_fit_problem
 from ._search import LevenbergMarquardt as LevenbergMarquardt
-from ._sensitivities import jacobian as jacobian, observe as observe, observe_with_jacobian as observe_with_jacobian
+from ._sensitivities import (
+    jacobian as jacobian,
+    observe as observe,
+    observe_backwards as observe_backwards,
+    observe_with_jacobian as observe_with_jacobian,
+)
 from ._sensors import Sensor as Sensor
 from ._slices import WORDS as WORDS, End as End, Slice as Slice, Slices as Slices, slicing as slicing
 from ._task import Task as Task, plan_task as plan_task

@@ -11,6 +11,7 @@ from .._printing import Cells, Printed
 from ..parameters import Transform, parameter_table, table_row
 from ..plants import AbstractModel
 from ..traces import SIGNALS, Trace
+from ._budget import Budget
 from ._bundle import CHANNELS, bundle_traces
 from ._evaluation import Steps
 from ._evidence import observe_traces
@@ -57,6 +58,11 @@ class Comparison:
     def rmse(self) -> float:
         """Root mean square of what remains."""
         return float(np.std(self.measured - self.simulated))
+
+    @property
+    def peak(self) -> float:
+        """The largest of what remains."""
+        return float(np.max(np.abs(self.residual)))
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -111,6 +117,8 @@ class Calibration(Printed):
     """Number of measurements fitted."""
     sensors: Sensors
     """What the fit found out of the sensors of every trace fitted, by channel."""
+    budget: Budget
+    """Where the standard errors come from."""
     duty_delay: float = 0.0
     """s by which the duty reaches the valve later than its record says."""
     duty_delay_error: float | None = None
@@ -126,7 +134,7 @@ class Calibration(Printed):
         return [self._estimates(), self._comparisons()]
 
     def _estimates(self) -> Cells:
-        table, rows = parameter_table(self.model), [("parameter", "value", "std. error", "unit", "")]
+        table, rows = parameter_table(self.task.model), [("parameter", "value", "std. error", "unit", "")]
         found = zip(self.task.selection.entries, self.values, self.std_errors, self.at_bound, strict=True)
         for entry, value, error, at_bound in found:
             unknown = not np.isfinite(error)
@@ -148,6 +156,15 @@ class Calibration(Printed):
     def duty_hold(self, trace: Trace) -> str:
         """How the duty of a trace was found to be between its samples: `linear`, or as it was read, `zero-order`."""
         return "linear" if sample_interval(trace) in self.progress.linear else "zero-order"
+
+    @property
+    def instruments(self) -> dict[str, tuple[float, float]]:
+        """Gains of sensors and offsets of inputs that were free, each with its standard error, by entry.
+
+        The error is NaN where the data say nothing.
+        """
+        found = zip(self.task.selection.entries, self.values.tolist(), self.std_errors.tolist(), strict=True)
+        return {entry: (value, error) for entry, value, error in found if entry.startswith(("gain.", "offset."))}
 
     @property
     def converged(self) -> bool:
@@ -173,7 +190,7 @@ class Calibration(Printed):
                 "held at the start value the fit is worse; give bounds or better start values"
             )
         if away := self.ran_away:
-            table, entries = parameter_table(self.model), self.task.selection.entries
+            table, entries = parameter_table(self.task.model), self.task.selection.entries
             start = np.asarray(self.task.selection.pack(self.task.model))
             ends = [
                 f"{entry} ended at {value:.4g} {table_row(table, entry).unit} (start {begin:.4g})"

@@ -22,24 +22,29 @@ T = TypeVar("T")
 class Evaluation:
     """A model to be simulated along bundles of traces, with a duty that is `delay` s late if that is given.
 
-    With a `selection` the derivatives by its parameters are asked for as well, behind them that by the delay.
+    With a `selection` the derivatives by its parameters are asked for as well, behind them that by the delay; with a
+    `cotangent` of what is observed of every bundle only those of their product, in reverse mode.
     """
 
     model: AbstractModel
     bundles: Sequence[Bundle]
     delay: float | None = None
     selection: Selection | None = None
+    cotangent: Sequence[np.ndarray] | None = None
 
     def parts(self) -> list[tuple[Any, ...]]:
         """What one simulation takes, bundle by bundle."""
         delay = None if self.delay is None else np.asarray(self.delay, float)
-        return [(self.model, self.selection, bundle, delay) for bundle in self.bundles]
+        pulls = [None] * len(self.bundles) if self.cotangent is None else self.cotangent
+        pairs = zip(self.bundles, pulls, strict=True)
+        return [(self.model, self.selection, bundle, delay, pull) for bundle, pull in pairs]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Evaluated:
     """The answer by bundle: what the sensors would see `(lanes, sample, channel)` in m and Pa, and its derivatives
-    `(lanes, sample, channel, parameters)` in units of the table if they were asked for."""
+    `(lanes, sample, channel, parameters)` in units of the table if they were asked for; or else those of its product
+    with a cotangent, `(parameters,)`, and nothing observed."""
 
     observed: list[np.ndarray]
     columns: list[np.ndarray]

@@ -52,15 +52,20 @@ class Unknown:
 
     `duty_delay`: the time in s by which the duty reaches the valve later than its record says, one for all traces.
     `duty_hold`: whether the duty of a trace was held between samples, as it is read otherwise, or linear.
-    `noise` is white or coloured, `loss` Gaussian or Huber's, against outliers. `numerics`: whether the errors of the
-    smooth seat and of the steps are corrected for.
+    `noise` is white or coloured, `loss` Gaussian, Huber's against outliers, or Student's against heavy tails; by
+    evidence it is Huber's, which costs nothing where there are none. `numerics`: whether the errors of the smooth seat
+    and of the steps are corrected for. `gain`: channels whose sensor may show more or less than is there, and `offset`:
+    inputs whose sensor may show too much, each one value for all traces; the offsets of what is fitted are always free,
+    for each trace.
     """
 
     duty_delay: Choice = "evidence"
     duty_hold: Literal["evidence", False] = "evidence"
     noise: Literal["evidence", "white", "coloured"] = "evidence"
-    loss: Literal["evidence", "gaussian", "huber"] = "evidence"
+    loss: Literal["evidence", "gaussian", "huber", "student"] = "evidence"
     numerics: bool = True
+    gain: tuple[str, ...] = ()
+    offset: tuple[str, ...] = ()
 
     @property
     def anything(self) -> bool:
@@ -108,11 +113,13 @@ def sharp_bundles(model: AbstractModel, traces: Sequence[Trace], stepping: Fixed
 def learn_sensors(
     traces: Sequence[Trace],
     channels: Sequence[str],
-    smooth: Sequence[Float[np.ndarray, "time channel"]],
-    sharp: Sequence[Float[np.ndarray, "time channel"]],
+    smooth: Sequence[np.ndarray],
+    sharp: Sequence[np.ndarray],
     unknown: Unknown,
 ) -> Sensors:
     """What a fit that ended at a smooth simulation tells of the sensors, and its sharp one of numerical errors.
+
+    **Arguments:** `smooth`, `sharp`: what is observed of every trace, `(time, channel)`.
 
     **Raises:** `SimulationError` where either left the finite numbers.
     """
@@ -136,7 +143,7 @@ def _learn(sensor: Sensor, smooth: Samples, sharp: Samples, unknown: Unknown) ->
     defect = sharp - smooth
     largest = LARGEST_DEFECT * sensor.deviation
     corrected = dataclasses.replace(sensor, values=sensor.values - np.clip(defect, -largest, largest))
-    coloured, robust = unknown.noise != "white", unknown.loss != "gaussian"
+    coloured, loss = unknown.noise != "white", "huber" if unknown.loss == "evidence" else unknown.loss
     # No sensor is better than its record: a tenth of what its signal shows, or a perfect fit would weigh infinitely.
     least = 0.1 * sensor.deviation
-    return learn_sensor(corrected, corrected.values - smooth, least, coloured=coloured, robust=robust)
+    return learn_sensor(corrected, corrected.values - smooth, least, coloured=coloured, loss=loss)

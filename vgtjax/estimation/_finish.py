@@ -6,15 +6,22 @@ import numpy as np
 from jaxtyping import Float
 
 from ..parameters import select
+from ..plants import bare
 from ._bands import Bands, predicted_spread
+from ._budget import Budget
 from ._bundle import CHANNELS
 from ._calibration import Calibration, comparing
 from ._evaluation import Evaluation, Steps, ask
 from ._evidence import turns
-from ._least_squares import LeastSquares, least_squares
+from ._least_squares import LeastSquares, finite_columns, least_squares, windowed_gram
 from ._residuals import Sensors
 from ._search import LevenbergMarquardt
 from ._task import Task
+
+WINDOW = 0.25
+"""s after which residuals should have forgotten each other: a rod's answer to a step of the duty is over then."""
+WINDOWS = 4
+"""Windows for each unknown that traces should have at least: with fewer they are shorter."""
 
 Covariance = Float[np.ndarray, "entries entries"]
 
@@ -27,11 +34,12 @@ def finishing(task: Task, search: LevenbergMarquardt, sensors: Sensors, notes: t
     values, slope = np.asarray(transform.to_physical(coordinates)), np.asarray(transform.slope(coordinates))
     uncertainty = everything.first(count)
     more = _scatter(uncertainty, np.array(progress.wanted)[:, :count]) if progress.wanted else np.zeros((count, count))
-    moved = _moved_by_gains(task, search)
-    if task.tolerances:
-        moved = np.column_stack([moved, (yield from _moved_by_tolerances(task, search))])
-    moved = np.where(uncertainty.determined[:, None], moved[:count], 0.0)
-    more = more + moved @ moved.T
+    sources = {**_moved_by_gains(task, search), **(yield from _moved_by_tolerances(task, search))}
+    moved = {name: np.where(uncertainty.determined, each[:count], 0.0) for name, each in sources.items()}
+    window, windowed = _by_windows(task, search, everything)
+    budget = _budget(uncertainty, more, moved, slope[:count], windowed[:count], window)
+    beside = np.column_stack([np.zeros((count, 0)), *moved.values()])
+    more = more + beside @ beside.T
     uncertainty = dataclasses.replace(uncertainty, covariance=uncertainty.covariance + more)
     model = task.selection.unpack(task.model, values[:count])
     late = task.late_duty and progress.coordinates[-1] != 0.0
@@ -41,7 +49,7 @@ def finishing(task: Task, search: LevenbergMarquardt, sensors: Sensors, notes: t
     with np.errstate(over="ignore"):  # the error of a value that ran away may be beyond every number
         covariance = uncertainty.covariance * np.outer(slope[:count], slope[:count])
     return Calibration(
-        model,
+        bare(model),
         task,
         transform,
         progress,
@@ -51,10 +59,50 @@ def finishing(task: Task, search: LevenbergMarquardt, sensors: Sensors, notes: t
         compared,
         problem.count,
         sensors,
+        budget,
         delay,
         float(slope[-1] * everything.std_errors[-1]) if late else None,
         notes,
     )
+
+
+def _budget(
+    uncertainty: LeastSquares,
+    scatter: Covariance,
+    moved: dict[str, np.ndarray],
+    slope: Float[np.ndarray, " entries"],
+    windowed: Float[np.ndarray, " entries"],
+    window: float,
+) -> Budget:
+    """Parts of the errors in the units of the table, by the slope of these with respect to coordinates."""
+
+    def in_units(errors: np.ndarray) -> np.ndarray:
+        with np.errstate(over="ignore"):  # of a value that ran away
+            return np.where(uncertainty.determined, slope * errors, np.nan)
+
+    noise, restless = (np.sqrt(np.diag(each)) for each in (uncertainty.covariance, scatter))
+    sources = {name: in_units(each) for name, each in moved.items()}
+    return Budget(in_units(noise), in_units(restless), sources, in_units(windowed), window)
+
+
+def _by_windows(
+    task: Task, search: LevenbergMarquardt, found: LeastSquares
+) -> tuple[float, Float[np.ndarray, " coordinates"]]:
+    """A length in s of windows that forget each other, and errors of coordinates by sums over these: a sandwich.
+
+    What is known beforehand has its own variance, and no time.
+    """
+    problem, point = search.problem, search.point
+    owner = problem.owner
+    columns, before = finite_columns(point.columns)[: len(owner)], point.columns[len(owner) :]
+    scores = (columns * point.residuals[: len(owner), None]).reshape(-1, len(CHANNELS), columns.shape[1]).sum(axis=1)
+    interval = float(np.median([trace.longest_interval for trace in task.fit]))
+    longest = len(scores) / (WINDOWS * columns.shape[1])
+    length = max(1, round(min(WINDOW / interval, longest)))
+    gram = windowed_gram(scores, owner[:: len(CHANNELS)], length) + before.T @ before
+    bread = found.covariance / max(found.scale, 1e-300)
+    with np.errstate(over="ignore", invalid="ignore"):  # of a value that ran away
+        return length * interval, np.sqrt(np.maximum(np.diag(bread @ gram @ bread), 0.0))
 
 
 def _scatter(uncertainty: LeastSquares, wanted: Float[np.ndarray, "steps entries"]) -> Covariance:
@@ -66,22 +114,28 @@ def _scatter(uncertainty: LeastSquares, wanted: Float[np.ndarray, "steps entries
     return last.T @ last / len(last)
 
 
-def _moved_by_gains(task: Task, search: LevenbergMarquardt) -> Float[np.ndarray, "coordinates gains"]:
-    """By how much every coordinate moves when the gain of a sensor is off by its uncertainty, to first order."""
+Moved = dict[str, Float[np.ndarray, " coordinates"]]
+"""By how much coordinates move, by the source."""
+
+
+def _moved_by_gains(task: Task, search: LevenbergMarquardt) -> Moved:
+    """How far every coordinate moves when a sensor shows too much by the uncertainty of its gain, to first order."""
     point, observed = search.point, search.slopes.evaluated.observed
-    moved = [np.zeros((point.columns.shape[1], 0))]
+    moved: Moved = {}
     for channel, part in task.gains.items():
         if channel not in task.channels:
             continue
         only = np.arange(len(CHANNELS)) == CHANNELS.index(channel)
         column = part * search.problem.whitened([(lanes * only)[..., None] for lanes in observed])[:, 0]
         padded = np.append(column, np.zeros(len(point.columns) - len(column)))
-        moved.append(-least_squares(point.columns, padded).values[:, None])
-    return np.column_stack(moved)
+        moved[f"gain of {channel}"] = least_squares(point.columns, padded).values
+    return moved
 
 
-def _moved_by_tolerances(task: Task, search: LevenbergMarquardt) -> Steps[Float[np.ndarray, "coordinates tolerances"]]:
+def _moved_by_tolerances(task: Task, search: LevenbergMarquardt) -> Steps[Moved]:
     """By how much every coordinate moves when one that is held moves by its tolerance, to first order."""
+    if not task.tolerances:
+        return {}
     problem, point = search.problem, search.point
     asked = problem.evaluation(np.asarray(search.progress.coordinates))
     held = select(asked.model, list(task.tolerances))
@@ -89,7 +143,8 @@ def _moved_by_tolerances(task: Task, search: LevenbergMarquardt) -> Steps[Float[
     sizes = np.array([task.tolerances[entry] for entry in held.entries])
     columns = problem.whitened(evaluated.columns)[:, : len(sizes)] * sizes
     padded = np.concatenate([columns, np.zeros((len(point.columns) - len(columns), len(sizes)))])
-    return np.stack([-least_squares(point.columns, column).values for column in padded.T], axis=1)
+    moved = [-least_squares(point.columns, column).values for column in padded.T]
+    return dict(zip(held.entries, moved, strict=True))
 
 
 def _bands(task: Task, search: LevenbergMarquardt, covariance: Covariance) -> Steps[Bands]:

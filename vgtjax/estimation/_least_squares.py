@@ -156,6 +156,24 @@ def clustered_gram(
     return scores.T @ scores * (len(scores) / max(len(scores) - columns.shape[1], 1))
 
 
+def windowed_gram(
+    scores: Float[np.ndarray, "rows unknowns"], owner: Int[np.ndarray, " rows"], length: int
+) -> Float[np.ndarray, "unknowns unknowns"]:
+    """Variance of the sum of scores (residuals times their columns) that are correlated in time within each owner.
+
+    By sums over all windows of `length` rows, which is Bartlett's kernel (Newey and West, 1987). What the fit of as
+    many unknowns has taken away from the residuals is given back.
+    """
+    unknowns, windows = scores.shape[1], len(scores) / length
+    gram = np.zeros((unknowns, unknowns))
+    for each in np.unique(owner):
+        padded = np.pad(scores[owner == each], ((length, length), (0, 0)))
+        ahead = np.cumsum(padded, axis=0)
+        sums = ahead[length:] - ahead[:-length]
+        gram += sums.T @ sums / length
+    return gram * windows / max(windows - unknowns, 1.0)
+
+
 def clustered_errors(
     residuals: Float[np.ndarray, " rows"], columns: Columns, groups: Int[np.ndarray, " rows"]
 ) -> Float[np.ndarray, " unknowns"]:

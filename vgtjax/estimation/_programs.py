@@ -12,7 +12,7 @@ import numpy as np
 from .._errors import SimulationError
 from .._lanes import fill_devices, map_rows
 from ._evaluation import Evaluated, Evaluation, Steps
-from ._sensitivities import observe, observe_together, observe_with_jacobian
+from ._sensitivities import observe, observe_backwards, observe_together, observe_with_jacobian
 
 T = TypeVar("T")
 Name = TypeVar("Name", bound=Hashable)
@@ -89,9 +89,12 @@ def _width_together() -> int:
 
 
 def _evaluate(asked: Evaluation) -> Evaluated:
+    parts = asked.parts()
     if asked.selection is None:
-        return Evaluated([np.asarray(observe(model, bundle, delay)) for model, _, bundle, delay in asked.parts()], [])
-    found = [observe_with_jacobian(*part) for part in asked.parts()]
+        return Evaluated([np.asarray(observe(model, bundle, delay)) for model, _, bundle, delay, _ in parts], [])
+    if asked.cotangent is not None:
+        return Evaluated([], [np.asarray(observe_backwards(*part)) for part in parts])
+    found = [observe_with_jacobian(*part[:-1]) for part in parts]
     return Evaluated([np.asarray(observed) for observed, _ in found], [np.asarray(columns) for _, columns in found])
 
 
@@ -116,7 +119,7 @@ class _Part(NamedTuple):
 
     @staticmethod
     def of(belongs: tuple[Hashable, int, int], part: tuple[Any, ...], lanes: int) -> "_Part":
-        _, selection, bundle, _ = part
+        _, selection, bundle, *_ = part
         arrays, rest = eqx.partition(part, eqx.is_array_like)
         arrays = jax.tree.map(np.asarray, arrays)
         shapes = tuple((leaf.shape, leaf.dtype.str) for leaf in jax.tree.leaves(arrays))
@@ -135,7 +138,7 @@ class _Board(Generic[Name]):
     wide: int
     waiting: dict[Hashable, list[_Part]] = dataclasses.field(default_factory=dict)
     asked: dict[Name, Question] = dataclasses.field(default_factory=dict)
-    found: dict[tuple[Hashable, int, int], tuple[np.ndarray, np.ndarray | None]] = dataclasses.field(
+    found: dict[tuple[Hashable, int, int], tuple[np.ndarray | None, np.ndarray | None]] = dataclasses.field(
         default_factory=dict
     )
 
@@ -179,17 +182,17 @@ class _Board(Generic[Name]):
         answers = []
         for which, evaluation in enumerate(question):
             parts = [found[name, which, place] for place in range(len(evaluation.bundles))]
-            columns = [columns for _, columns in parts if columns is not None]
-            answers.append(Evaluated([observed for observed, _ in parts], columns))
+            observed = [observed for observed, _ in parts if observed is not None]
+            answers.append(Evaluated(observed, [columns for _, columns in parts if columns is not None]))
         return answers
 
 
-def _simulate(group: Sequence[_Part]) -> list[tuple[np.ndarray, np.ndarray | None]]:
-    """What is observed of each simulation, and the derivatives where they were asked for."""
+def _simulate(group: Sequence[_Part]) -> list[tuple[np.ndarray | None, np.ndarray | None]]:
+    """What is observed of each simulation, or derivatives, or both, as they were asked for."""
 
     def rows(places: np.ndarray) -> Any:
         return jax.tree.map(lambda *leaves: np.stack(leaves), *[group[place].arrays for place in places])
 
     rest, count, lanes = group[0].rest, len(group), group[0].lanes
-    observed, columns = map_rows(lambda arrays: observe_together(arrays, rest), rows, count, lanes)
-    return [(observed[i], None if columns is None else columns[i]) for i in range(len(group))]
+    found = map_rows(lambda arrays: observe_together(arrays, rest), rows, count, lanes)
+    return [jax.tree.map(lambda leaf, i=i: leaf[i], found) for i in range(len(group))]

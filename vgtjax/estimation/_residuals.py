@@ -53,7 +53,7 @@ def white_sensors(traces: Sequence[Trace], channels: Sequence[str]) -> Sensors:
 
 def _count(sensors: Sensors) -> int:
     """Samples that say something."""
-    return sum(int(np.count_nonzero(sensor.trust)) for each in sensors for sensor in each.values())
+    return sum(sensor.count for each in sensors for sensor in each.values())
 
 
 def _measure(bundle: Bundle, traces: Sequence[Trace], sensors: Sensors) -> Measured:
@@ -125,6 +125,11 @@ def _jacobian_block(measured: Measured, columns: Array) -> Float[Array, "residua
     return _whiten(measured, columns).reshape(-1, columns.shape[-1])
 
 
+@eqx.filter_jit
+def _pull_block(measured: Measured, observed: Array, cotangent: Array) -> Float[Array, "lanes sample channel"]:
+    return jax.vjp(lambda seen: _residual_block(measured, seen), observed)[1](cotangent)[0]
+
+
 class Prior(eqx.Module):
     """What is known of coordinates beforehand: `center`, and one over its standard deviation, zero for nothing."""
 
@@ -189,6 +194,14 @@ class FitProblem(eqx.Module):
         """Derivatives of `residuals_of`, from those of what is observed, with respect to the same quantities."""
         blocks = [_jacobian_block(*block) for block in zip(self.measured, map(jnp.asarray, columns), strict=True)]
         return np.concatenate([np.asarray(block) for block in blocks])
+
+    def pulled(
+        self, cotangent: Float[np.ndarray, " residuals"], observed: Sequence[np.ndarray]
+    ) -> list[Float[np.ndarray, "lanes sample channel"]]:
+        """A cotangent of `residuals_of` what was observed as one of that, bundle by bundle."""
+        sizes = np.cumsum([lanes.size for lanes in observed])[:-1]
+        parts = zip(self.measured, observed, np.split(cotangent, sizes), strict=True)
+        return [np.asarray(_pull_block(known, jnp.asarray(seen), jnp.asarray(part))) for known, seen, part in parts]
 
     @property
     def owner(self) -> Int[np.ndarray, " residuals"]:

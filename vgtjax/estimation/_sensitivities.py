@@ -20,6 +20,7 @@ from ..parts import tables_of, tabulated, with_tables
 from ..plants import AbstractModel, State
 from ..simulation import FixedStep, march
 from ..traces import Drive, Trace
+from ._adjoint import pull_back
 from ._bundle import CHANNELS, SEGMENT, Bundle, bundle_traces
 
 Lanes = Float[Array, "lanes sample channel"]
@@ -104,16 +105,28 @@ def observe_with_jacobian(
 
 
 @eqx.filter_jit
+def observe_backwards(
+    model: AbstractModel, selection: Selection, bundle: Bundle, delay: Scalar | None, cotangent: Array
+) -> Float[Array, " parameters"]:
+    """See [`pull_back`][]."""
+    return replicate(pull_back(model, selection, bundle, delay, cotangent))
+
+
+@eqx.filter_jit
 def observe_together(
     dynamic: tuple[Any, ...], static: tuple[Any, ...]
-) -> tuple[Float[Array, "fits lanes sample channel"], Float[Array, "fits lanes sample channel parameters"] | None]:
-    """`observe` of many fits, or `observe_with_jacobian` where there is a selection, each on one device.
+) -> tuple[Float[Array, "fits lanes sample channel"] | None, Float[Array, "fits ..."] | None]:
+    """`observe` of many fits, or `observe_with_jacobian` where there is a selection, or `observe_backwards` where there
+    is a cotangent, each on one device.
 
-    **Arguments:** the arrays of `(model, selection, bundle, delay)` with a leading axis of fits, and the rest of it.
+    **Arguments:** the arrays of `(model, selection, bundle, delay, cotangent)` with a leading axis of fits, and the
+    rest of it.
     """
 
-    def one(leaves: tuple[Any, ...]) -> tuple[Array, Array | None]:
-        model, selection, bundle, delay = eqx.combine(leaves, static)
+    def one(leaves: tuple[Any, ...]) -> tuple[Array | None, Array | None]:
+        model, selection, bundle, delay, cotangent = eqx.combine(leaves, static)
+        if cotangent is not None:
+            return None, pull_back(model, selection, bundle, delay, cotangent)
         if selection is not None:
             return _linearise(model, selection, bundle, delay, lambda tree: tree)
         bundle = bundle if delay is None else bundle.with_late_duty(delay)[0]

@@ -18,12 +18,13 @@ from ..parameters import (
     replace_parameters,
     select,
 )
-from ..plants import AbstractModel, MechanicalActuator
+from ..plants import AbstractModel, MechanicalActuator, bare
 from ..simulation import FixedStep
 from ..traces import Trace
 from ._bundle import CHANNELS
 from ._evidence import NOTHING, Unknown
 from ._holds import ramped
+from ._instruments import instrumented
 from ._residuals import Prior
 
 
@@ -50,6 +51,11 @@ class Task:
     linear: Sequence[float] = ()
     starts: int = 1
     gains: dict[str, float] = dataclasses.field(default_factory=dict)
+
+    @property
+    def plant(self) -> AbstractModel:
+        """The model without the sensors that may be off."""
+        return bare(self.model)
 
     @property
     def traces(self) -> list[Trace]:
@@ -99,6 +105,7 @@ def plan_task(
     deviations: Mapping[str, float] | None = None,
     starts: int = 1,
     gains: Mapping[str, float] | None = None,
+    offsets: Mapping[str, float] | None = None,
 ) -> Task:
     """Puts a task together from names.
 
@@ -113,27 +120,35 @@ def plan_task(
       Gaussian prior (of its logarithm, if it is positive), of what is held a tolerance that goes into every error.
 
     - `starts`: from how many places a search begins: the start values, and others around them.
-    - `gains`: relative standard uncertainty of the gain of each sensor that is fitted, by channel; it goes into every
-      error. Those of inputs are not looked at.
+    - `gains`: relative standard uncertainty of the gain of each sensor, by channel: of one that `unknown` frees what is
+      known beforehand, and else, of one that is fitted, a part of every error. Those of inputs that are not freed are
+      not looked at.
+    - `offsets`: the same of the offset of inputs, in their unit, where `unknown` frees them.
 
-    **Raises:** `InputError` for unknown names, a deviation that is not positive, and when no trace is to be fitted.
+    **Raises:** `InputError` for unknown names, a deviation that is not positive, a sensor that can't be free, and when
+    no trace is to be fitted.
     """
     if not fit:
         raise InputError("a fit needs at least one trace, but there is none; give one", "traces")
     model = replace_parameters(model, values or {})
     if channels is None:
         channels = ("x_d",) if isinstance(model, MechanicalActuator) else CHANNELS
+    selection, known, gains = select(model, free, fixed), _by_entry(model, deviations or {}), dict(gains or {})
+    if unknown.gain or unknown.offset:
+        found = instrumented(model, selection, fit, unknown, gains, dict(offsets or {}))
+        model, selection, known = found.model, found.selection, known | found.deviations
+        gains = {channel: part for channel, part in gains.items() if channel not in unknown.gain}
     return Task(
         model,
-        select(model, free, fixed),
+        selection,
         fit,
         validate,
         bounds_by_entry(model, bounds or {}),
         channels,
         unknown=unknown,
-        deviations=_by_entry(model, deviations or {}),
+        deviations=known,
         starts=starts,
-        gains=dict(gains or {}),
+        gains=gains,
     )
 
 

@@ -48,11 +48,11 @@ def better_start(task: Task) -> Progress | None:
 
     **Raises:** `SimulationError` when neither start can be simulated.
     """
-    if not isinstance(task.model, MechanicalActuator):
+    if not isinstance(task.plant, MechanicalActuator):
         return None
-    motions = read_motions(task.model, [trace for trace in task.fit if trace.f_drive is not None])
+    motions = read_motions(task.plant, [trace for trace in task.fit if trace.f_drive is not None])
     try:
-        found = regress_axis(task.model, motions, task.selection.entries) if motions else {}
+        found = regress_axis(task.plant, motions, task.selection.entries) if motions else {}
     except NotPossible:
         return None
     if not found:

@@ -41,7 +41,7 @@ def fit(
     - `values`: start values by name, in the units of the table; by default those of `model`.
     - `bounds`: `(lower, upper)` by name, pattern or entry, either `None`.
     - `channels`: measured signals to fit; by default those that are no input of the model.
-    - `unknown`: what the fit finds out besides the parameters; by default all that [`Unknown`][] has.
+    - `unknown`: what the fit finds out besides the parameters; by default what [`Unknown`][] decides by evidence.
     - `deviations`: standard deviations of start values by name or entry, in the units of the table: of what is free a
       Gaussian prior (of its logarithm, if it is positive), of what is held a tolerance that goes into every error.
     - `starts`: from how many places the search begins: the start values, and others around them by up to a factor of
@@ -119,7 +119,7 @@ def _moving_starts(task: Task) -> list[str]:
 
 def _unheard_gas(task: Task) -> list[str]:
     """That a trace has exhaust gas and the model no force of it, if so."""
-    if not isinstance(task.model, AbstractRodModel) or not isinstance(task.model.vane_force, NoVaneForce):
+    if not isinstance(task.plant, AbstractRodModel) or not isinstance(task.plant.vane_force, NoVaneForce):
         return []
     gassed = gauge_pressures(task.fit)
     name, pressure = max(gassed.items(), key=lambda pair: pair[1], default=("", 0.0))

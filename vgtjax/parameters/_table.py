@@ -48,6 +48,8 @@ class Parameter:
     default: float | tuple[float, ...] = 0.0
     name: str = ""
     size: int | None = None
+    usual: float = 0.0
+    """Size of a large but sane change of one whose printed value is zero."""
     tuning_width: float = 0.0
     """Least width of a law that switches while gains are tuned; zero for what is no width."""
 
@@ -140,7 +142,8 @@ def parameter(
 
     - `default`: value in `unit`; tuples of both for a vector.
     - `symbol`, `unit`, `source`: as printed in the thesis.
-    - `row`: `positive`, `lower`, `infinite`, `held`, `assumed`, `anonymous`, `tuning_width` of [`Parameter`][]. What
+    - `row`: `positive`, `lower`, `infinite`, `held`, `assumed`, `anonymous`, `usual`, `tuning_width` of
+      [`Parameter`][]. What
       has a `lower` end is not positive, and what `source` says is assumed is so; neither has to be said again.
     """
     implied: dict[str, Any] = {"positive": "lower" not in row, "assumed": "assumed" in source}

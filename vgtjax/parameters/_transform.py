@@ -76,7 +76,7 @@ def build_transform(table: dict[str, Parameter], entries: Sequence[str], start: 
     """
     rows = [table_row(table, entry) for entry in entries]
     positive = np.array([row.positive for row in rows], dtype=bool)
-    usual = np.abs(np.array([row.default for row in rows], float))
+    usual = np.abs(np.array([row.usual or row.default for row in rows], float))
     size = np.where(start != 0, np.abs(start), np.where(usual > 0, usual, 1.0))
     low, high = np.full(len(rows), -np.inf), np.full(len(rows), np.inf)
     for position, (entry, row) in enumerate(zip(entries, rows, strict=True)):

@@ -3,7 +3,19 @@
 from collections.abc import Callable
 
 from ..table import Section
-from . import batch, cold_start, coverage, files, fit, forward, jacobian, population, robustness, tuning
+from . import (
+    batch,
+    cold_start,
+    coverage,
+    files,
+    fit,
+    fleet_coverage,
+    forward,
+    jacobian,
+    population,
+    robustness,
+    tuning,
+)
 
 CASES: dict[str, Callable[[], Section]] = {
     "forward": forward.measure,
@@ -15,6 +27,7 @@ CASES: dict[str, Callable[[], Section]] = {
     "tuning": tuning.measure,
     "robustness": robustness.measure,
     "coverage": coverage.measure,
+    "fleet-coverage": fleet_coverage.measure,
     "memory": population.measure_memory,
     "files": files.measure,
 }

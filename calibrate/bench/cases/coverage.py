@@ -48,14 +48,14 @@ def _measure(fault: Fault, seed: int) -> tuple[str, ...]:
     """A row of the table."""
     rng, scores, began = np.random.default_rng(seed), [], time.perf_counter()
     units = [draw_unit(rng) for _ in range(CAMPAIGNS)]
-    fits = {number: _fitting(record(unit, rng, fault)) for number, unit in enumerate(units)}
+    fits = {number: fitting(record(unit, rng, fault)) for number, unit in enumerate(units)}
     failures = []
 
     def finished(number: int, found: vgtjax.Calibration | SimulationError) -> None:
         if isinstance(found, SimulationError):
             failures.append(number)
         else:
-            scores.append(_scores(found, units[number]))
+            scores.append(scores_of(found, units[number]))
 
     run_together(fits, finished)
     seconds = (time.perf_counter() - began) / CAMPAIGNS
@@ -73,12 +73,13 @@ def _measure(fault: Fault, seed: int) -> tuple[str, ...]:
     )
 
 
-def _fitting(traces: list[vgtjax.Trace]) -> Steps[vgtjax.Calibration]:
+def fitting(traces: list[vgtjax.Trace]) -> Steps[vgtjax.Calibration]:
+    """A fit as the command line has it, as a computation."""
     calibrator = yield from starting_fit(plan_fit(vgtjax.Actuator(), traces))
     return (yield from calibrator.steps())
 
 
-def _scores(found: vgtjax.Calibration, unit: vgtjax.Actuator) -> np.ndarray:
+def scores_of(found: vgtjax.Calibration, unit: vgtjax.Actuator) -> np.ndarray:
     """Errors in standard errors, those of positive values by their logarithm; NaN where there is no interval.
 
     Of the stops, which no plant of these campaigns varies, nothing is counted.

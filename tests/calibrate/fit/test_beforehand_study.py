@@ -48,3 +48,33 @@ def test_nonsense_is_refused_in_one_sentence(small, line, sentence):
     assert sentence in outcome.err
     assert outcome.err.count("\n") == 1
     assert not out.exists()
+
+
+SENSOR = '\n[fit.unknown]\ngain = ["x_d"]\n[[report.sensor]]\nchannel = "x_d"\nrelative_uncertainty = 0.01\n'
+
+
+def test_a_gain_that_is_free_is_no_parameter_of_the_actuator(small, parameters):
+    """It is a nuisance, known beforehand to 1 %. Here it also takes up what held values are off by."""
+    small.write_text(small.read_text() + SENSOR)
+    outcome = run_command("fit", small, "--out", small.parent / "out")
+    assert (outcome.status, outcome.err) == (0, "")
+    said, found = (read(small.parent / "out" / name) for name in ("summary.json", "parameters.json"))
+    gain = said["instruments"]["gain.x_d"]
+    assert 0 < gain["std_error"] < 0.01
+    assert abs(gain["value"] - 1.0) < 0.1
+    assert found["nuisance"]["step_80"]["gain"] == {"x_d": gain["value"]}
+    assert set(found["parameters"]) == set(parameters)
+    assert "found: the gain of the sensor of x_d is" in outcome.out
+    # The gain's own error is in that of the noise; it is not counted twice.
+    assert said["budget"]["diaphragm.stiffness"]["type_b"] == {}
+
+
+def test_a_sensor_that_can_not_be_free_is_refused(small):
+    small.write_text(small.read_text() + '\n[fit.unknown]\noffset = ["f_drive"]\n')
+    outcome = run_command("fit", small, "--out", small.parent / "out")
+    assert outcome.status == 2
+    assert outcome.err == (
+        "error: the offset of a sensor that may be free is that of one of p_res, p_trb with this model, but it is "
+        "'f_drive'; drop it (see [fit.unknown] in the study)\n"
+    )
+    assert not (small.parent / "out").exists()

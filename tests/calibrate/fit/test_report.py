@@ -1,64 +1,11 @@
 """The report carries all it shows, and what is needed to repeat it."""
 
-import hashlib
-import html.parser
 import importlib.metadata
 import re
 
 import pytest
 from commands import entries_of, read, run_command
-
-LOADS = {"src", "href", "data", "poster", "action", "background", "srcset", "xlink:href"}
-"""Attributes by which a page loads or leads elsewhere."""
-
-
-class Page(html.parser.HTMLParser):
-    """What of a page matters here: its text by tag, what it refers to, and its tags."""
-
-    def __init__(self, text: str):
-        super().__init__()
-        self.references: list[str] = []
-        self.tags: list[str] = []
-        self.texts: dict[str, list[str]] = {}
-        self.rows: list[list[str]] = []
-        """The cells of every row of every table."""
-        self._open: list[str] = []
-        self.feed(text)
-
-    def handle_starttag(self, tag, attributes):
-        self.tags.append(tag)
-        if tag == "tr":
-            self.rows.append([])
-        if tag == "table":
-            self.rows.append([])  # nothing of one table is below another's heading
-        if tag in ("td", "th"):
-            self.rows[-1].append("")
-        self._open.append(tag)
-        self.references += [value for name, value in attributes if name in LOADS]
-
-    def handle_endtag(self, tag):
-        while self._open and self._open.pop() != tag:
-            pass
-
-    def handle_data(self, data):
-        if self._open:
-            self.texts.setdefault(self._open[-1], []).append(data)
-        if {"td", "th"} & set(self._open):
-            self.rows[-1][-1] += data
-
-    def text(self, tag: str) -> str:
-        return "\n".join(self.texts.get(tag, []))
-
-    def table(self, *heading: str) -> list[dict[str, str]]:
-        """The rows below the first whose cells begin like that, each by its heading, up to the next heading."""
-        start = next(index for index, row in enumerate(self.rows) if row[: len(heading)] == list(heading))
-        names = self.rows[start]
-        found = []
-        for row in self.rows[start + 1 :]:
-            if len(row) != len(names):
-                break
-            found.append(dict(zip(names, row, strict=True)))
-        return found
+from pages import Page
 
 
 @pytest.fixture(scope="module")
@@ -158,50 +105,6 @@ def test_assumed_values_are_marked(page):
 def test_both_uses_are_told_apart(page):
     assert {"fit", "validate"} <= set(page.text("td").splitlines())
     assert "converged" in page.text("b").splitlines()
-
-
-REPORT = """
-[report]
-title = "Calibration of unit A"
-id = "2026-17"
-customer = "Works <2>"
-serial = "A 4711"
-author = "N. N."
-[[report.sensor]]
-channel = "x_d"
-serial = "L-9"
-calibrated = "2026-03-01"
-uncertainty = 2e-6
-relative_uncertainty = 0.01
-"""
-
-
-def test_a_report_to_be_signed_says_whose_it_is_and_counts_its_sensors(fitted, small):
-    """A position that is 1 % off makes a stiffness 1 % wrong, which a thousand samples don't know."""
-    small.write_text(small.read_text() + REPORT)
-    assert run_command("fit", small, "--out", small.parent / "out").status == 0
-    page = (small.parent / "out" / "report.html").read_text()
-    for text in (
-        "<h1>Calibration of unit A</h1>",
-        "2026-17",
-        "Works &lt;2&gt;",
-        "A 4711",
-        "N. N.",
-        "L-9",
-        "2026-03-01",
-    ):
-        assert text in page
-    said = read(small.parent / "out" / "summary.json")["traces"]
-    for name in ("step_80", "step_50"):
-        digest = hashlib.sha256((small.parent / f"{name}.csv").read_bytes()).hexdigest()
-        assert said[name]["sha256"] == digest
-        assert digest in page
-    before, after = (
-        read(out / "parameters.json")["parameters"]["diaphragm.stiffness"] for out in (fitted.out, small.parent / "out")
-    )
-    assert after["value"] == before["value"]
-    added = (after["std_error"] ** 2 - before["std_error"] ** 2) ** 0.5
-    assert added / after["value"] == pytest.approx(0.01, rel=0.5)  # offset and preload take a part of it
 
 
 @pytest.mark.parametrize(

@@ -29,7 +29,9 @@ def test_exact_derivatives_pass(ended):
     found = run_alone(certifying(ended))
     assert found.passed
     assert max(found.mismatches) < 0.005
-    assert (found.dead, found.exploded, found.wrong) == ([], [], {})
+    assert (found.dead, found.exploded, found.wrong, found.unequal) == ([], [], {}, {})
+    assert max(found.modes) < 1e-10  # rounding; measured: 1e-13
+    assert len(found.modes) == len(found.mismatches)
     assert found.sentence.startswith("derivatives agree with differences")
     assert found.summary()["passed"] is True
 
@@ -44,7 +46,21 @@ def test_a_spoilt_column_fails_by_its_name(ended, entry, factor, part):
         assert found.exploded == [entry]
     else:
         assert found.wrong == {entry: pytest.approx(part, abs=0.01)}
+        assert set(found.unequal) == {entry}
     assert found.summary()["passed"] is False
+
+
+def test_a_small_mistake_shows_in_reverse_mode_alone(ended):
+    """A thousandth of a column is far below what differences tell."""
+    found = run_alone(certifying(spoilt(ended, "chamber.volume", 1.001)))
+    assert found.wrong == {}
+    assert found.unequal == {
+        "chamber.volume": pytest.approx(1e-3, rel=0.9)
+    }  # times the cosine between it and what is pulled back
+    assert found.sentence.startswith(
+        "the gradient certificate failed: the derivative by chamber.volume differs from reverse mode"
+    )
+    assert found.summary()["unequal_columns"] == found.unequal
 
 
 def test_what_changes_nothing_is_dead_but_not_wrong():

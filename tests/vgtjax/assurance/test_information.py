@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from known_truth import FREE, NOISE, TRUTH, bench
+from known_truth import FREE, NOISE, TRUTH, bench, sharp_bench
 
 import vgtjax
 from vgtjax.assurance import Information, examine, next_runs
 from vgtjax.estimation import calibrate, plan_task
 from vgtjax.experiments import STANDARD_RUNS, StandardRun
+from vgtjax.identification import plan_fit
 
 RNG = np.random.default_rng(3)
 ROWS = RNG.normal(size=(50, 6))
@@ -103,6 +104,27 @@ def test_the_run_that_helps_does_so_by_the_factor_that_it_says(task):
     fell = dict(zip(task.selection.entries, before.std_errors / after.std_errors, strict=True))
     for name, (old, new) in gains[0].lowers.items():
         assert fell[name] == pytest.approx(old / new, rel=0.2)  # values differ by their errors
+
+
+THIRD = 4 / 3
+"""What expected and claimed errors may differ by: values, noise and its colour are estimated, corrections scatter."""
+
+
+def test_a_fit_that_finds_out_all_the_rest_claims_what_was_expected_and_gains_by_the_run_ranked_first():
+    """Of a plant that is not smoothed, from a start that is not the truth, with nothing said of noise and duty."""
+    trace = sharp_bench(4)
+    task = plan_fit(vgtjax.Actuator(), [trace], free=FREE)
+    known, before = examine(task), calibrate(task)
+    claimed = dict(zip(task.selection.entries, before.std_errors / np.abs(before.values), strict=True))
+    for name, expected in known.errors.items():
+        assert 1 / THIRD < claimed[name] / expected < THIRD, name
+    best = next_runs(task, known, [run for run in STANDARD_RUNS if run.rate == 1000.0])[0]
+    more = sharp_bench(5, best.run.trace(reservoir=2.0e4))
+    after = calibrate(plan_fit(vgtjax.Actuator(), [trace, more], free=FREE))
+    fell = dict(zip(task.selection.entries, before.std_errors / after.std_errors, strict=True))
+    assert max(old / new for old, new in best.lowers.values()) > 2
+    for name, (old, new) in best.lowers.items():
+        assert 1 / THIRD < fell[name] / (old / new) < THIRD, name
 
 
 def test_a_model_without_duty_has_no_next_run(task):

@@ -15,6 +15,7 @@ from vgtjax.estimation import (
     Unknown,
     bundle_traces,
     observe,
+    observe_backwards,
     observe_with_jacobian,
     plan_task,
     start_calibration,
@@ -65,6 +66,17 @@ def test_the_derivative_by_the_delay_is_that_of_the_simulation(bundle, actuator)
     for channel in range(2):
         exact, approximate = np.asarray(columns[..., channel, 1]), difference[..., channel]
         assert np.linalg.norm(exact - approximate) < 1e-3 * np.linalg.norm(exact)  # measured: 1e-5 and 3e-5
+
+
+@pytest.mark.parametrize("delay", [None, 2.5e-3])
+def test_reverse_mode_finds_what_forward_mode_does(bundle, actuator, delay):
+    selection = select(actuator, ["diaphragm.stiffness", "diaphragm.preload", "chamber.volume"])
+    delay = None if delay is None else jnp.asarray(delay)
+    observed, columns = observe_with_jacobian(actuator, selection, bundle, delay)
+    cotangent = np.random.default_rng(2).normal(size=observed.shape) * [1e5, 1e-2]
+    expected = np.einsum("lsc,lscp->p", cotangent, np.asarray(columns))
+    found = observe_backwards(actuator, selection, bundle, delay, jnp.asarray(cotangent))
+    np.testing.assert_allclose(found, expected, rtol=1e-9)  # rounding
 
 
 def recorded(seed, late=0, keep=0.0, outliers=0.0, linear=False):

@@ -1,0 +1,92 @@
+"""What a report decides, each with its limit and the rule by which that decides."""
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from vgtjax.assurance import UNEQUAL, WRONG
+from vgtjax.estimation import Calibration
+from vgtjax.traces import noise_level
+
+from ..study.parameter_file import Entry
+from .outcome import Fitted
+
+MEETS = 1.1
+"""RMSE per noise up to which a trace counts as met: five deviations of what 1300 samples of white noise give."""
+FURTHER = 1.0
+"""chi^2 that a further linear step may promise: one standard error."""
+ACCEPTANCE = "the whole 95 % interval lies within: guarded acceptance, 1.96 standard errors inside of the limits"
+
+
+@dataclasses.dataclass(frozen=True)
+class Decision:
+    """One decision: what was `found` beside its limits, either `None`, the `rule` in words, and the `verdict`."""
+
+    what: str
+    found: float
+    lower: float | None
+    upper: float | None
+    rule: str
+    verdict: str
+
+    def summary(self) -> dict[str, Any]:
+        """For JSON."""
+        return dataclasses.asdict(self)
+
+
+def decisions(fitted: Fitted, entries: Sequence[Entry]) -> list[Decision]:
+    """All decisions of a fit: on its derivatives, its end, its traces, and every value that has limits."""
+    return [*_of_the_fit(fitted), *(_of_a_value(entry) for entry in entries if entry.free and _limited(entry))]
+
+
+def _of_the_fit(fitted: Fitted) -> Iterator[Decision]:
+    calibration, certificate = fitted.calibration, fitted.certificate
+    for found, limit, against in (
+        (certificate.mismatches, WRONG, "differences"),
+        (certificate.modes, UNEQUAL, "reverse mode"),
+    ):
+        worst = float(np.nanmax(found, initial=0.0))
+        rule = f"along no random direction may derivatives differ from {against} by a larger part"
+        yield _below(f"derivatives against {against}", worst, limit, rule)
+    rule = "a full linear step from the end may not promise more, or errors are indicative"
+    yield _below("chi^2 that a further linear step promises", calibration.uncertainty.gain, FURTHER, rule)
+    rule = "what remains of no signal of a fitted trace may be more times its sensor's noise"
+    ratios = noise_ratios(calibration)
+    (trace, channel), worst = max(ratios.items(), key=lambda pair: pair[1])
+    yield _below(f"worst trace: {channel} of {trace}", worst, MEETS, rule)
+
+
+def _below(what: str, found: float, limit: float, rule: str) -> Decision:
+    return Decision(what, found, None, limit, rule, "kept" if found <= limit else "exceeded")
+
+
+def _limited(entry: Entry) -> bool:
+    return entry.lower is not None or entry.upper is not None
+
+
+def _of_a_value(entry: Entry) -> Decision:
+    """Whether a value keeps to the limits that the study sets: only beyond doubt."""
+    if entry.at_bound:
+        verdict = "at its limit"
+    elif entry.interval is None or not entry.identifiable:
+        verdict = "not decided: the traces do not tell"
+    else:
+        low, high = entry.interval
+        above = entry.lower is None or (low is not None and low >= entry.lower)
+        below = entry.upper is None or (high is not None and high <= entry.upper)
+        verdict = "within" if above and below else "not decided: the interval reaches beyond"
+    return Decision(entry.name, entry.value, entry.lower, entry.upper, ACCEPTANCE, verdict)
+
+
+def noise_ratios(calibration: Calibration) -> dict[tuple[str, str], float]:
+    """What remains of each channel of each fitted trace in units of its noise: that which the signal itself shows, as a
+    fit learns its noise from what remains; or else, of coloured noise, that."""
+    found = {}
+    fitted = (result for result in calibration.traces if result.use == "fit")
+    for result, sensors in zip(fitted, calibration.sensors, strict=True):
+        for channel, met in result.channels.items():
+            noise = met.noise if len(sensors[channel].memory) else noise_level(met.measured, channel)
+            found[result.trace.name, channel] = met.rmse / noise
+    return found

@@ -1,0 +1,43 @@
+"""Errors by sums over windows of time against the spread that estimates really have, with noise that has a memory."""
+
+import numpy as np
+import pytest
+import scipy.signal
+
+from vgtjax.estimation import least_squares, windowed_gram
+
+COUNT, TRACES, WINDOW = 1500, 3, 60
+OWNER = np.repeat(np.arange(TRACES), COUNT)
+TIME = np.tile(np.linspace(0, 1, COUNT), TRACES)
+COLUMNS = np.column_stack([np.sin(9 * TIME + OWNER), np.cos(31 * TIME), np.sign(np.sin(5 * TIME)) * TIME])
+
+
+def records(memory, draws):
+    white = np.random.default_rng(3).normal(size=(draws, TRACES, 200 + COUNT))
+    return scipy.signal.lfilter([1.0], [1.0, -memory], white)[:, :, 200:].reshape(draws, -1)
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.8])
+def test_errors_by_windows_are_the_spread_of_the_estimates(memory):
+    estimates, by_windows, claimed = [], [], []
+    for noise in records(memory, 400):
+        found = least_squares(COLUMNS, noise)
+        residuals = noise - COLUMNS @ found.values
+        gram = windowed_gram(COLUMNS * residuals[:, None], OWNER, WINDOW)
+        by_windows.append(np.diag(found.covariance @ gram @ found.covariance))
+        claimed.append(np.diag(found.covariance) * np.mean(residuals**2))
+        estimates.append(found.values)
+    spread = np.std(estimates, axis=0)
+    # A tenth: three deviations of a spread of 400, and what a window of sixty samples cuts off of a memory of five.
+    np.testing.assert_allclose(np.sqrt(np.mean(by_windows, axis=0)), spread, rtol=0.12)
+    usual = np.sqrt(np.mean(claimed, axis=0)) / spread
+    if memory:
+        assert np.all(usual < 0.5)  # a noise that is taken for white claims a third
+    else:
+        np.testing.assert_allclose(usual, 1.0, rtol=0.12)
+
+
+def test_windows_of_one_are_the_usual_sandwich():
+    scores = np.random.default_rng(4).normal(size=(300, 2))
+    found = windowed_gram(scores, np.zeros(300, int), 1)
+    np.testing.assert_allclose(found, scores.T @ scores * 300 / 298, rtol=1e-12)

@@ -1,0 +1,115 @@
+"""A model as its bench sees it: through sensors whose gain and offset may be off."""
+
+from typing import Any
+
+import equinox as eqx
+from jaxtyping import Array
+
+from .._types import Values
+from ..parameters import nested, parameter
+from ..parts import Air
+from ..traces import Drive, Ramp, Start
+from ._base import AbstractModel, Inner, State
+
+_SOURCE = "calibration of the bench"
+
+
+def _gain(symbol: str) -> Any:
+    return parameter(1.0, symbol=symbol, unit="1", source=_SOURCE, held=True)
+
+
+def _offset(symbol: str, unit: str, usual: float) -> Any:
+    return parameter(0.0, symbol=symbol, unit=unit, source=_SOURCE, held=True, positive=False, usual=usual)
+
+
+class Gains(eqx.Module):
+    """What each sensor shows per what is there, of pressures per absolute one."""
+
+    x_d: Array = _gain("g_x")
+    p_act: Array = _gain("g_a")
+    p_res: Array = _gain("g_r")
+    p_trb: Array = _gain("g_t")
+    f_drive: Array = _gain("g_f")
+
+
+class Offsets(eqx.Module):
+    """What the sensor of each input shows too much; those of what is fitted are eliminated with every fit."""
+
+    p_act: Array = _offset("o_a", "Pa", 100.0)
+    p_res: Array = _offset("o_r", "Pa", 100.0)
+    p_trb: Array = _offset("o_t", "Pa", 100.0)
+    f_drive: Array = _offset("o_f", "N", 0.1)
+
+
+class Instrumented(AbstractModel):
+    """A model that is driven by what its inputs' sensors show, less what these show too much, and seen through sensors
+    with a gain.
+
+    Gains and offsets are parameters like any others, `gain.x_d` and so on, held unless they are freed by name. A trace
+    has the same sensors as every other.
+    """
+
+    model: AbstractModel = nested()
+    gain: Gains = eqx.field(default_factory=Gains)
+    offset: Offsets = eqx.field(default_factory=Offsets)
+    air = Inner[Air]("model")
+
+    def __init__(self, model: AbstractModel, gain: Gains | None = None, offset: Offsets | None = None):
+        self.model = model
+        self.gain = Gains() if gain is None else gain
+        self.offset = Offsets() if offset is None else offset
+
+    def start(self, start: Start, drive: Drive) -> State:
+        """That of the model, at what was there."""
+        seen = (lambda start: start.position, lambda start: start.pressure)
+        there = [start.position / self.gain.x_d, (start.pressure - self.offset.p_act) / self.gain.p_act]
+        return self.model.start(
+            eqx.tree_at(lambda start: [get(start) for get in seen], start, there), self._true(drive)
+        )
+
+    def vector_field(self, time: Values, state: Any, drive: Drive) -> State:
+        """That of the model, driven by what was there."""
+        return self.model.vector_field(time, state, self._true(drive))
+
+    def relaxation(self, time: Values, state: Any, drive: Drive) -> Any:
+        """That of the model, driven by what was there."""
+        return self.model.relaxation(time, state, self._true(drive))
+
+    def observe(self, state: Any, drive: Drive) -> tuple[Values, Values]:
+        """What the sensors show of what the model does."""
+        position, pressure = self.model.observe(state, self._true(drive))
+        return self.gain.x_d * position, self.gain.p_act * pressure
+
+    def signals(self, state: Any, drive: Drive) -> dict[str, Array]:
+        """Those of the model: what was there."""
+        return self.model.signals(state, self._true(drive))
+
+    def typical_state(self) -> Any:
+        """That of the model."""
+        return self.model.typical_state()
+
+    @property
+    def longest_step(self) -> float:
+        """That of the model."""
+        return self.model.longest_step
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """Those of the model."""
+        return self.model.needs
+
+    def _true(self, drive: Drive) -> Drive:
+        """Inputs as they were, by what their sensors showed."""
+        channels = {"chamber": "p_act", "reservoir": "p_res", "turbine": "p_trb", "force": "f_drive"}
+        given = {name: channel for name, channel in channels.items() if getattr(drive, name) is not None}
+        there = [self._there(getattr(drive, name), channel) for name, channel in given.items()]
+        return eqx.tree_at(lambda drive: [getattr(drive, name) for name in given], drive, there)
+
+    def _there(self, shown: Ramp, channel: str) -> Ramp:
+        gain, offset = getattr(self.gain, channel), getattr(self.offset, channel)
+        return Ramp((shown.start - offset) / gain, shown.rate / gain)
+
+
+def bare(model: AbstractModel) -> AbstractModel:
+    """A model without its sensors, if it has any."""
+    return model.model if isinstance(model, Instrumented) else model
