@@ -8,22 +8,13 @@ import pytest
 from scipy.optimize import brentq
 
 import vgtjax
-from vgtjax.turbine import Flow, Gas, Inlet, Nozzle, Passage, steady
+from vgtjax.turbine import Flow, Gas, Nozzle, Passage, steady
+
+from .ducts import CELLS, duct, plenum
 
 GAS = Gas()
-CELLS = 64
 NOZZLE_CELLS = 224
 solve = eqx.filter_jit(steady)
-
-
-def duct(radius=(0.05, 0.05), area=(1e-3, 1e-3), length=0.5, friction=0.0, heat=0.0, cells=CELLS) -> Passage:
-    share, still = np.linspace(0, 1, cells + 1), np.zeros(cells)
-    along = [ends[0] + (ends[1] - ends[0]) * share for ends in (radius, area)]
-    return Passage(length * share, *along, still.astype(int), still, still + 1, still, still + friction, still + heat)
-
-
-def plenum(pressure=2e5, temperature=900.0, tangent=0.0) -> Inlet:
-    return Inlet(*map(jnp.asarray, (pressure, temperature, tangent)))
 
 
 def turbine(vane_angle=30.0, speed=12000.0) -> Passage:
