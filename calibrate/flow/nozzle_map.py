@@ -18,7 +18,7 @@ from .stage import CRANK_RANGE, Stage
 
 HIGHEST_PRESSURE = 4.5e5
 """Pa absolute before the turbine."""
-PRESSURES, ANGLES = 12, 12
+PRESSURES, ANGLES = 10, 10
 QUANTITIES = {
     "mass_flow": "kg/s",
     "power": "W",

@@ -16,6 +16,18 @@ from .stage import Stage
 
 PRESSURE, CRANK_ANGLES = 2.0e5, (6.0, 12.0, 25.0)
 """Pa absolute and deg of what is shown."""
+HEADS = (
+    "crank_angle [deg]",
+    "m [m]",
+    "radius [m]",
+    "row",
+    "mach_number [-]",
+    "v_m [m/s]",
+    "v_u [m/s]",
+    "swirl [m2/s]",
+    "pressure [Pa abs]",
+    "temperature [K]",
+)
 
 Cells = Float[np.ndarray, " cells"]
 
@@ -83,10 +95,7 @@ def to_csv(passages: list[Along]) -> str:
     """One line a cell."""
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(
-        ["crank_angle [deg]", "m [m]", "radius [m]", "row", "mach_number [-]", "v_m [m/s]", "v_u [m/s]", "swirl [m2/s]"]
-        + ["pressure [Pa abs]", "temperature [K]"]
-    )
+    writer.writerow(HEADS)
     for each in passages:
         flow = each.flow
         columns = (flow.m, each.passage.centre_radius, each.row, each.mach_number, flow.v_m, flow.v_u, each.swirl)

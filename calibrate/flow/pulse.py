@@ -15,8 +15,8 @@ from .nozzle_map import NozzleMap
 
 ENGINE_SPEED = 1000.0
 """rpm"""
-CRANK_ANGLE = 12.0
-"""deg of the actuator's crank at which the rod stands."""
+CRANK_ANGLE = 6.7
+"""deg of the actuator's crank at which the rod stands: there the default nozzle takes what the orifice takes."""
 CYCLES, SAMPLES = 6, 2400
 """Cycles that are simulated, the last of which is shown, and samples of all."""
 FRICTION: dict[str, vgtjax.AbstractFriction] = {

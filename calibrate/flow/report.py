@@ -7,6 +7,7 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
+import vgtjax
 from vgtjax.turbine import VANES, WHEEL
 
 from ..output.figures import PALETTE, curve, styled
@@ -100,7 +101,7 @@ def vane_figure(along: list[Along]) -> go.Figure:
     figure.update_yaxes(scaleanchor="x", row=1, col=1)
     figure.update_xaxes(title_text="mm", row=1, col=1)
     figure.update_xaxes(title_text="place on the chord from the pivot, mm (volute on the left)", row=1, col=2)
-    return styled(figure, 420, hovermode="closest")
+    return styled(figure, 460, hovermode="closest", margin={"t": 80}, legend={"y": 1.2})
 
 
 def _vanes(each: Along) -> list[tuple[Any, Any]]:
@@ -122,17 +123,15 @@ def pulse_figure(pulse: Pulse) -> go.Figure:
     for (name, position), color in zip(pulse.position.items(), PALETTE, strict=False):
         moved = (position - np.mean(position)) * 1e6
         figure.add_trace(curve(pulse.crank, moved, name, color), row=3, col=1)
-    titles = "pressure, bar abs", "force at the rod, N", "position about its mean, um"
+    titles = "pressure, bar abs", "force at the rod, N", "position, um"
     for row, title in enumerate(titles, 1):
         figure.update_yaxes(title_text=title, row=row, col=1)
     figure.update_xaxes(title_text="crank angle of the engine, deg", tickvals=np.arange(0, 721, 90), row=3, col=1)
     return styled(figure, 640)
 
 
-def _parameters(found: NozzleMap) -> list[tuple[str, float, str, str]]:
+def _parameters(found: NozzleMap) -> list[tuple[str, float, Any, Any]]:
     """Names, values, units and sources of what was assumed."""
-    import vgtjax
-
     table = vgtjax.parameter_table(found.stage.nozzle)
     return [
         (name, float(vgtjax.get_parameter(found.stage.nozzle, name)), entry.unit, entry.source)

@@ -31,21 +31,21 @@ class Stage(eqx.Module):
     speed_ratio: float = 0.6
     """Speed of the wheel's blades over the spouting velocity."""
 
-    def vane_angle(self, crank_angle: float) -> float:
+    def vane_angle(self, crank_angle: Any) -> Any:
         """Of the vanes from the tangent, in rad, at a crank angle in deg."""
         return jnp.radians(CLOSED + RATIO * (crank_angle - CLOSED))
 
-    def wheel_speed(self, total_pressure: float) -> float:
+    def wheel_speed(self, total_pressure: Any) -> Any:
         """In rad/s at a total pressure in Pa absolute."""
         expanded = self.gas.expanded_temperature(1.0, self.outlet_pressure / total_pressure)
         falling = 2 * self.gas.heat_capacity * self.total_temperature * (1 - expanded)
         return self.speed_ratio * jnp.sqrt(jnp.maximum(falling, 1e-6)) / self.nozzle.rotor.inlet_radius
 
-    def force(self, moment: float) -> float:
+    def force(self, moment: Any) -> Any:
         """At the rod in N against closing, of a moment on each vane in N m, by virtual work [3.72, corrected]."""
         return self.nozzle.vanes * moment * jnp.radians(RATIO * self.crank.ratio)
 
-    def passage(self, total_pressure: float, crank_angle: float, cells: int = 224) -> tuple[Passage, Inlet]:
+    def passage(self, total_pressure: Any, crank_angle: Any, cells: int = 224) -> tuple[Passage, Inlet]:
         """What the gas flows through at Pa absolute and deg, and what it comes from."""
         passage = self.nozzle.passage(self.vane_angle(crank_angle), self.wheel_speed(total_pressure), cells, self.gas)
         return passage, self.nozzle.inlet(total_pressure, self.total_temperature)

@@ -44,9 +44,9 @@ class Balance(AbstractBalance):
 
     passage: Passage
     gas: Gas
-    ends: Ends
     scale: Float[Array, " 4"]
     usual: Float[Array, " 4"]
+    ends: Ends
 
     def __call__(self, states: States) -> Float[Array, "cells 4"]:
         """See the base class [3.44, corrected]."""
@@ -72,7 +72,7 @@ class Balance(AbstractBalance):
 
     def between(self, ends: Ends) -> "Balance":
         """The balance between other ends."""
-        return Balance(self.passage, self.gas, ends, self.scale, self.usual)
+        return Balance(self.passage, self.gas, self.scale, self.usual, ends)
 
     def forces(self, states: States) -> Forces:
         """Forces of blades [3.48-3.53] and of friction [3.54-3.58] on the gas; see the manual for what the print has
@@ -128,7 +128,7 @@ def balance_of(passage: Passage, ends: Ends, gas: Gas, density: Values, sound: V
     """The balance between two ends; a usual density in kg/m3 and speed of sound in m/s scale it."""
     one, swirl = jnp.ones_like(sound), sound * passage.radius[0]
     usual = density * sound * jnp.max(passage.area) * jnp.stack([one, sound, swirl, sound**2])
-    return Balance(passage, gas, ends, jnp.stack([one, sound, swirl, one]), usual)
+    return Balance(passage, gas, jnp.stack([one, sound, swirl, one]), usual, ends)
 
 
 def balance_from(passage: Passage, inlet: Inlet, outlet_pressure: Scalar | None, gas: Gas) -> Balance:

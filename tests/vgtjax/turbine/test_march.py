@@ -55,7 +55,8 @@ def test_shock_tube(tube):
     density, pressure = sod(np.asarray(TUBE.centres) - 0.5, 6e-4)
     assert np.mean(np.abs(tube.density[-1] - density)) < 0.004
     assert np.mean(np.abs(tube.pressure[-1] - pressure)) / 1e5 < 0.003
-    assert float(jnp.min(tube.density)) >= 0.125 * (1 - 1e-6)  # monotonic: nothing falls below what was there
+    # Nothing falls below what was there, but by what the smoothed limiter leaves: 8e-6.
+    assert float(jnp.min(tube.density)) >= 0.125 * (1 - 1e-4)
 
 
 def test_a_tube_keeps_mass_and_energy(tube):
@@ -71,7 +72,7 @@ def simple_wave(position, time):
     a_0 = float(AIR.sound_speed(300.0))
 
     def began(x):
-        return 10.0 * np.exp(-(((x - 0.3) / 0.06) ** 2))
+        return 10.0 * np.exp(-(((x - 0.4) / 0.12) ** 2))
 
     origin = np.array(
         [brentq(lambda o, x=x: o + (a_0 + 1.2 * began(o)) * time - x, -2.0, 2.0, xtol=1e-14) for x in position]
@@ -80,31 +81,63 @@ def simple_wave(position, time):
     return velocity, 1e5 * (1 + 0.2 * velocity / a_0) ** 7
 
 
-@pytest.mark.parametrize("stepper", [Explicit(), Implicit()], ids=["explicit", "implicit"])
-def test_a_smooth_wave_is_met_at_second_order(stepper):
+def wave_in_a_pipe(cells):
+    """A pipe of 1 m, and the wave's state in it at first."""
+    pipe = duct(length=1.0, cells=cells)
+    velocity, pressure = simple_wave(np.asarray(pipe.centres), 0.0)
+    density = 1e5 / (287 * 300) * (pressure / 1e5) ** (1 / 1.4)
+    return pipe, (density, velocity, 0 * velocity, pressure)
+
+
+def test_a_smooth_wave_is_met_at_second_order():
     errors = []
     for cells in (100, 200):
-        pipe = duct(length=1.0, cells=cells)
-        velocity, pressure = simple_wave(np.asarray(pipe.centres), 0.0)
-        density = 1e5 / (287 * 300) * (pressure / 1e5) ** (1 / 1.4)
-        times = np.linspace(0, 1e-3, cells // 2 + 1)
-        flow = run(pipe, None, None, (density, velocity, 0 * velocity, pressure), times, AIR, stepper=stepper)
+        pipe, state = wave_in_a_pipe(cells)
+        flow = run(pipe, None, None, state, np.array([0.0, 1e-3]), AIR)
         assert bool(jnp.all(flow.converged))
         errors.append(np.mean(np.abs(flow.pressure[-1] - simple_wave(np.asarray(pipe.centres), 1e-3)[1])))
     assert np.log2(errors[0] / errors[1]) > 1.8
 
 
-def test_implicit_steps_lose_nothing():
-    """A bump of gas with swirl that spreads within a pipe: nothing has come to its ends."""
-    pipe = duct(length=1.0, cells=100)
-    bump = np.exp(-(((np.asarray(pipe.centres) - 0.5) / 0.05) ** 2))
-    state = (1.0 + 0.3 * bump, 0 * bump, 50.0 * bump, 1e5 * (1 + 0.3 * bump))
-    flow = run(pipe, None, None, state, np.linspace(0, 4e-4, 13), AIR, stepper=Implicit())
-    energy = flow.pressure / 0.4 + 0.5 * flow.density * (flow.v_m**2 + flow.v_u**2)
-    for stored in (flow.density, flow.density * flow.v_u, energy):
-        contents = np.asarray(stored @ pipe.volume)
-        # The wave is 0.3 m from the ends; a step is solved to rounding.
-        np.testing.assert_allclose(contents, contents[0], rtol=1e-10)
+@pytest.fixture(scope="module")
+def implicit_waves():
+    """The same wave by implicit steps, 16, 32 and 128 of them, compiled once."""
+    pipe, state = wave_in_a_pipe(50)
+    flows = {}
+    for steps in (16, 32, 128):
+        now, flows[steps] = state, []
+        for _ in range(steps):
+            flow = run(pipe, None, None, now, np.array([0.0, 4e-4 / steps]), AIR, stepper=Implicit())
+            assert bool(flow.converged[-1])
+            now = flow.density[-1], flow.v_m[-1], flow.v_u[-1], flow.pressure[-1]
+            flows[steps].append(now)
+    return pipe, state, flows
+
+
+def test_implicit_steps_are_of_second_order(implicit_waves):
+    """Against steps a quarter as long, which leaves (1 - 1/64) / (1 - 1/16) of the ratio of 4."""
+    *_, flows = implicit_waves
+    errors = [np.mean(np.abs(flows[steps][-1][3] - flows[128][-1][3])) for steps in (16, 32)]
+    assert np.log2(errors[0] / errors[1]) > 1.8
+
+
+def test_implicit_steps_lose_nothing(implicit_waves):
+    """Of a bump with swirl that spreads within a pipe and does not come to its ends."""
+    pipe, *_ = implicit_waves
+    bump = np.exp(-(((np.asarray(pipe.centres) - 0.5) / 0.04) ** 2))
+    now = (1.0 + 0.3 * bump, 0 * bump, 50.0 * bump, 1e5 * (1 + 0.3 * bump))
+    contents = [_stored(pipe, *now)]
+    for _ in range(8):
+        flow = run(pipe, None, None, now, np.array([0.0, 2.5e-5]), AIR, stepper=Implicit())
+        now = flow.density[-1], flow.v_m[-1], flow.v_u[-1], flow.pressure[-1]
+        contents.append(_stored(pipe, *now))
+    # An implicit step moves gas everywhere at once, but 20 cells away by less than rounding.
+    np.testing.assert_allclose(contents, np.tile(contents[0], (9, 1)), rtol=1e-10)
+
+
+def _stored(pipe, density, v_m, v_u, pressure):
+    energy = pressure / 0.4 + 0.5 * density * (v_m**2 + v_u**2)
+    return [float(each @ pipe.volume) for each in (density, density * v_u, energy)]
 
 
 def test_a_transient_ends_in_the_steady_state():
@@ -112,10 +145,10 @@ def test_a_transient_ends_in_the_steady_state():
     passage, outlet = duct(area=(2e-3, 1e-3), friction=0.5), 1.4e5
     ones = np.ones(passage.cells)
     rest = (outlet / (287.0 * 900.0) * ones, 0 * ones, 0 * ones, outlet * ones)
-    flow = run(passage, plenum(), outlet, rest, np.linspace(0, 0.1, 51), Gas())
+    flow = run(passage, plenum(), outlet, rest, np.linspace(0, 0.05, 26), Gas())
     final = solve(passage, plenum(), outlet, Gas())
     assert bool(jnp.all(flow.converged))
-    # Waves have run to and fro a hundred times; both are solved to rounding.
+    # Waves have run to and fro fifty times; both are solved to rounding.
     np.testing.assert_allclose(flow.pressure[-1], final.pressure, rtol=1e-9)
     np.testing.assert_allclose(flow.mass_flow[-1], final.mass_flow, rtol=1e-9)
 
@@ -141,30 +174,32 @@ def test_the_force_of_a_pulsation_is_quasi_steady():
             assert abs(forces[0] - forces[1]) > 0.03
 
 
-@pytest.mark.parametrize("stepper", [Explicit(), Implicit()], ids=["explicit", "implicit"])
+@pytest.mark.parametrize("stepper", [Explicit(most_steps=16), Implicit()], ids=["explicit", "implicit"])
 def test_derivatives(stepper):
-    """With respect to the plenum, its friction and the state at the start; fourth-order differences."""
+    """With respect to friction, the plenum and the state at the start, in both modes; fourth-order differences."""
 
     def last(values):
         passage = duct(cells=12, friction=values[0], area=(1.2e-3, 1e-3))
-        pressure = values[1] * jnp.linspace(1.6e5, 2e5, 4)
+        pressure = values[1] * jnp.linspace(1.6e5, 2e5, 3)
         ones = jnp.ones(12)
         state = (values[2] * 0.5 * ones, 20 * ones, 5 * ones, 1.5e5 * ones)
-        flow = march(passage, plenum(pressure), 1.5e5, state, np.linspace(0, 9e-4, 4), Gas(), stepper=stepper)
+        flow = march(passage, plenum(pressure), 1.5e5, state, np.linspace(0, 6e-4, 3), Gas(), stepper=stepper)
         return jnp.stack([flow.mass_flow[-1], flow.pressure[-1, 5] / 1e5])
 
+    @jax.jit
+    def all_of_it(values):
+        return last(values), jax.jacfwd(last)(values), jax.grad(lambda each: last(each)[0])(values)
+
     at = jnp.array([0.8, 1.0, 1.0])
-    value, forward = jax.jit(last), jax.jit(jax.jacfwd(last))(at)
-    assert np.all(np.isfinite(forward))
+    _, forward, reverse = all_of_it(at)
     for number in range(3):
 
         def moved(times, number=number):
-            return value(at.at[number].add(times * 1e-4))
+            return all_of_it(at.at[number].add(times * 1e-4))[0]
 
         slope = (8 * (moved(1) - moved(-1)) - (moved(2) - moved(-2))) / 12e-4
-        # Truncation of the differences is 1e-9; the limiter has a kink nowhere.
-        np.testing.assert_allclose(forward[:, number], slope, rtol=1e-6, atol=1e-9)
-    reverse = jax.jit(jax.grad(lambda values: last(values)[0]))(at)
+        # Steps are solved to 1e-12, which these differences make 1e-8.
+        np.testing.assert_allclose(forward[:, number], slope, rtol=1e-6, atol=1e-8)
     np.testing.assert_allclose(reverse, forward[0], rtol=1e-9)
 
 
