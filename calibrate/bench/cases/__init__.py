@@ -3,13 +3,14 @@
 from collections.abc import Callable
 
 from ..table import Section
-from . import batch, cold_start, coverage, fit, forward, jacobian, population, robustness, tuning
+from . import batch, cold_start, coverage, fit, flow, forward, jacobian, population, robustness, tuning
 
 CASES: dict[str, Callable[[], Section]] = {
     "forward": forward.measure,
     "jacobian": jacobian.measure,
     "batch": batch.measure,
     "fit": fit.measure,
+    "flow": flow.measure,
     "cold-start": cold_start.measure,
     "population": population.measure_population,
     "tuning": tuning.measure,
