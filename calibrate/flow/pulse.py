@@ -19,10 +19,6 @@ CRANK_ANGLE = 6.7
 """deg of the actuator's crank at which the rod stands: there the default nozzle takes what the orifice takes."""
 CYCLES, SAMPLES = 6, 2400
 """Cycles that are simulated, the last of which is shown, and samples of all."""
-FRICTION: dict[str, vgtjax.AbstractFriction] = {
-    "with friction": vgtjax.LuGre(),
-    "without dry friction": vgtjax.Coulomb(coulomb_force=0.0),
-}
 
 Cycle = Float[np.ndarray, " crank"]
 
@@ -59,7 +55,8 @@ def engine_pulse(nozzle_map: NozzleMap) -> Pulse:
     vane_force = force_table(nozzle_map)
     opening = jnp.full(cycle.p_trb.shape, vane_force.crank.opening(CRANK_ANGLE))
     force = np.asarray(vane_force.force(Vanes(opening, cycle.p_trb - STANDARD_ATMOSPHERE), 0.0))
-    position = {name: _position(friction, vane_force, cycle, force) for name, friction in FRICTION.items()}
+    frictions = {"with friction": vgtjax.LuGre(), "without dry friction": vgtjax.Coulomb(coulomb_force=0.0)}
+    position = {name: _position(friction, vane_force, cycle, force) for name, friction in frictions.items()}
     return Pulse(ENGINE_SPEED, np.asarray(cycle.crank), np.asarray(cycle.p_trb), force, position)
 
 
