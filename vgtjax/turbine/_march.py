@@ -58,8 +58,11 @@ def march(
 
     def onward(carry: tuple[States, Array], interval: Any) -> tuple[Any, Any]:
         (states, fine), (begin, end, duration) = carry, interval
-        states, found = stepper(balance, begin, end, states, duration)
-        return (states, fine & found), (states, fine & found)
+        # After a step that was not found no other is looked for.
+        carry = jax.lax.cond(
+            fine, lambda: stepper(balance, begin, end, states, duration), lambda: (states, jnp.zeros_like(fine))
+        )
+        return carry, carry
 
     before, after = (jax.tree.map(lambda leaf, part=part: leaf[part], ends) for part in (slice(-1), slice(1, None)))
     yes = jnp.ones((), bool)
