@@ -22,6 +22,9 @@ FIRST_CFL = 1e4, 5.0
 """Of the search for the end of a step: it begins near, where this is Newton's method. Gas that a plenum is opened to
 needs the second."""
 
+NORM = 32
+"""Of the cells' rates: that of 200 equal ones is 18 % above the largest."""
+
 
 class AbstractStepper(eqx.Module):
     """How states advance in time."""
@@ -120,7 +123,9 @@ class Explicit(AbstractStepper):
 
 
 def _rate(balance: Balance, states: States) -> Values:
-    """Cells that the fastest wave crosses in a second."""
+    """Cells that the fastest wave crosses in a second, or a little more: a norm in place of the largest one, where
+    derivatives of the step's length would jump from cell to cell."""
     density, velocity, _, pressure = unpack(states)
-    fastest = jnp.abs(velocity) + jnp.sqrt(balance.gas.gamma * pressure / density)
-    return jnp.max(fastest / jnp.diff(balance.passage.m))
+    rates = (jnp.abs(velocity) + jnp.sqrt(balance.gas.gamma * pressure / density)) / jnp.diff(balance.passage.m)
+    largest = jax.lax.stop_gradient(jnp.max(rates))
+    return largest * jnp.sum((rates / largest) ** NORM) ** (1 / NORM)

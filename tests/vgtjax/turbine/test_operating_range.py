@@ -28,7 +28,7 @@ def sweep():
     """Vanes of 4 to 54 deg (a crank of 4 to 37), no pressure difference to 4.5 bar, standing still to twice the design
     speed."""
     points = [
-        (np.radians(angle), pressure, factor * max(design_speed(pressure), 2000.0))
+        (np.radians(angle), pressure, factor * design_speed(pressure))
         for angle in (4.0, 20.0, 54.0)
         for pressure in (OUTLET, 1.06e5, 2e5, 4.5e5)
         for factor in (0.0, 1.0, 2.0)
@@ -39,8 +39,9 @@ def sweep():
 
 
 def test_every_point_is_found(sweep):
-    _, _, flow = sweep
-    assert bool(jnp.all(flow.converged))
+    points, _, flow = sweep
+    missed = np.transpose(points)[~np.asarray(flow.converged)]
+    assert missed.tolist() == []
     assert all(bool(jnp.all(jnp.isfinite(leaf))) for leaf in jax.tree.leaves(flow))
 
 
@@ -56,10 +57,10 @@ def test_eulers_turbine_equation_holds_everywhere(sweep):
     assert np.all(flow.power[np.asarray(speed) == 0.0] == 0.0)  # a locked wheel gives nothing away
 
 
-def test_without_a_pressure_difference_gas_rests_in_a_locked_turbine(sweep):
-    (_, pressure, speed), _, flow = sweep
-    at_rest = np.asarray((pressure == OUTLET) & (speed == 0.0))
-    assert np.sum(at_rest) == 3
+def test_without_a_pressure_difference_gas_rests(sweep):
+    (_, pressure, _), _, flow = sweep
+    at_rest = np.asarray(pressure == OUTLET)
+    assert np.sum(at_rest) == 9
     assert np.max(np.abs(flow.mass_flow[at_rest])) < 1e-5
 
 
