@@ -15,8 +15,8 @@ from ._passage import Inlet, Passage
 from ._riemann import States, pack, unpack
 
 FIRST_CFL = 5.0, 0.5, 50.0, 0.1
-"""Lengths of the first step of the search in transits of a cell by sound, the next one where the one before finds nothing:
-closed vanes, and a wheel at twice its design speed, need it."""
+"""Lengths of the first step of the search in transits of a cell by sound, the next one where the one before finds
+nothing: closed vanes, and a wheel at twice its design speed, need it."""
 
 
 class Flow(eqx.Module):
