@@ -1,4 +1,4 @@
-"""Steady flow through the nozzle: cost over cells, gradients and batches, beside a shooting method by SciPy."""
+"""Steady flow through the nozzle: cost over cells, gradients and batches."""
 
 from collections.abc import Callable
 from functools import partial
@@ -10,7 +10,6 @@ import numpy as np
 
 from vgtjax.turbine import Gas, Nozzle, steady
 
-from ..scipy_nozzle import NozzleProblem
 from ..table import Section, seconds, times
 from ..timing import interleave
 
@@ -18,12 +17,11 @@ ROUNDS = 5
 CELLS = 224
 VANE_ANGLE, SPEED, PRESSURE, OUTLET = float(np.radians(30.0)), 12000.0, 2e5, 1.05e5
 BATCH = 16
-TOLERANCES = (1e-4, 1e-8)
 COLUMNS = ("contestant", "cells", "first call", "time", "ratio", "mass flow off by")
 
 
 def measure() -> Section:
-    """Times one solve at several numbers of cells, its gradients, sixteen geometries at once, and SciPy."""
+    """Times one solve at several numbers of cells, its gradients, and sixteen geometries at once."""
     leads = jnp.linspace(6.5e-3, 7.5e-3, BATCH)
     lead, base = jnp.asarray(7e-3), f"steady, {CELLS} cells"
     solves = {cells: partial(_mass_flow, cells=cells) for cells in (56, 112, CELLS, 448)}
@@ -35,10 +33,6 @@ def measure() -> Section:
     jitted["value and derivative, forward mode"] = CELLS, partial(jax.jit(_with_slope), lead)
     jitted[f"{BATCH} geometries by vmap, each"] = CELLS, partial(jax.jit(jax.vmap(here)), leads)
     jitted[f"{BATCH} geometries by lax.map, each"] = CELLS, partial(jax.jit(lambda x: jax.lax.map(here, x)), leads)
-    problem = _problem()
-    for tolerance in TOLERANCES:
-        name = f"fsolve of solve_ivp (LSODA), tolerance {tolerance:g}"
-        jitted[name] = CELLS, partial(problem.solve, 0.08, tolerance)
     timings, results = interleave({name: call for name, (_, call) in jitted.items()}, ROUNDS)
     finest = float(results["steady, 448 cells"])
     section = Section("Steady flow through the nozzle", _ABOUT, COLUMNS, notes=list(_NOTES))
@@ -57,12 +51,7 @@ _ABOUT = (
     "behind, from the first guess, in double precision. Gradients are those of mass flow with respect to where the "
     "vanes' pivot is."
 )
-_NOTES = (
-    "SciPy's problem has the same equations for swirl, entropy and total enthalpy, with a bisection for the velocity; "
-    "it starts from a mass flow 10 % off, has no derivatives, and no shock or choking. SciPy's solve_bvp finds a "
-    "singular Jacobian in it.",
-    "Mass flow is compared with 448 cells.",
-)
+_NOTES = ("Mass flow is compared with 448 cells.",)
 
 
 def _mass_flow(lead: Any, cells: int) -> Any:
@@ -75,11 +64,6 @@ def _mass_flow(lead: Any, cells: int) -> Any:
 
 def _with_slope(lead: Any) -> Any:
     return jax.jvp(partial(_mass_flow, cells=CELLS), (lead,), (jnp.ones_like(lead),))
-
-
-def _problem() -> NozzleProblem:
-    nozzle = Nozzle()
-    return NozzleProblem(nozzle.passage(VANE_ANGLE, SPEED, CELLS), nozzle.inlet(PRESSURE, 900.0), OUTLET, Gas())
 
 
 def _first(result: Any) -> float:
