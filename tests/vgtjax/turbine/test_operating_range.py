@@ -80,13 +80,6 @@ def test_entropy_falls_nowhere_but_by_the_truncation_error():
     assert min(np.min(fine), 0.0) > 0.6 * min(np.min(coarse), -1e-9)
 
 
-def test_choked_vanes_hardly_feel_the_outlet():
-    """Nearly closed: what passes changes by less than 2 % of what the outlet's pressure does."""
-    angle, pressure, speed = np.radians(5.0), 3e5, design_speed(3e5)
-    slope = jax.jit(jax.grad(lambda outlet: jnp.log(at(angle, pressure, speed, jnp.exp(outlet))[1].mass_flow)))
-    assert abs(float(slope(np.log(0.6e5)))) < 0.02
-
-
 VALUES, SHAPE = jax.tree.flatten((NOZZLE, GAS))
 NAMES = [jax.tree_util.keystr(path) for path, _ in jax.tree_util.tree_leaves_with_path((NOZZLE, GAS))]
 STATE = ("total_temperature", "vane_angle", "total_pressure", "speed", "outlet_pressure")
