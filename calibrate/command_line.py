@@ -130,6 +130,11 @@ for _name, _does, _given, *_options in (
     ("sensitivity", f"Ranks what the spread of a population comes from {FLEET}", POPULATION, *PROCESSES),
 ):
     _add(_name, _does, STUDY, click.Option(["--parameters"], type=PATH, metavar="FILE", help=_given), *_options)
+_add(
+    "flow",
+    "Maps the flow through the nozzle of STUDY and its force on the rod (an assumed geometry if STUDY is omitted).",
+    STUDY,
+)
 main.add_command(
     click.Command("export", None, functools.partial(_run, "export"), [RESULTS, FORMAT, DATE, FILE], EXPORT)
 )

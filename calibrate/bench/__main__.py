@@ -14,6 +14,7 @@ _CASES = (
     "jacobian",
     "batch",
     "fit",
+    "flow",
     "cold-start",
     "population",
     "tuning",

@@ -10,8 +10,10 @@ from ._losses import (
     Soderberg as Soderberg,
     energy_loss as energy_loss,
 )
+from ._march import march as march
 from ._nozzle import VANES as VANES, WHEEL as WHEEL, Losses as Losses, Nozzle as Nozzle
 from ._passage import Inlet as Inlet, Passage as Passage
 from ._riemann import States as States
 from ._rotor import Rotor as Rotor
 from ._steady import Flow as Flow, first_guess as first_guess, steady as steady, steady_near as steady_near
+from ._steppers import AbstractStepper as AbstractStepper, Explicit as Explicit, Implicit as Implicit

@@ -1,14 +1,16 @@
 """What a cell gains and loses: quasi-one-dimensional flow with swirl, blades, friction and heat [3.21-3.59]."""
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._types import Scalar, Values
 from ._gas import Gas
+from ._newton import AbstractBalance
 from ._passage import Inlet, Passage
 from ._reconstruction import at_faces
-from ._riemann import States, flux, pack, riemann_flux, unpack
+from ._riemann import States, densities, flux, pack, riemann_flux, unpack
 
 LEAST_TEMPERATURE = 0.2
 """Of the gas at the inlet over its total temperature, whatever velocity a solver tries there."""
@@ -32,21 +34,22 @@ class Ends(eqx.Module):
     inlet: Inlet | None
     outlet_pressure: Scalar | None
 
+    def towards(self, other: "Ends", share: Values) -> "Ends":
+        """What is known a share of the way to other ends."""
+        return jax.tree.map(lambda here, there: here + share * (there - here), self, other)
 
-class Balance(eqx.Module):
-    """The balances of all cells of a passage, with what they are scaled by."""
+
+class Balance(AbstractBalance):
+    """The balances of all cells of a passage between its ends."""
 
     passage: Passage
     gas: Gas
-    ends: Ends
     scale: Float[Array, " 4"]
-    """Usual sizes of `ln rho`, `V_m`, `r V_u` and `ln p`."""
     usual: Float[Array, " 4"]
-    """Of mass, momentum, moment of momentum and energy that pass in a second."""
+    ends: Ends
 
     def __call__(self, states: States) -> Float[Array, "cells 4"]:
-        """What each cell loses in a second: mass (kg), momentum (N), moment of momentum (N m), energy (W) [3.44,
-        corrected]."""
+        """See the base class [3.44, corrected]."""
         passage = self.passage
         through = self.fluxes(states) * passage.area[:, None]
         density, _, swirl, pressure = unpack(states)
@@ -62,6 +65,14 @@ class Balance(eqx.Module):
         moment = volume * radius * (forces.blade_u + forces.friction_u)
         power = passage.speed * moment + volume * passage.heat
         return jnp.diff(through, axis=0) - jnp.stack([jnp.zeros_like(along), along, moment, power], axis=-1)
+
+    def stored(self, states: States) -> Float[Array, "cells 4"]:
+        """Mass, momentum, moment of momentum and energy in each cell."""
+        return densities(self.gas, states, self.passage.centre_radius) * self.passage.volume[:, None]
+
+    def between(self, ends: Ends) -> "Balance":
+        """The balance between other ends."""
+        return Balance(self.passage, self.gas, self.scale, self.usual, ends)
 
     def forces(self, states: States) -> Forces:
         """Forces of blades [3.48-3.53] and of friction [3.54-3.58] on the gas; see the manual for what the print has
@@ -113,10 +124,14 @@ class Balance(eqx.Module):
         return pack(density * (behind / pressure) ** (1 / gamma), faster, swirl, behind)
 
 
-def balance_of(passage: Passage, inlet: Inlet, outlet_pressure: Scalar, gas: Gas) -> Balance:
-    """The balance between a plenum and an outlet."""
-    sound = gas.sound_speed(inlet.total_temperature)
+def balance_of(passage: Passage, ends: Ends, gas: Gas, density: Values, sound: Values) -> Balance:
+    """The balance between two ends; a usual density in kg/m3 and speed of sound in m/s scale it."""
     one, swirl = jnp.ones_like(sound), sound * passage.radius[0]
-    mass = inlet.total_pressure / (gas.constant * inlet.total_temperature) * sound * jnp.max(passage.area)
-    usual = mass * jnp.stack([one, sound, swirl, sound**2])
-    return Balance(passage, gas, Ends(inlet, outlet_pressure), jnp.stack([one, sound, swirl, one]), usual)
+    usual = density * sound * jnp.max(passage.area) * jnp.stack([one, sound, swirl, sound**2])
+    return Balance(passage, gas, jnp.stack([one, sound, swirl, one]), usual, ends)
+
+
+def balance_from(passage: Passage, inlet: Inlet, outlet_pressure: Scalar | None, gas: Gas) -> Balance:
+    """The balance between a plenum and an outlet, scaled by the gas in the plenum."""
+    sound = gas.sound_speed(inlet.total_temperature)
+    return balance_of(passage, Ends(inlet, outlet_pressure), gas, inlet.density(gas), sound)

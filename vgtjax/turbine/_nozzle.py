@@ -1,6 +1,7 @@
 """Volute, pivoted vanes and wheel: a passage for every angle of the vanes, and the moment of the gas on one of them."""
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -108,6 +109,12 @@ class Nozzle(Part):
         the gas by more than their loss is known for."""
         if is_traced(self, vane_angle):
             return
+        # A nozzle that is a constant of a function that is traced has values to look at all the same.
+        with jax.ensure_compile_time_eval():
+            self._require_room(vane_angle)
+
+    def _require_room(self, vane_angle: Values) -> None:
+        """See `require_range`."""
         angle = float(vane_angle)
         said = f"vanes at {np.degrees(angle):.3g} deg"
         rules = {

@@ -7,6 +7,7 @@ from jaxtyping import Array, Float, Int
 
 from .._errors import InputError, is_traced
 from .._types import Values
+from ._gas import Gas
 
 Faces = Float[Array | np.ndarray, " faces"]
 Cells = Float[Array | np.ndarray, " cells"]
@@ -103,6 +104,10 @@ class Inlet(eqx.Module):
             value = getattr(self, name)
             if not is_traced(value) and not np.all((np.asarray(value) > 0) & np.isfinite(value)):
                 raise InputError(f"inlet.{name} must be above zero, in {unit}, but it is {value}; correct it", name)
+
+    def density(self, gas: Gas) -> Values:
+        """In the plenum, in kg/m3."""
+        return self.total_pressure / (gas.constant * self.total_temperature)
 
 
 def _check_values(name: str, array: Float[np.ndarray, " values"]) -> None:

@@ -23,6 +23,14 @@ def densities(gas: Gas, states: States, radius: Values) -> States:
     return jnp.stack([density, density * velocity, density * swirl, energy], axis=-1)
 
 
+def states_of(gas: Gas, contents: States, radius: Values) -> States:
+    """The inverse of `densities`."""
+    density, momentum, moment, energy = jnp.moveaxis(contents, -1, 0)
+    velocity, swirl = momentum / density, moment / density
+    kinetic = 0.5 * (velocity**2 + (swirl / radius) ** 2)
+    return pack(density, velocity, swirl, (gas.gamma - 1) * (energy - density * kinetic))
+
+
 def flux(gas: Gas, states: States, radius: Values) -> States:
     """What crosses a square metre in a second."""
     _, velocity, _, pressure = unpack(states)

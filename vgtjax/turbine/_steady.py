@@ -1,5 +1,4 @@
-"""Steady flow: pseudo-transient Newton steps to the balance of all cells [3.68-3.70], derivatives by the implicit
-function theorem."""
+"""Steady flow: the states in which all cells balance, and what they mean."""
 
 from typing import Any
 
@@ -9,24 +8,15 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
 from .._types import Scalar, Values
-from ._balance import Balance, balance_of
-from ._blocks import band_of, solve_band
+from ._balance import Balance, balance_from
 from ._gas import Gas
+from ._newton import solve
 from ._passage import Inlet, Passage
-from ._riemann import States, densities, pack, unpack
+from ._riemann import States, pack, unpack
 
-FIRST_CFL, GROWTH, CAREFUL_GROWTH = 5.0, (1.5, 10.0), (1.3, 1.6)
-"""Length of the first step in transits of a cell by sound, and by what the next one is longer, at least and at most."""
-HASTY_STEPS = 30
-"""After which growth is careful, from the first length on: gas that is sonic all along a duct hardly says where."""
-LONGEST_MOVE = 0.3
-"""How far a step may go in any variable, in its usual size."""
-MOST_STEPS = 120
-EXACT, GOOD = 50.0, 0.7
-"""Imbalance over what the largest area could pass at which steps end, in units of rounding, and the power of rounding
-above which no flow is found: 1e-11 of double precision."""
-PATIENCE = 3
-"""Steps without a smaller imbalance, once it is good, after which it is rounding."""
+FIRST_CFL = 5.0, 0.5, 50.0, 0.1
+"""Lengths of the first step of the search in transits of a cell by sound, the next one where the one before finds
+nothing: closed vanes, and a wheel at twice its design speed, need it."""
 
 
 class Flow(eqx.Module):
@@ -69,15 +59,10 @@ def steady_near(
     passage: Passage, inlet: Inlet, outlet_pressure: Scalar, gas: Gas, near: States | None = None
 ) -> tuple[Flow, States]:
     """`steady`, searched from the states of a flow nearby, and the states that it ends at, without derivatives."""
-    balance = balance_of(passage, inlet, outlet_pressure, gas)
+    balance = balance_from(passage, inlet, outlet_pressure, gas)
     start = first_guess(passage, inlet, gas) if near is None else near
-    states, imbalance = _search(*jax.lax.stop_gradient((balance, start)))
-    states = jax.lax.stop_gradient(states)
-    # One more step, whose right side carries all derivatives.
-    band = jax.lax.stop_gradient(band_of(jax.lax.stop_gradient(balance), states))
-    moved = states - solve_band(band, balance(states))
-    converged = jax.lax.stop_gradient(imbalance) < jnp.finfo(states.dtype).eps ** GOOD
-    return flow_of(balance, jnp.where(converged, moved, states), converged), states
+    states, converged = solve(balance, start, *FIRST_CFL)
+    return flow_of(balance, states, converged), jax.lax.stop_gradient(states)
 
 
 def flow_of(balance: Balance, states: States, converged: Bool[Array, "..."]) -> Flow:
@@ -100,15 +85,10 @@ def flow_of(balance: Balance, states: States, converged: Bool[Array, "..."]) -> 
     )
 
 
-def imbalance_of(balance: Balance, states: States) -> Values:
-    """Largest imbalance of a cell over what gas at rest in the plenum would carry at its speed of sound."""
-    return jnp.max(jnp.abs(balance(states)) / balance.usual[None])
-
-
 def first_guess(passage: Passage, inlet: Inlet, gas: Gas) -> States:
     """A small flow that follows the blades, marched through the passage without loss."""
     radius = passage.centre_radius
-    density = inlet.total_pressure / (gas.constant * inlet.total_temperature)
+    density = inlet.density(gas)
     area = passage.volume / jnp.diff(passage.m)
     cosine = jnp.where(passage.row > 0, 1 / jnp.sqrt(1 + passage.tangent**2), 1 / jnp.sqrt(1 + inlet.tangent**2))
     velocity = 0.2 * gas.sound_speed(inlet.total_temperature) * jnp.min(area * cosine) / area
@@ -128,55 +108,3 @@ def first_guess(passage: Passage, inlet: Inlet, gas: Gas) -> States:
     ratio = jnp.clip((enthalpy - kinetic) / at_rest, 0.5, 2.0)
     expanded = gas.expanded_pressure(inlet.total_pressure, ratio)
     return pack(density * ratio ** (1 / (gas.gamma - 1)), velocity, swirl, expanded)
-
-
-class _Search(eqx.Module):
-    """Where the search stands; `best` are the states with the least imbalance so far."""
-
-    states: States
-    cfl: Values
-    imbalance: Values
-    best: States
-    least: Values
-    steps: Array
-    waited: Array
-
-
-def _search(balance: Balance, start: States) -> tuple[States, Values]:
-    """States of the least imbalance, and that."""
-    first = imbalance_of(balance, start)
-    zero, rounding = jnp.zeros((), int), jnp.finfo(start.dtype).eps
-
-    def unfinished(at: _Search) -> Array:
-        stale = (at.waited >= PATIENCE) & (at.least < rounding**GOOD)
-        return (at.least > EXACT * rounding) & ~stale & (at.steps < MOST_STEPS) & jnp.isfinite(at.imbalance)
-
-    def onward(at: _Search) -> _Search:
-        hasty = at.steps < HASTY_STEPS
-        cfl = jnp.where(at.steps == HASTY_STEPS, FIRST_CFL, at.cfl)
-        move = _step(balance, at.states, cfl) / balance.scale[None]
-        states = at.states + jnp.clip(move, -LONGEST_MOVE, LONGEST_MOVE) * balance.scale[None]
-        imbalance = imbalance_of(balance, states)
-        least, most = (jnp.where(hasty, *each) for each in zip(GROWTH, CAREFUL_GROWTH, strict=True))
-        growth = jnp.clip(at.imbalance / imbalance, least, most)
-        better = imbalance < at.least
-        best = jnp.where(better, states, at.best)
-        waited = jnp.where(better, zero, at.waited + 1)
-        return _Search(
-            states, cfl * growth, imbalance, best, jnp.where(better, imbalance, at.least), at.steps + 1, waited
-        )
-
-    begin = _Search(start, jnp.full_like(first, FIRST_CFL), first, start, first, zero, zero)
-    end = jax.lax.while_loop(unfinished, onward, begin)
-    return end.best, end.least
-
-
-def _step(balance: Balance, states: States, cfl: Values) -> States:
-    """A step of implicit Euler over a time that each cell has for itself."""
-    passage, gas = balance.passage, balance.gas
-    density, velocity, _, pressure = unpack(states)
-    fastest = jnp.abs(velocity) + jnp.sqrt(gas.gamma * pressure / density)
-    rate = fastest / (cfl * jnp.diff(passage.m)) * passage.volume
-    stored = jax.vmap(jax.jacfwd(lambda state, radius: densities(gas, state, radius)))(states, passage.centre_radius)
-    band = band_of(balance, states).at[:, 2].add(stored * rate[:, None, None])
-    return -solve_band(band, balance(states))

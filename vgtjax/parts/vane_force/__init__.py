@@ -10,7 +10,7 @@ from ._polynomial import (
     polynomial_terms as polynomial_terms,
 )
 from ._speed_map import SpeedMap as SpeedMap
-from ._stage import Linkage as Linkage, Stage as Stage
+from ._stage import CRANK_RANGE as CRANK_RANGE, Linkage as Linkage, Stage as Stage
 from ._stage_table import StageTable as StageTable
 from ._tables import AbstractVaneMap as AbstractVaneMap
 from ._turbine import Turbine as Turbine

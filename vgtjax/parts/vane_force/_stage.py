@@ -2,15 +2,20 @@
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ..._types import Scalar, Values
-from ...parameters import Part, parameter
+from ...parameters import Part, as_float_array, parameter
 from ...turbine import Flow, Gas, Inlet, Nozzle, Passage, States, steady_near
 from .._vanes import Crank
 
 CELLS = 224
 """Of a passage: the moment on a vane needs 64 in its row."""
+CRANK_RANGE = (4.0, 37.0)
+"""Degrees of the crank in which forces are known; those at its ends are held beyond."""
+TOTAL_TEMPERATURE, OUTLET_PRESSURE, SPEED_RATIO = 900.0, 1.05e5, 0.6
+"""K before the turbine, Pa absolute behind it, speed of the wheel's blades over the spouting velocity: all assumed."""
 
 
 class Linkage(Part):
@@ -34,13 +39,22 @@ class Linkage(Part):
 class Stage(eqx.Module):
     """All that the flow through the turbine depends on; see [`Turbine`][] for what they are."""
 
-    nozzle: Nozzle
-    linkage: Linkage
-    crank: Crank
-    gas: Gas
-    total_temperature: Scalar
-    outlet_pressure: Scalar
-    speed_ratio: Scalar
+    nozzle: Nozzle = eqx.field(default_factory=Nozzle)
+    linkage: Linkage = eqx.field(default_factory=Linkage)
+    crank: Crank = eqx.field(default_factory=Crank)
+    gas: Gas = eqx.field(default_factory=Gas)
+    total_temperature: Scalar = eqx.field(converter=as_float_array, default=TOTAL_TEMPERATURE)
+    outlet_pressure: Scalar = eqx.field(converter=as_float_array, default=OUTLET_PRESSURE)
+    speed_ratio: Scalar = eqx.field(converter=as_float_array, default=SPEED_RATIO)
+
+    def vane_angle(self, crank_angle: Values) -> Values:
+        """Of the vanes from the tangent, in rad, at a crank angle in deg."""
+        return self.linkage.vane_angle(crank_angle)
+
+    def require_range(self) -> None:
+        """**Raises:** `InputError` for a geometry that does not work at some angle of the crank."""
+        for crank_angle in np.linspace(*CRANK_RANGE, 25):
+            self.nozzle.require_range(self.vane_angle(crank_angle))
 
     def wheel_speed(self, total_pressure: Values) -> Values:
         """In rad/s at a total pressure in Pa absolute, by the ratio of the blades' speed to the spouting velocity."""
@@ -57,8 +71,8 @@ class Stage(eqx.Module):
 
     def passage(self, total_pressure: Values, crank_angle: Values, cells: int = CELLS) -> tuple[Passage, Inlet]:
         """What the gas flows through at Pa absolute and deg, and what it comes from."""
-        angle = self.linkage.vane_angle(crank_angle)
-        passage = self.nozzle.passage(angle, self.wheel_speed(total_pressure), cells, self.gas)
+        speed = self.wheel_speed(total_pressure)
+        passage = self.nozzle.passage(self.vane_angle(crank_angle), speed, cells, self.gas)
         return passage, self.nozzle.inlet(total_pressure, self.total_temperature)
 
 

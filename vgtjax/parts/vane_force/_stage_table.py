@@ -15,14 +15,12 @@ from ..._types import Scalar, Values
 from ...turbine import States, first_guess
 from .._vanes import Crank, Vanes
 from ._base import AbstractVaneForce
-from ._stage import Stage, flow_at
+from ._stage import CRANK_RANGE, Stage, flow_at
 
 PRESSURES, ANGLES = 25, 25
 """Knots of the table: linear between them, the force is within 0.03 N of 47."""
 HIGHEST_PRESSURE = 4.5e5
 """Pa absolute, of the table; held beyond. It begins at the outlet's pressure, where there is no flow."""
-CRANK_RANGE = (4.0, 37.0)
-"""Degrees, of the table; held beyond."""
 
 ForceTable = Float[Array, "quantity pressures angles"]
 """Rod force in N and mass flow in kg/s over total pressure and crank angle."""
@@ -155,8 +153,7 @@ def _require_working(stage: Stage) -> None:
             f"but it is {outlet / 1e5:g} bar; correct it",
             "values",
         )
-    for crank_angle in np.linspace(*CRANK_RANGE, ANGLES):
-        stage.nozzle.require_range(stage.linkage.vane_angle(crank_angle))
+    stage.require_range()
 
 
 def not_found(total_pressure: float, crank_angle: float) -> SimulationError:

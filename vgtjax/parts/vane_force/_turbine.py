@@ -12,7 +12,7 @@ from ...turbine import Flow, Gas, Nozzle
 from .._tabulated import AbstractTabulated
 from .._vanes import Crank, Vanes
 from ._base import AbstractVaneForce
-from ._stage import CELLS, Linkage, Stage, flow_at
+from ._stage import CELLS, OUTLET_PRESSURE, SPEED_RATIO, TOTAL_TEMPERATURE, Linkage, Stage, flow_at
 from ._stage_table import ForceTable, StageTable, checked_table, current_table, make_table, not_found
 
 
@@ -33,11 +33,11 @@ class Turbine(AbstractVaneForce, AbstractTabulated):
     nozzle: Nozzle = eqx.field(default_factory=Nozzle)
     linkage: Linkage = eqx.field(default_factory=Linkage)
     gas: Gas = eqx.field(default_factory=Gas)
-    total_temperature: Scalar = parameter(900.0, symbol="T_03", unit="K", source="assumed", held=True)
+    total_temperature: Scalar = parameter(TOTAL_TEMPERATURE, symbol="T_03", unit="K", source="assumed", held=True)
     """Of the gas before the turbine."""
-    outlet_pressure: Scalar = parameter(1.05e5, symbol="p_4", unit="Pa", source="assumed", held=True)
+    outlet_pressure: Scalar = parameter(OUTLET_PRESSURE, symbol="p_4", unit="Pa", source="assumed", held=True)
     """Pa absolute, behind the turbine."""
-    speed_ratio: Scalar = parameter(0.6, symbol="nu", unit="-", source="assumed", held=True)
+    speed_ratio: Scalar = parameter(SPEED_RATIO, symbol="nu", unit="-", source="assumed", held=True)
     """Speed of the wheel's blades over the spouting velocity."""
     ambient_pressure: Scalar = parameter(101013.0, symbol="p_atm", unit="Pa", source="B.2", held=True)
     """Pa absolute, from which turbine pressure counts."""
@@ -49,9 +49,9 @@ class Turbine(AbstractVaneForce, AbstractTabulated):
         nozzle: Nozzle | None = None,
         linkage: Linkage | None = None,
         gas: Gas | None = None,
-        total_temperature: float | Scalar = 900.0,
-        outlet_pressure: float | Scalar = 1.05e5,
-        speed_ratio: float | Scalar = 0.6,
+        total_temperature: float | Scalar = TOTAL_TEMPERATURE,
+        outlet_pressure: float | Scalar = OUTLET_PRESSURE,
+        speed_ratio: float | Scalar = SPEED_RATIO,
         ambient_pressure: float | Scalar = 101013.0,
         crank: Crank | None = None,
     ):

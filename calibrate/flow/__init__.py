@@ -1,0 +1,1 @@
+"""The command `flow`: what one-dimensional flow through the variable nozzle says of its force on the rod."""

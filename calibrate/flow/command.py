@@ -1,0 +1,75 @@
+"""The command `flow`: the map of the nozzle, the flow along its passage, and what a pulsating engine makes of it."""
+
+import hashlib
+import importlib.metadata
+import pathlib
+import time
+
+from vgtjax.parts import Stage
+
+from ..output.console import console
+from ..output.files import REPORT, SUMMARY, write_json, write_text
+from ..resumable import run_once
+from ..study.read import fingerprint, load_study
+from .nozzle_map import NozzleMap, solve_map
+from .passages import Along, along_passage, to_csv
+from .pulse import engine_pulse
+from .report import render
+from .stage import stage_of
+
+ASSUMED = (
+    "the geometry of the nozzle and the state of the gas are assumed, as no source gives them, and no measured vane "
+    "force validates this"
+)
+
+
+def run(study: pathlib.Path | None, out: pathlib.Path) -> None:
+    """Writes `map.csv`, `passage.csv`, `summary.json` and `report.html`.
+
+    **Raises:** `InputError` for a geometry that does not work, before anything is written; `SimulationError` that names
+    the point at which no steady state is found.
+    """
+    stage, text, digest = _prepare(study)
+    stage.require_range()
+    run_once(out, "flow", digest, lambda: _compute(stage, text, out))
+
+
+def _prepare(path: pathlib.Path | None) -> tuple[Stage, str, str]:
+    """The stage, the text of its study and a digest of both."""
+    if path is None:
+        return Stage(), "", hashlib.sha256(importlib.metadata.version("vgtjax").encode()).hexdigest()
+    study = load_study(path)
+    return stage_of(study), path.read_text(encoding="utf-8-sig"), fingerprint(study, [], {})
+
+
+def _compute(stage: Stage, text: str, out: pathlib.Path) -> None:
+    began = time.monotonic()
+    with console.status("the map of the nozzle"):
+        found = solve_map(stage)
+    with console.status("the flow along its passage"):
+        along = along_passage(stage)
+    with console.status("an engine that pulsates"):
+        pulse = engine_pulse(found)
+    seconds = time.monotonic() - began
+    summary = {
+        **found.summary(),
+        "pulsation": pulse.summary(),
+        "notes": [ASSUMED],
+        "wall_seconds": round(seconds, 3),
+    }
+    write_text(out / "map.csv", found.to_csv())
+    write_text(out / "passage.csv", to_csv(along))
+    write_json(out / SUMMARY, summary)
+    write_text(out / REPORT, render(found, along, pulse, summary, text))
+    _say(found, along)
+
+
+def _say(found: NozzleMap, along: list[Along]) -> None:
+    console.print(f"note: {ASSUMED}")
+    for name, row in found.summary()["quantities"].items():
+        least, most = (
+            f"{row[kind]['value']:.4g} {row['unit']} at {row[kind]['total_pressure'] / 1e5:.3g} bar and "
+            f"{row[kind]['crank_angle']:.3g} deg"
+            for kind in ("least", "most")
+        )
+        console.print(f"{name}: {least}, to {most}")

@@ -1,0 +1,128 @@
+"""The map of a nozzle: steady flow over pressure and crank angle, and what it does to shaft, vanes and rod."""
+
+import csv
+import dataclasses
+import io
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from vgtjax import SimulationError
+from vgtjax.parts import CRANK_RANGE, Stage
+from vgtjax.turbine import Flow, Passage, first_guess, steady_near
+
+HIGHEST_PRESSURE = 4.5e5
+"""Pa absolute before the turbine."""
+PRESSURES, ANGLES = 10, 10
+QUANTITIES = {
+    "mass_flow": "kg/s",
+    "power": "W",
+    "vane_moment": "N m",
+    "normal_force": "N",
+    "rod_force": "N",
+}
+"""What a map says, and its unit; moment and normal force are those of one vane, positive opening."""
+
+Table = Float[np.ndarray, "pressures angles"]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class NozzleMap:
+    """Steady states over total pressure in Pa absolute and crank angle in deg."""
+
+    stage: Stage
+    total_pressure: Float[np.ndarray, " pressures"]
+    crank_angle: Float[np.ndarray, " angles"]
+    values: dict[str, Table]
+    """By the names of [`QUANTITIES`][]."""
+
+    @property
+    def pressure_ratio(self) -> Float[np.ndarray, " pressures"]:
+        """Total pressure before the turbine over the pressure behind it."""
+        return self.total_pressure / float(self.stage.outlet_pressure)
+
+    def to_csv(self) -> str:
+        """One line a point."""
+        heads = ["pressure_ratio [-]", "total_pressure [Pa abs]", "crank_angle [deg]", "vane_angle [deg]"]
+        text = io.StringIO(newline="")
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow([*heads, *(f"{name} [{unit}]" for name, unit in QUANTITIES.items())])
+        for row, pressure in enumerate(self.total_pressure):
+            for column, angle in enumerate(self.crank_angle):
+                vanes = np.degrees(float(self.stage.vane_angle(angle)))
+                found = (self.values[name][row, column] for name in QUANTITIES)
+                line = (self.pressure_ratio[row], pressure, angle, vanes, *found)
+                writer.writerow([f"{value:.9g}" for value in line])
+        return text.getvalue()
+
+    def summary(self) -> dict[str, Any]:
+        """Its range, and the smallest and the largest of every quantity with where they are."""
+        extremes = {}
+        for name, table in self.values.items():
+            extremes[name] = {
+                "unit": QUANTITIES[name],
+                **{kind: self._at(table, place(table)) for kind, place in (("least", np.argmin), ("most", np.argmax))},
+            }
+        return {
+            "points": self.total_pressure.size * self.crank_angle.size,
+            "total_pressure": [float(self.total_pressure[0]), float(self.total_pressure[-1])],
+            "crank_angle": [float(self.crank_angle[0]), float(self.crank_angle[-1])],
+            "outlet_pressure": float(self.stage.outlet_pressure),
+            "total_temperature": float(self.stage.total_temperature),
+            "quantities": extremes,
+        }
+
+    def _at(self, table: Table, place: Any) -> dict[str, float]:
+        row, column = np.unravel_index(int(place), table.shape)
+        return {
+            "value": float(table[row, column]),
+            "total_pressure": float(self.total_pressure[row]),
+            "crank_angle": float(self.crank_angle[column]),
+        }
+
+
+def solve_map(stage: Stage) -> NozzleMap:
+    """The map of a stage from a little above the outlet's pressure.
+
+    **Raises:** `SimulationError` that names the first point at which no steady state is found.
+    """
+    outlet = float(stage.outlet_pressure)
+    pressures = outlet + (HIGHEST_PRESSURE - outlet) * np.arange(1, PRESSURES + 1) / PRESSURES
+    angles = np.linspace(*CRANK_RANGE, ANGLES)
+    values, found = _solve(stage, jnp.asarray(pressures), jnp.asarray(angles))
+    if not np.all(found):
+        column, row = np.argwhere(~np.asarray(found))[0]
+        raise SimulationError(
+            f"no steady flow through the nozzle was found at {pressures[row] / 1e5:.4g} bar absolute and a crank angle "
+            f"of {angles[column]:.4g} deg; check the nozzle's geometry, or give it less swirl or speed there"
+        )
+    tables = {name: np.asarray(values[number]).T for number, name in enumerate(QUANTITIES)}
+    return NozzleMap(stage, pressures, angles, tables)
+
+
+@eqx.filter_jit
+def solve_point(stage: Stage, total_pressure: Array, crank_angle: Array) -> tuple[Passage, Flow]:
+    """Steady flow at Pa absolute and deg, and what it flows through."""
+    passage, inlet = stage.passage(total_pressure, crank_angle)
+    return passage, steady_near(passage, inlet, stage.outlet_pressure, stage.gas)[0]
+
+
+@eqx.filter_jit
+def _solve(stage: Stage, pressures: Array, angles: Array) -> tuple[tuple[Array, ...], Array]:
+    """Quantities and whether they were found, angle by angle, each point searched from the one below it."""
+
+    def column(angle: Array) -> Any:
+        def rising(near: Array, pressure: Array) -> Any:
+            passage, inlet = stage.passage(pressure, angle)
+            flow, states = steady_near(passage, inlet, stage.outlet_pressure, stage.gas, near)
+            moment, normal = stage.nozzle.vane_moment(passage, flow)
+            values = flow.mass_flow, flow.power, moment, normal, stage.force(moment)
+            return jnp.where(flow.converged, states, near), (values, flow.converged)
+
+        return jax.lax.scan(rising, first_guess(*stage.passage(pressures[0], angle), stage.gas), pressures)[1]
+
+    return jax.lax.map(column, angles)

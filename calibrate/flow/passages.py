@@ -1,0 +1,104 @@
+"""The flow along the passage at a few crank angles, and the load of a vane."""
+
+import csv
+import dataclasses
+import io
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from vgtjax import SimulationError
+from vgtjax.parts import Stage
+from vgtjax.turbine import VANES, Flow, Passage
+
+from .nozzle_map import solve_point
+
+PRESSURE, CRANK_ANGLES = 2.0e5, (6.0, 12.0, 25.0)
+"""Pa absolute and deg of what is shown."""
+HEADS = (
+    "crank_angle [deg]",
+    "m [m]",
+    "radius [m]",
+    "row",
+    "mach_number [-]",
+    "v_m [m/s]",
+    "v_u [m/s]",
+    "swirl [m2/s]",
+    "pressure [Pa abs]",
+    "temperature [K]",
+)
+
+Cells = Float[np.ndarray, " cells"]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Along:
+    """Steady flow at a crank angle in deg."""
+
+    stage: Stage
+    crank_angle: float
+    passage: Passage
+    flow: Flow
+
+    @property
+    def row(self) -> Cells:
+        """Which row of blades a cell belongs to."""
+        return np.asarray(self.passage.row)
+
+    @property
+    def mach_number(self) -> Cells:
+        """Of the whole velocity, in the absolute frame."""
+        speed = np.hypot(self.flow.v_m, self.flow.v_u)
+        return np.asarray(speed / self.stage.gas.sound_speed(self.flow.temperature))
+
+    @property
+    def swirl(self) -> Cells:
+        """`r V_u` in m2/s."""
+        return np.asarray(self.passage.centre_radius * self.flow.v_u)
+
+    @property
+    def chord(self) -> Cells:
+        """Place of the cells of the vanes on the chord in m, from the pivot."""
+        inside, m = self.row == VANES, np.asarray(self.passage.m)
+        first, last = m[:-1][inside][0], m[1:][inside][-1]
+        share = (np.asarray(self.passage.centres)[inside] - first) / (last - first)
+        return share * float(self.stage.nozzle.chord) - float(self.stage.nozzle.lead)
+
+    @property
+    def load(self) -> Cells:
+        """Pressure difference over the vanes at those places in Pa, positive pushing inward."""
+        inside, nozzle = self.row == VANES, self.stage.nozzle
+        steep = np.asarray(self.flow.v_u / self.flow.v_m)[inside]
+        normal = np.asarray(self.flow.blade_force)[inside] * np.sqrt(1 + steep**2) / nozzle.vanes
+        return normal * np.sum(inside) / float(nozzle.chord * nozzle.height)
+
+
+def along_passage(stage: Stage) -> list[Along]:
+    """The flow at each of the crank angles.
+
+    **Raises:** `SimulationError` when a steady state is not found.
+    """
+    found = []
+    for angle in CRANK_ANGLES:
+        passage, flow = solve_point(stage, jnp.asarray(PRESSURE), jnp.asarray(angle))
+        if not bool(flow.converged):
+            raise SimulationError(
+                f"no steady flow through the nozzle was found at {PRESSURE / 1e5:g} bar absolute and a crank angle of "
+                f"{angle:g} deg; check the nozzle's geometry"
+            )
+        found.append(Along(stage, angle, passage, flow))
+    return found
+
+
+def to_csv(passages: list[Along]) -> str:
+    """One line a cell."""
+    text = io.StringIO(newline="")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(HEADS)
+    for each in passages:
+        flow = each.flow
+        columns = (flow.m, each.passage.centre_radius, each.row, each.mach_number, flow.v_m, flow.v_u, each.swirl)
+        for line in zip(*map(np.asarray, (*columns, flow.pressure, flow.temperature)), strict=True):
+            writer.writerow([f"{value:.9g}" for value in (each.crank_angle, *line)])
+    return text.getvalue()

@@ -1,0 +1,139 @@
+"""The report of a nozzle: one HTML file that carries all it shows."""
+
+import hashlib
+from typing import Any
+
+import numpy as np
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+import vgtjax
+from vgtjax.turbine import VANES, WHEEL
+
+from ..output.figures import PALETTE, curve, styled
+from ..output.page import render_page
+from .nozzle_map import QUANTITIES, NozzleMap
+from .passages import PRESSURE, Along
+from .pulse import Pulse
+
+TITLES = {
+    "mass_flow": ("mass flow, g/s", 1e3),
+    "power": ("shaft power, kW", 1e-3),
+    "vane_moment": ("moment on a vane, N mm", 1e3),
+    "rod_force": ("force at the rod, N", 1.0),
+}
+
+
+def render(found: NozzleMap, along: list[Along], pulse: Pulse, summary: dict[str, Any], text: str) -> str:
+    """The report as HTML."""
+    return render_page(
+        "flow.html.jinja",
+        title="Flow through the nozzle",
+        summary=summary,
+        text=text,
+        fingerprint=hashlib.sha256(text.encode()).hexdigest(),
+        quantities={name: (QUANTITIES[name], row) for name, row in summary["quantities"].items()},
+        parameters=_parameters(found),
+        pressure=PRESSURE,
+        sections=[
+            ("The map", map_figure(found)),
+            ("The flow along the passage", along_figure(along)),
+            ("A vane and its load", vane_figure(along)),
+            ("Pulsation", pulse_figure(pulse)),
+        ],
+    )
+
+
+def map_figure(found: NozzleMap) -> go.Figure:
+    """Contours of what the map says over pressure ratio and crank angle."""
+    figure = make_subplots(2, 2, subplot_titles=[title for title, _ in TITLES.values()], vertical_spacing=0.13)
+    for number, (name, (_, scale)) in enumerate(TITLES.items()):
+        row, column = divmod(number, 2)
+        contours = go.Contour(
+            x=found.pressure_ratio,
+            y=found.crank_angle,
+            z=(found.values[name] * scale).T,
+            colorscale="Oranges",
+            contours={"showlabels": True, "labelfont": {"size": 10}},
+            ncontours=14,
+            line={"width": 0.7},
+            showscale=False,
+        )
+        figure.add_trace(contours, row=row + 1, col=column + 1)
+    figure.update_xaxes(title_text="pressure ratio")
+    figure.update_yaxes(title_text="crank angle, deg")
+    return styled(figure, 760, hovermode="closest")
+
+
+def along_figure(along: list[Along]) -> go.Figure:
+    """Mach number, pressure and swirl along the passage, the rows of blades shaded."""
+    figure = make_subplots(3, 1, shared_xaxes=True, vertical_spacing=0.05)
+    for each, color in zip(along, PALETTE, strict=False):
+        m, name = np.asarray(each.flow.m) * 1e3, f"crank at {each.crank_angle:g} deg"
+        for row, values in enumerate((each.mach_number, np.asarray(each.flow.pressure) / 1e5, each.swirl), 1):
+            figure.add_trace(curve(m, values, name, color, width=1.7, showlegend=row == 1), row=row, col=1)
+    shown = along[1]
+    for number, label in ((VANES, "vanes"), (WHEEL, "wheel")):
+        m = np.asarray(shown.passage.m)[:-1][shown.row == number] * 1e3
+        figure.add_vrect(
+            m[0], m[-1], fillcolor="#94a3b8", opacity=0.15, line_width=0, annotation_text=label, row="all", col=1
+        )
+    for row, title in enumerate(("Mach number", "pressure, bar abs", "swirl r V<sub>u</sub>, m²/s"), 1):
+        figure.update_yaxes(title_text=title, row=row, col=1)
+    figure.update_xaxes(title_text=f"m, mm (shaded: rows at {shown.crank_angle:g} deg)", row=3, col=1)
+    return styled(figure, 720)
+
+
+def vane_figure(along: list[Along]) -> go.Figure:
+    """Where the vanes stand, and the pressure difference over one of them along its chord."""
+    figure = make_subplots(1, 2, subplot_titles=("vanes, mm", "pressure difference over a vane, mbar"))
+    for each, color in zip(along, PALETTE, strict=False):
+        name = f"crank at {each.crank_angle:g} deg"
+        for x, y in _vanes(each):
+            figure.add_trace(curve(x, y, name, color, width=2.5, showlegend=False), row=1, col=1)
+        load = curve(each.chord * 1e3, each.load / 100, name, color, width=1.7)
+        figure.add_trace(load, row=1, col=2)
+    nozzle = along[0].stage.nozzle
+    pivots = float(nozzle.pivot_radius) * 1e3 * np.exp(1j * nozzle.pitch * np.arange(-1, 2))
+    dots = go.Scatter(x=pivots.imag, y=pivots.real, mode="markers", marker={"color": "#334155"}, showlegend=False)
+    figure.add_trace(dots, row=1, col=1)
+    figure.add_vline(0.0, line_dash="dot", line_color="#334155", row=1, col=2)
+    figure.update_yaxes(scaleanchor="x", row=1, col=1)
+    figure.update_xaxes(title_text="mm", row=1, col=1)
+    figure.update_xaxes(title_text="place on the chord from the pivot, mm (volute on the left)", row=1, col=2)
+    return styled(figure, 460, hovermode="closest", margin={"t": 80}, legend={"y": 1.2})
+
+
+def _vanes(each: Along) -> list[tuple[Any, Any]]:
+    """Ends of three neighbouring vanes in mm, the axis of the turbine in the origin."""
+    nozzle = each.stage.nozzle
+    angle = float(each.stage.vane_angle(each.crank_angle))
+    # From the pivot on top: the leading edge outwards, the trailing edge inwards.
+    along = np.exp(1j * (np.pi / 2 - angle))
+    ends = float(nozzle.pivot_radius) + along * np.array([float(nozzle.lead), -float(nozzle.trail)])
+    turned = [1e3 * ends * np.exp(1j * nozzle.pitch * place) for place in (-1, 0, 1)]
+    return [(vane.imag, vane.real) for vane in turned]
+
+
+def pulse_figure(pulse: Pulse) -> go.Figure:
+    """Pressure, force and position over a cycle of the engine."""
+    figure = make_subplots(3, 1, shared_xaxes=True, vertical_spacing=0.05)
+    figure.add_trace(curve(pulse.crank, pulse.pressure / 1e5, "pressure", PALETTE[1], showlegend=False), row=1, col=1)
+    figure.add_trace(curve(pulse.crank, pulse.force, "force", PALETTE[0], showlegend=False), row=2, col=1)
+    for (name, position), color in zip(pulse.position.items(), PALETTE, strict=False):
+        moved = (position - np.mean(position)) * 1e6
+        figure.add_trace(curve(pulse.crank, moved, name, color), row=3, col=1)
+    titles = "pressure, bar abs", "force at the rod, N", "position, um"
+    for row, title in enumerate(titles, 1):
+        figure.update_yaxes(title_text=title, row=row, col=1)
+    figure.update_xaxes(title_text="crank angle of the engine, deg", tickvals=np.arange(0, 721, 90), row=3, col=1)
+    return styled(figure, 640)
+
+
+def _parameters(found: NozzleMap) -> list[tuple[str, float, Any, Any]]:
+    """Names, values, units and sources of what was assumed."""
+    table = vgtjax.parameter_table(found.stage.nozzle)
+    return [
+        (name, float(vgtjax.get_parameter(found.stage.nozzle, name)), entry.unit, entry.source)
+        for name, entry in table.items()
+    ]

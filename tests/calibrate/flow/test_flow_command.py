@@ -1,0 +1,107 @@
+"""The command `flow` as a user runs it."""
+
+import csv
+import pathlib
+from unittest import mock
+
+import numpy as np
+import pytest
+from commands import Outcome, read, run_command
+
+from calibrate.flow import command, nozzle_map
+from vgtjax.parts import Stage
+from vgtjax.turbine import Gas, Nozzle
+
+FEW = {"PRESSURES": 3, "ANGLES": 3}
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory) -> tuple[Outcome, pathlib.Path]:
+    """The default geometry on few points."""
+    out = tmp_path_factory.mktemp("flow") / "out"
+    with mock.patch.multiple(nozzle_map, **FEW):
+        return run_command("flow", "--out", out), out
+
+
+def test_it_writes_the_map(ran):
+    outcome, out = ran
+    assert (outcome.status, outcome.err) == (0, "")
+    rows = list(csv.DictReader((out / "map.csv").read_text().splitlines()))
+    assert len(rows) == 9
+    column = {name: np.array([float(row[name]) for row in rows]).reshape(3, 3) for name in rows[0]}
+    # More passes at a higher pressure, and through wider vanes.
+    assert np.all(np.diff(column["mass_flow [kg/s]"], axis=0) > 0)
+    assert np.all(np.diff(column["mass_flow [kg/s]"], axis=1) > 0)
+    np.testing.assert_allclose(column["vane_angle [deg]"][0, [0, -1]], [4.0, 4.0 + 33 * 48 / 31.6])
+    # Virtual work: eleven vanes that turn by the ratio of rod and crank.
+    turned = np.radians(48 / 31.6 * 3120.0)
+    np.testing.assert_allclose(column["rod_force [N]"], 11 * turned * column["vane_moment [N m]"], rtol=1e-6)
+
+
+def test_its_summary_and_its_report_say_that_nothing_was_measured(ran):
+    outcome, out = ran
+    said = read(out / "summary.json")
+    assert said["points"] == 9
+    most = said["quantities"]["mass_flow"]["most"]
+    assert (most["total_pressure"], most["crank_angle"]) == (4.5e5, 37.0)
+    page = (out / "report.html").read_text()
+    for text in (outcome.out, said["notes"][0], page):
+        assert "no measured vane force validates this" in text
+    assert page.count("plotly-graph-div") == 4
+    assert "<code>lead</code>" in page
+
+
+def test_the_flow_along_the_passage_falls_to_the_outlet(ran):
+    rows = list(csv.DictReader((ran[1] / "passage.csv").read_text().splitlines()))
+    assert len(rows) == 3 * 224
+    ends = [float(row["pressure [Pa abs]"]) for row in rows[223::224]]
+    # The last cell lies half a cell before the outlet.
+    np.testing.assert_allclose(ends, 1.05e5, rtol=1e-2)
+
+
+def test_friction_holds_most_of_a_pulsation_off_the_rod(ran):
+    pulse = read(ran[1] / "summary.json")["pulsation"]
+    assert pulse["force_range"] > 1.0
+    assert 5e-6 < pulse["position_range_with_friction"] < 0.6 * pulse["position_range_without_dry_friction"]
+
+
+def test_it_is_not_done_twice(ran):
+    assert run_command("flow", "--out", ran[1]).out.startswith("nothing to do")
+
+
+def test_a_study_without_a_turbine_is_refused(tmp_path):
+    (tmp_path / "study.toml").write_text('[components]\nvane_force = "map"\n')
+    outcome = run_command("flow", tmp_path / "study.toml", "--out", tmp_path / "out")
+    assert outcome.status == 2
+    assert "flow needs vane_force = 'turbine', but it is 'map'" in outcome.err
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("make", "sentence"),
+    [
+        (lambda: Stage(nozzle=Nozzle(thickness=6e-3)), "error: vanes at 4 deg have no throat"),
+        (lambda: Stage(nozzle=Nozzle(height=-1e-3)), "height"),
+        (lambda: Stage(gas=Gas(constant=0.0)), "gas.constant must be a positive specific gas constant"),
+    ],
+)
+def test_a_geometry_that_does_not_work_writes_nothing(make, sentence, tmp_path):
+    with mock.patch.object(command, "Stage", make):
+        outcome = run_command("flow", "--out", tmp_path / "out")
+    assert outcome.status == 2
+    assert sentence in outcome.err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_steady_state_that_is_not_found_is_named(tmp_path):
+    found = np.ones((3, 3), bool)
+    found[1, 2] = False
+    with (
+        mock.patch.multiple(nozzle_map, **FEW),
+        mock.patch.object(nozzle_map, "_solve", return_value=((), found)),
+    ):
+        outcome = run_command("flow", "--out", tmp_path / "out")
+    assert outcome.status == 1
+    assert (
+        "no steady flow through the nozzle was found at 4.5 bar absolute and a crank angle of 20.5 deg" in outcome.err
+    )

@@ -1,0 +1,222 @@
+"""Flow that changes in time: shock tube, smooth wave, conservation, the way to a steady state, derivatives."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import vgtjax
+from vgtjax.turbine import Explicit, Gas, Implicit, Nozzle, march, steady
+
+from .ducts import duct, plenum
+
+AIR = Gas(gamma=1.4)
+TUBE = duct(length=1.0, cells=200)
+LEFT = np.asarray(TUBE.centres) < 0.5
+STILL = np.zeros(200)
+SOD = (np.where(LEFT, 1.0, 0.125), STILL, STILL, np.where(LEFT, 1e5, 1e4))
+run = eqx.filter_jit(march)
+solve = eqx.filter_jit(steady)
+
+
+def sod(position, time, gamma=1.4):
+    """Exact solution of Sod's problem: density and pressure at positions from the diaphragm in m."""
+    (rho_l, p_l), (rho_r, p_r) = (1.0, 1e5), (0.125, 1e4)
+    a_l = np.sqrt(gamma * p_l / rho_l)
+
+    def speeds(p):
+        behind = (p - p_r) * np.sqrt(2 / ((gamma + 1) * rho_r) / (p + (gamma - 1) / (gamma + 1) * p_r))
+        return behind, 2 * a_l / (gamma - 1) * (1 - (p / p_l) ** ((gamma - 1) / (2 * gamma)))
+
+    star = brentq(lambda p: np.subtract(*speeds(p)), 1.01 * p_r, p_l)
+    velocity = speeds(star)[0]
+    squeezed = rho_r * (star / p_r + (gamma - 1) / (gamma + 1)) / ((gamma - 1) / (gamma + 1) * star / p_r + 1)
+    shock = velocity * squeezed / (squeezed - rho_r)
+    expanded = rho_l * (star / p_l) ** (1 / gamma)
+    tail = velocity - np.sqrt(gamma * star / expanded)
+    along = position / time
+    sound = 2 / (gamma + 1) * a_l - (gamma - 1) / (gamma + 1) * along
+    regions = [along < -a_l, along < tail, along < velocity, along < shock]
+    density = np.select(regions, [rho_l, rho_l * (sound / a_l) ** (2 / (gamma - 1)), expanded, squeezed], rho_r)
+    pressure = np.select(regions, [p_l, p_l * (sound / a_l) ** (2 * gamma / (gamma - 1)), star, star], p_r)
+    return density, pressure
+
+
+@pytest.fixture(scope="module")
+def tube():
+    return run(TUBE, None, None, SOD, np.array([0.0, 6e-4]), AIR)
+
+
+def test_shock_tube(tube):
+    """Sod's problem: errors of 0.003 and 0.0024, most of it at the contact and the shock, which no scheme resolves."""
+    assert bool(jnp.all(tube.converged))
+    density, pressure = sod(np.asarray(TUBE.centres) - 0.5, 6e-4)
+    assert np.mean(np.abs(tube.density[-1] - density)) < 0.004
+    assert np.mean(np.abs(tube.pressure[-1] - pressure)) / 1e5 < 0.003
+    # Nothing falls below what was there, but by what the smoothed limiter leaves: 8e-6.
+    assert float(jnp.min(tube.density)) >= 0.125 * (1 - 1e-4)
+
+
+def test_a_tube_keeps_mass_and_energy(tube):
+    """Nothing has reached its ends; to rounding times the steps."""
+    energy = tube.pressure / 0.4 + 0.5 * tube.density * tube.v_m**2
+    for stored in (tube.density, energy):
+        contents = np.asarray(stored @ TUBE.volume)
+        np.testing.assert_allclose(contents[1], contents[0], rtol=1e-12)
+
+
+def simple_wave(position, time):
+    """Gas in a wave that runs one way: velocity and pressure by Riemann's invariants and characteristics."""
+    a_0 = float(AIR.sound_speed(300.0))
+
+    def began(x):
+        return 10.0 * np.exp(-(((x - 0.4) / 0.12) ** 2))
+
+    origin = np.array(
+        [brentq(lambda o, x=x: o + (a_0 + 1.2 * began(o)) * time - x, -2.0, 2.0, xtol=1e-14) for x in position]
+    )
+    velocity = began(origin)
+    return velocity, 1e5 * (1 + 0.2 * velocity / a_0) ** 7
+
+
+def wave_in_a_pipe(cells):
+    """A pipe of 1 m, and the wave's state in it at first."""
+    pipe = duct(length=1.0, cells=cells)
+    velocity, pressure = simple_wave(np.asarray(pipe.centres), 0.0)
+    density = 1e5 / (287 * 300) * (pressure / 1e5) ** (1 / 1.4)
+    return pipe, (density, velocity, 0 * velocity, pressure)
+
+
+def test_a_smooth_wave_is_met_at_second_order():
+    errors = []
+    for cells in (100, 200):
+        pipe, state = wave_in_a_pipe(cells)
+        flow = run(pipe, None, None, state, np.array([0.0, 1e-3]), AIR)
+        assert bool(jnp.all(flow.converged))
+        errors.append(np.mean(np.abs(flow.pressure[-1] - simple_wave(np.asarray(pipe.centres), 1e-3)[1])))
+    assert np.log2(errors[0] / errors[1]) > 1.8
+
+
+@pytest.fixture(scope="module")
+def implicit_waves():
+    """The same wave by implicit steps, 16, 32 and 128 of them, compiled once."""
+    pipe, state = wave_in_a_pipe(50)
+    flows = {}
+    for steps in (16, 32, 128):
+        now, flows[steps] = state, []
+        for _ in range(steps):
+            flow = run(pipe, None, None, now, np.array([0.0, 4e-4 / steps]), AIR, stepper=Implicit())
+            assert bool(flow.converged[-1])
+            now = flow.density[-1], flow.v_m[-1], flow.v_u[-1], flow.pressure[-1]
+            flows[steps].append(now)
+    return pipe, state, flows
+
+
+def test_implicit_steps_are_of_second_order(implicit_waves):
+    """Against steps a quarter as long, which leaves (1 - 1/64) / (1 - 1/16) of the ratio of 4."""
+    *_, flows = implicit_waves
+    errors = [np.mean(np.abs(flows[steps][-1][3] - flows[128][-1][3])) for steps in (16, 32)]
+    assert np.log2(errors[0] / errors[1]) > 1.8
+
+
+def test_implicit_steps_lose_nothing(implicit_waves):
+    """Of a bump with swirl that spreads within a pipe and does not come to its ends."""
+    pipe, *_ = implicit_waves
+    bump = np.exp(-(((np.asarray(pipe.centres) - 0.5) / 0.04) ** 2))
+    now = (1.0 + 0.3 * bump, 0 * bump, 50.0 * bump, 1e5 * (1 + 0.3 * bump))
+    contents = [_stored(pipe, *now)]
+    for _ in range(8):
+        flow = run(pipe, None, None, now, np.array([0.0, 2.5e-5]), AIR, stepper=Implicit())
+        now = flow.density[-1], flow.v_m[-1], flow.v_u[-1], flow.pressure[-1]
+        contents.append(_stored(pipe, *now))
+    # An implicit step moves gas everywhere at once, but 20 cells away by less than rounding.
+    np.testing.assert_allclose(contents, np.tile(contents[0], (9, 1)), rtol=1e-10)
+
+
+def _stored(pipe, density, v_m, v_u, pressure):
+    energy = pressure / 0.4 + 0.5 * density * (v_m**2 + v_u**2)
+    return [float(each @ pipe.volume) for each in (density, density * v_u, energy)]
+
+
+def test_a_transient_ends_in_the_steady_state():
+    """From gas at rest, through a sudden opening of the plenum."""
+    passage, outlet = duct(area=(2e-3, 1e-3), friction=0.5), 1.4e5
+    ones = np.ones(passage.cells)
+    rest = (outlet / (287.0 * 900.0) * ones, 0 * ones, 0 * ones, outlet * ones)
+    times = np.concatenate([[0.0], np.geomspace(2e-3, 2.0, 30)])
+    flow = run(passage, plenum(), outlet, rest, times, Gas())
+    final = solve(passage, plenum(), outlet, Gas())
+    assert bool(jnp.all(flow.converged))
+    # The last steps are longer than all that waves need to die out; both are solved to rounding.
+    np.testing.assert_allclose(flow.pressure[-1], final.pressure, rtol=1e-9)
+    np.testing.assert_allclose(flow.mass_flow[-1], final.mass_flow, rtol=1e-9)
+
+
+def test_the_force_of_a_pulsation_is_quasi_steady():
+    """Over one pulsation of 33 Hz through vanes at 30 deg; 48 deg of vanes over 10.13 mm of the rod."""
+    nozzle, gas = Nozzle(), Gas()
+    passage = nozzle.passage(np.radians(30.0), 9000.0, 112)
+    times = np.linspace(0, 1 / 33, 151)
+    pressure = 2e5 + 0.5e5 * np.sin(2 * np.pi * 33 * times)
+    begin = solve(passage, nozzle.inlet(2e5, 900.0), 1.05e5, gas)
+    state = (begin.density, begin.v_m, begin.v_u, begin.pressure)
+    flow = run(passage, nozzle.inlet(pressure, 900.0), 1.05e5, state, times, gas)
+    assert bool(jnp.all(flow.converged))
+    to_rod = nozzle.vanes * np.radians(48.0) / 10.13e-3
+    for moment in range(10, 151, 10):
+        calm = solve(passage, nozzle.inlet(pressure[moment], 900.0), 1.05e5, gas)
+        unsteady = jax.tree.map(lambda leaf, moment=moment: leaf[moment], flow)
+        forces = [to_rod * float(nozzle.vane_moment(passage, each)[0]) for each in (unsteady, calm)]
+        assert forces[0] == pytest.approx(forces[1], abs=0.15)
+        # Unsteady all the same: where pressure changes fastest they differ by 0.1 N.
+        if moment in (70, 80):
+            assert abs(forces[0] - forces[1]) > 0.03
+
+
+def last(values, stepper):
+    """Flow and a pressure at the end of a short march, over friction, the plenum and the state at the start."""
+    passage = duct(cells=8, friction=values[0], area=(1.2e-3, 1e-3))
+    pressure = values[1] * jnp.linspace(1.6e5, 2e5, 3)
+    ones = jnp.ones(8)
+    state = (values[2] * 0.5 * ones, 20 * ones, 5 * ones, 1.5e5 * ones)
+    flow = march(passage, plenum(pressure), 1.5e5, state, np.linspace(0, 6e-4, 3), Gas(), stepper=stepper)
+    return jnp.stack([flow.mass_flow[-1], flow.pressure[-1, 5] / 1e5])
+
+
+AT = jnp.array([0.8, 1.0, 1.0])
+
+
+@pytest.mark.parametrize("stepper", [Explicit(most_steps=16), Implicit()], ids=["explicit", "implicit"])
+def test_derivatives(stepper):
+    """Against fourth-order differences."""
+    along = jax.jit(lambda values, direction: jax.jvp(lambda each: last(each, stepper), (values,), (direction,)))
+    for direction in jnp.eye(3):
+        exact = along(AT, direction)[1]
+        one, two = (along(AT + h * direction, direction)[0] - along(AT - h * direction, direction)[0] for h in STEPS)
+        # Steps are solved to 1e-12, which these differences make 1e-8.
+        np.testing.assert_allclose(exact, (8 * one - two) / (12 * STEPS[0]), rtol=1e-6, atol=1e-8)
+
+
+STEPS = 1e-4, 2e-4
+
+
+def test_both_modes_agree():
+    def flow(values):
+        return last(values, Implicit())[0]
+
+    forward, reverse = jax.jit(lambda values: (jax.jacfwd(flow)(values), jax.grad(flow)(values)))(AT)
+    np.testing.assert_allclose(reverse, forward, rtol=1e-9)  # rounding
+
+
+def test_bad_times_and_states():
+    with pytest.raises(vgtjax.InputError, match="times must be two or more that increase, in s"):
+        march(TUBE, None, None, SOD, np.array([0.0, 0.0]), AIR)
+    with pytest.raises(vgtjax.InputError, match=r"each of 200 cells, but the shape of its v_u is \(3,\)"):
+        march(TUBE, None, None, (SOD[0], STILL, STILL[:3], SOD[3]), np.array([0.0, 1e-4]), AIR)
+
+
+def test_an_explicit_march_that_runs_out_of_steps_says_so():
+    flow = march(TUBE, None, None, SOD, np.array([0.0, 6e-4]), AIR, stepper=Explicit(most_steps=16))
+    assert np.asarray(flow.converged).tolist() == [True, False]

@@ -1,0 +1,124 @@
+"""The default turbine over its whole range: open, closed, locked and at twice its speed, choked; its derivatives."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from vgtjax.turbine import Gas, Nozzle, steady
+
+GAS, OUTLET, CELLS = Gas(), 1.05e5, 112
+NOZZLE = Nozzle()
+
+
+def design_speed(total_pressure):
+    """0.6 of the spouting velocity, in rad/s."""
+    falling = 2 * GAS.heat_capacity * 900.0 * (1 - (OUTLET / total_pressure) ** (0.34 / 1.34))
+    return 0.6 * np.sqrt(falling) / 19e-3
+
+
+def at(vane_angle, total_pressure, speed, outlet_pressure=OUTLET):
+    """Of a point: flow, and the passage."""
+    passage = NOZZLE.passage(vane_angle, speed, CELLS, GAS)
+    return passage, steady(passage, NOZZLE.inlet(total_pressure, 900.0), outlet_pressure, GAS)
+
+
+@pytest.fixture(scope="module")
+def sweep():
+    """Vanes of 4 to 54 deg (a crank of 4 to 37), no pressure difference to 4.5 bar, standing still and at the design
+    speed; at twice that up to 2 bar, as beyond 3 bar no steady state is found there."""
+    points = [
+        (np.radians(angle), pressure, factor * design_speed(pressure))
+        for angle in (4.0, 20.0, 54.0)
+        for pressure in (OUTLET, 1.06e5, 2e5, 4.5e5)
+        for factor in (0.0, 1.0, 2.0)
+        if factor < 2.0 or pressure <= 2e5
+    ]
+    angle, pressure, speed = map(jnp.asarray, np.transpose(points))
+    solved = jax.jit(lambda *points: jax.lax.map(lambda point: at(*point), points))
+    return (angle, pressure, speed), *solved(angle, pressure, speed)
+
+
+def test_every_point_is_found(sweep):
+    points, _, flow = sweep
+    missed = np.transpose(points)[~np.asarray(flow.converged)]
+    assert missed.tolist() == []
+    assert all(bool(jnp.all(jnp.isfinite(leaf))) for leaf in jax.tree.leaves(flow))
+
+
+def test_eulers_turbine_equation_holds_everywhere(sweep):
+    (_, _, speed), passage, flow = sweep
+    row = np.asarray(passage.row[0])
+    first, last = np.flatnonzero(row == 2)[[0, -1]]
+    swirl = np.asarray(flow.v_u * 0.5 * (passage.radius[:, 1:] + passage.radius[:, :-1]))
+    work = flow.mass_flow * speed * (swirl[:, first - 2] - swirl[:, last + 2])
+    # Where gas stands still, so does the balance's rounding: watts of 1e4.
+    flowing = np.asarray(jnp.abs(flow.mass_flow) > 1e-3)
+    np.testing.assert_allclose(flow.power[flowing], work[flowing], rtol=1e-8, atol=1e-6)
+    assert np.all(flow.power[np.asarray(speed) == 0.0] == 0.0)  # a locked wheel gives nothing away
+
+
+def test_without_a_pressure_difference_gas_rests(sweep):
+    (_, pressure, _), _, flow = sweep
+    at_rest = np.asarray(pressure == OUTLET)
+    assert np.sum(at_rest) == 9
+    assert np.max(np.abs(flow.mass_flow[at_rest])) < 1e-5
+
+
+def entropy_steps(cells):
+    passage = NOZZLE.passage(np.radians(30.0), 12000.0, cells, GAS)
+    flow = jax.jit(steady)(passage, NOZZLE.inlet(2e5, 900.0), OUTLET, GAS)
+    entropy = (np.log(np.asarray(flow.pressure)) - 1.34 * np.log(np.asarray(flow.density))) / 0.34
+    return np.diff(entropy)
+
+
+def test_entropy_falls_nowhere_but_by_the_truncation_error():
+    """Over the specific gas constant; the least step is at the edges of rows, and goes to zero with the cells."""
+    coarse, fine = entropy_steps(112), entropy_steps(224)
+    assert np.sum(coarse) > 0
+    assert np.min(coarse) > -2e-3
+    assert min(np.min(fine), 0.0) > 0.6 * min(np.min(coarse), -1e-9)
+
+
+VALUES, SHAPE = jax.tree.flatten((NOZZLE, GAS))
+NAMES = [jax.tree_util.keystr(path) for path, _ in jax.tree_util.tree_leaves_with_path((NOZZLE, GAS))]
+STATE = ("total_temperature", "vane_angle", "total_pressure", "speed", "outlet_pressure")
+
+
+@jax.jit
+def answers(factors, state):
+    """Moment on a vane, mass flow and power, with every parameter and the state times a factor."""
+    nozzle, gas = jax.tree.unflatten(SHAPE, [value * f for value, f in zip(VALUES, factors, strict=False)])
+    temperature, angle, pressure, speed, outlet = state * factors[len(VALUES) :]
+    passage = nozzle.passage(angle, speed, CELLS, gas)
+    inlet = nozzle.inlet(pressure, temperature)
+    flow = steady(passage, inlet, outlet, gas)
+    return jnp.stack([nozzle.vane_moment(passage, flow)[0] * 1e2, flow.mass_flow * 10, flow.power / 1e4])
+
+
+slopes = jax.jit(jax.jacfwd(answers))
+
+
+@pytest.mark.parametrize(
+    ("vane_angle", "pressure"), [(5.0, 2e5), (48.0, 2e5), (5.0, 4e5)], ids=["closed", "open", "choked"]
+)
+def test_derivatives_with_respect_to_every_parameter(vane_angle, pressure):
+    state = jnp.array([900.0, np.radians(vane_angle), pressure, design_speed(pressure), OUTLET])
+    ones = jnp.ones(len(VALUES) + len(STATE))
+    exact, step = slopes(ones, state), 1e-4
+    for number, name in enumerate([*NAMES, *STATE]):
+
+        def moved(times, number=number):
+            return answers(ones.at[number].add(times * step), state)
+
+        slope = (8 * (moved(1) - moved(-1)) - (moved(2) - moved(-2))) / (12 * step)
+        # Steady states are found to 1e-12, which this step makes 1e-8; beside the largest derivative of all.
+        allowed = 1e-6 * np.abs(exact[:, number]) + 1e-8 * float(jnp.max(jnp.abs(exact)))
+        assert np.all(np.abs(exact[:, number] - slope) <= allowed), name
+
+
+def test_both_modes_agree():
+    state = jnp.array([900.0, np.radians(30.0), 2e5, design_speed(2e5), OUTLET])
+    ones = jnp.ones(len(VALUES) + len(STATE))
+    reverse = jax.jit(jax.grad(lambda factors: answers(factors, state)[1]))(ones)
+    np.testing.assert_allclose(reverse, slopes(ones, state)[1], rtol=1e-9, atol=1e-12)  # rounding
