@@ -34,6 +34,8 @@ from ._friction_observer import (
     slide as slide,
 )
 from ._knocker import Knocker as Knocker
+from ._load_backstepping import LoadBackstepping as LoadBackstepping
+from ._load_observer import LoadEstimate as LoadEstimate, LoadObserver as LoadObserver
 from ._loop import (
     ClosedLoop as ClosedLoop,
     chatter as chatter,
