@@ -45,6 +45,7 @@ from ._loop import (
     tracking_peak as tracking_peak,
     tracking_rms as tracking_rms,
 )
+from ._observability import estimates as estimates, observability as observability
 from ._pid import PI as PI, PID as PID
 from ._pressure_observer import ObservedState as ObservedState, PressureObserver as PressureObserver
 from ._reference import (

@@ -130,6 +130,15 @@ class LoadBackstepping(AbstractController):
         braking = self._damping * wanted.acceleration + body.mass * wanted.jerk
         return -(body.stiffness * wanted.velocity + elastic + braking) / body.area
 
+    def lyapunov(self, estimate: LoadEstimate, reference: Reference, ambient: Scalar) -> Scalar:
+        """`V_C` in m2/s4: the energy of the mass, spring and damper that the velocity's error is, over its mass."""
+        body, wanted = self.observer.model.diaphragm, self.wanted(estimate, reference, ambient)
+        surface = estimate.velocity - wanted.velocity
+        braking = self._damping / body.mass + self.velocity_gain
+        surface_rate = -braking * surface - body.area / body.mass * (estimate.pressure - wanted.pressure)
+        stiffness = body.stiffness / body.mass + self.pressure_gain * braking
+        return 0.5 * (surface_rate**2 + stiffness * surface**2)
+
     @property
     def _damping(self) -> Scalar:
         """`b` in N s/m: of the rod that slides."""

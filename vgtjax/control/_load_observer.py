@@ -20,7 +20,7 @@ Covariance = Float[Array, "5 5"]
 AT_REST = (1e-4, 1.0)
 """m/s and Pa; deviation of velocity and pressure of a rod at rest on its stop, with the chamber at atmosphere."""
 HELD = np.array([True, True, False, True, False])
-"""Of the state: what a rod on its stop says nothing of but where it rests."""
+"""Of the mean: what a stop that takes up all force holds, or hides."""
 
 
 class LoadEstimate(eqx.Module):
@@ -64,7 +64,7 @@ class LoadEstimate(eqx.Module):
 
 
 class LoadObserver(AbstractDesign):
-    """Least squares over the [`DesignModel`][] with an unknown force and an unknown friction level, which are forgotten.
+    """Least squares over the [`DesignModel`][] with an unknown force and an unknown friction level, both forgotten.
 
     The pressure is what the flow map makes of the duty, through a plunger that lags; the position corrects it where
     the pressure moves fast. What is unknown is a process that keeps to its deviation and is forgotten within its
@@ -78,9 +78,9 @@ class LoadObserver(AbstractDesign):
     position_noise: Scalar = parameter(8e-6, symbol="s_x", unit="m", source="assumed", held=True)
     velocity_drift: Scalar = parameter(5e-3, symbol="q_v", unit="m/s^1.5", source="assumed", lower=0.0)
     pressure_drift: Scalar = parameter(50.0, symbol="q_p", unit="Pa/s^0.5", source="assumed", lower=0.0)
-    flow_error: Scalar = parameter(0.1, symbol="q_f", unit="s^0.5", source="assumed", lower=0.0)
+    flow_error: Scalar = parameter(0.05, symbol="q_f", unit="s^0.5", source="assumed", lower=0.0)
     """Of a pressure rate, the part that the flow map may be wrong by for a second."""
-    load_deviation: Scalar = parameter(4.0, symbol="s_w", unit="N", source="assumed")
+    load_deviation: Scalar = parameter(10.0, symbol="s_w", unit="N", source="assumed")
     load_memory: Scalar = parameter(10.0, symbol="T_w", unit="s", source="assumed", held=True)
     level_deviation: Scalar = parameter(0.5, symbol="s_a", unit="1", source="assumed")
     level_memory: Scalar = parameter(300.0, symbol="T_a", unit="s", source="assumed", held=True)
@@ -90,7 +90,7 @@ class LoadObserver(AbstractDesign):
     stop_width: Scalar = parameter(3e-5, symbol="x_c", unit="m", source="assumed", held=True)
     """From the open stop to twice of this, the rod gradually counts as free."""
     stop_time: Scalar = parameter(0.01, symbol="T_c", unit="s", source="assumed", held=True)
-    """Of the filter of the position on the stop; the load is forgotten there ten times slower."""
+    """Of the filter of the position on the stop."""
 
     @classmethod
     def for_plant(cls, plant: Actuator, model: DesignModel | None = None, **settings: Any) -> "LoadObserver":
@@ -137,11 +137,10 @@ class LoadObserver(AbstractDesign):
 
     def _predict(self, state: LoadEstimate, ambient: Scalar, period: float) -> LoadEstimate:
         """One linearly implicit step of Euler of mean and covariance."""
-        step, rates = _Step(self, state, ambient, period), self.rates(state, ambient)
-        mean = state.mean + period * step.resolve(rates)
-        transition = step.resolve(jnp.eye(5, dtype=mean.dtype))
+        rates, onward = self.rates(state, ambient), transition(self, state, ambient, period)
+        mean = state.mean + period * onward @ rates
         noise = jnp.diag(period * self._drifts(rates[2]))
-        covariance = transition @ (state.covariance + noise) @ transition.T
+        covariance = onward @ (state.covariance + noise) @ onward.T
         return eqx.tree_at(lambda s: (s.mean, s.covariance), state, (mean, covariance))
 
     def rates(self, state: LoadEstimate, ambient: Scalar) -> Mean:
@@ -164,7 +163,9 @@ class LoadObserver(AbstractDesign):
         """Force of bristles and grease in N along -x, at a velocity in m/s."""
         law = self.model.friction
         elastic = law.bristle_stiffness * (1 + state.level) * state.deflection
-        return self.model.load * (elastic + law.bristle_damping * state.deflection_rate + law.viscous_damping * velocity)
+        return self.model.load * (
+            elastic + law.bristle_damping * state.deflection_rate + law.viscous_damping * velocity
+        )
 
     def _drifts(self, pressure_rate: Scalar) -> Mean:
         """Variance that each second adds."""
@@ -204,14 +205,14 @@ class LoadObserver(AbstractDesign):
     def _resting(
         self, before: LoadEstimate, now: LoadEstimate, position: Scalar, period: float
     ) -> tuple[Mean, Covariance]:
-        """Mean and covariance of a rod on its stop, which takes up whatever force there is."""
+        """Mean and covariance of a rod on its stop, which takes up whatever force there is: what was learned of the
+        load is kept, and is no more sure of than it was."""
         follow = period / (self.stop_time + period)
-        kept = 1 / (1 + 0.1 * period / self.stop_time)
-        at_stop = before.mean.at[0].add(follow * (position - before.position)).at[1].set(0.0).at[3].multiply(kept)
-        mean = jnp.where(HELD, at_stop, now.mean)
-        prior = jnp.diag(jnp.square(self._deviations(position)))
+        at_stop = before.mean.at[0].add(follow * (position - before.position)).at[1].set(0.0)
+        prior = jnp.square(self._deviations(position)).at[3].set(now.covariance[3, 3])
         known = ~(HELD[:, None] | HELD[None, :])
-        return mean, jnp.where(known, now.covariance, jnp.where(jnp.diag(HELD), prior, 0.0))
+        covariance = jnp.where(known, now.covariance, jnp.where(np.diag(HELD), jnp.diag(prior), 0.0))
+        return jnp.where(HELD, at_stop, now.mean), covariance
 
     def _project(self, mean: Mean) -> Mean:
         """On what is physical: pressures above zero, friction that brakes, a load within bounds."""
@@ -224,35 +225,27 @@ class LoadObserver(AbstractDesign):
         return jnp.dot(error, jnp.linalg.solve(estimate.covariance, error))
 
 
-class _Step(eqx.Module):
-    """`(1 - h J)^-1` for the Jacobian `J` of the rates, by elimination."""
+def transition(observer: LoadObserver, state: LoadEstimate, ambient: Scalar, period: float) -> Covariance:
+    """`(1 - h J)^-1` of one linearly implicit step, `J` the Jacobian of the rates; by elimination."""
+    h, model, right = period, observer.model, jnp.eye(5, dtype=state.mean.dtype)
+    body, (position, _, pressure, _, _) = model.diaphragm, state.mean
+    swept = model.exponent * body.area * pressure / model.volume(position)
+    elastic = model.load * model.friction.bristle_stiffness * state.deflection
+    damping = body.damping + model.load * model.friction.viscous_damping
+    flows = 1 - h * _pressure_slope(model, state, ambient)
+    load = right[3] / (1 + h / observer.load_memory)
+    level = right[4] / (1 + h / observer.level_memory)
+    pull = body.stiffness * right[0] + body.area * right[2] / flows + load + elastic * level
+    inertia = 1 + h / body.mass * (damping + h * body.stiffness + h * body.area * swept / flows)
+    speed = (right[1] - h / body.mass * pull) / inertia
+    return jnp.stack([right[0] + h * speed, speed, (right[2] + h * swept * speed) / flows, load, level])
 
-    observer: LoadObserver
-    state: LoadEstimate
-    ambient: Scalar
-    period: float
 
-    def resolve(self, right: Array) -> Array:
-        """Solves for right sides of the shape `(5, ...)`."""
-        h, state, model = self.period, self.state, self.observer.model
-        body, (position, velocity, pressure, _, _) = model.diaphragm, state.mean
-        swept = model.exponent * body.area * pressure / model.volume(position)
-        elastic = model.load * model.friction.bristle_stiffness * state.deflection
-        damping = body.damping + model.load * model.friction.viscous_damping
-        flows = 1 - h * self._slope()
-        load = right[3] / (1 + h / self.observer.load_memory)
-        level = right[4] / (1 + h / self.observer.level_memory)
-        pull = body.stiffness * right[0] + body.area * right[2] / flows + load + elastic * level
-        inertia = 1 + h / body.mass * (damping + h * body.stiffness + h * body.area * swept / flows)
-        speed = (right[1] - h / body.mass * pull) / inertia
-        return jnp.stack([right[0] + h * speed, speed, (right[2] + h * swept * speed) / flows, load, level])
+def _pressure_slope(model: DesignModel, state: LoadEstimate, ambient: Scalar) -> Scalar:
+    """Of the pressure's rate over the pressure in 1/s, from a little below to a little above it."""
+    position, velocity, pressure, _, _ = state.mean
 
-    def _slope(self) -> Scalar:
-        """Of the pressure's rate over the pressure in 1/s, from a little below to a little above it."""
-        model, state = self.observer.model, self.state
-        position, velocity, pressure, _, _ = state.mean
+    def rate(at: Scalar) -> Scalar:
+        return model.pressure_rate(model.flow_map(state.duty, at, ambient), position, velocity, at)
 
-        def rate(at: Scalar) -> Scalar:
-            return model.pressure_rate(model.flow_map(state.duty, at, self.ambient), position, velocity, at)
-
-        return (rate(pressure + SECANT) - rate(pressure - SECANT)) / (2 * SECANT)
+    return (rate(pressure + SECANT) - rate(pressure - SECANT)) / (2 * SECANT)
