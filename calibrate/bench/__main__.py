@@ -20,8 +20,9 @@ _CASES = (
     "robustness",
     "coverage",
     "memory",
+    "unknown-plants",
 )
-_LONG = ("tuning", "coverage", "memory")
+_LONG = ("tuning", "coverage", "memory", "unknown-plants")
 """Only when asked for: ten minutes and more."""
 _PACKAGES = ("jax", "diffrax", "numba", "scipy", "casadi", "cma")
 

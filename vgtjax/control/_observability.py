@@ -32,7 +32,7 @@ def observability(
     """Singular values of the observability matrix over windows of so many samples, the largest first.
 
     Columns are scaled by what is known beforehand, rows by the noise of the position: a direction whose singular value
-    is above one is told by the samples of its window, one that is far below is not. The manual's page on control has
+    is above one is told by the samples of its window, one that is below is not; of a rod on its stop none is. The manual's page on control has
     them along Signals 1 and 2.
 
     **Raises:** `InputError` for a window of less than five samples, or one that is longer than the run.
@@ -53,7 +53,7 @@ def observability(
     def onward(matrix: Array, inputs: tuple[LoadEstimate, Array]) -> tuple[Array, Array]:
         state, ambient = inputs
         matrix = transition(observer, state, ambient, period) @ matrix
-        return matrix, matrix[0]
+        return matrix, observer.free(state.position) * matrix[0]
 
     def window(inputs: tuple[LoadEstimate, Array]) -> Array:
         rows = jax.lax.scan(onward, jnp.diag(deviations), inputs)[1] / observer.position_noise

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from ..table import Section
-from . import batch, cold_start, coverage, fit, forward, jacobian, population, robustness, tuning
+from . import batch, cold_start, coverage, fit, forward, jacobian, population, robustness, tuning, unknown_plants
 
 CASES: dict[str, Callable[[], Section]] = {
     "forward": forward.measure,
@@ -16,5 +16,6 @@ CASES: dict[str, Callable[[], Section]] = {
     "robustness": robustness.measure,
     "coverage": coverage.measure,
     "memory": population.measure_memory,
+    "unknown-plants": unknown_plants.measure,
 }
 """By the name on the command line, in the order in which they run."""

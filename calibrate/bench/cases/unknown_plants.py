@@ -131,8 +131,8 @@ def measure() -> Section:
     section = Section(
         "One controller on plants that it does not know",
         "`LoadBackstepping` on the printed design model, with default gains, measures the position with 8 um of noise, "
-        f"and nothing else. {PLANTS} plants around the printed actuator, with a vane force. From rest; errors count from "
-        f"{SETTLED:g} s on, those of Signal 2 from {ANSWER:g} s after the step on.",
+        f"and nothing else. {PLANTS} plants around the printed actuator, with a vane force. From rest; errors count "
+        f"from {SETTLED:g} s on, those of Signal 2 from {ANSWER:g} s after the step on.",
         ("course", "RMS error", "worst", "peak", "overshoot", "observed pressure", "95 %", "duty's chatter"),
     )
     controller = control.LoadBackstepping.for_plant(vgtjax.Actuator())

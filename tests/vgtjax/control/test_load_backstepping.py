@@ -14,9 +14,9 @@ from vgtjax.control import DesignModel, LoadBackstepping, LoadObserver, Scenario
 from vgtjax.control._load_observer import transition
 
 AMBIENT = jnp.asarray(101_013.0)
-PERIOD = 1e-3
+PERIOD = 1e-5
 WAVE = control.Sine(amplitude=0.003, rate=2.0, offset=0.005)
-STEPS = 40
+STEPS = 1
 """Of the plant in one sample."""
 LOAD, LEVEL = 6.0, 0.3
 """N and 1; what the design model does not know."""
@@ -32,7 +32,7 @@ def controller(actuator):
 
 def somewhere(observer, position=0.004, velocity=0.003, pressure=6e4, duty=55.0):
     start = observer.initial_state(jnp.asarray(position), AMBIENT)
-    mean = jnp.array([position, velocity, pressure, LOAD, LEVEL])
+    mean = jnp.stack([*map(jnp.asarray, (position, velocity, pressure, LOAD, LEVEL))])
     drivers = (jnp.asarray(4e-5), jnp.asarray(1e-4), jnp.asarray(duty))
     return eqx.tree_at(lambda s: (s.mean, s.deflection, s.deflection_rate, s.duty), start, (mean, *drivers))
 
@@ -113,8 +113,10 @@ def along_the_design_model(controller, seconds):
         state = observer.step(estimate, onward.position, slow, AMBIENT, duty, PERIOD)
         return (onward, state, duty), (values, observer.lyapunov(estimate, error), surface, error, duty)
 
-    start = Truth(WAVE(jnp.asarray(0.0)) + 3e-4, jnp.asarray(0.006), jnp.asarray(6.2e4))
-    estimate = somewhere(observer, *map(float, jax.tree.leaves(start)))
+    # 1e-4 m beside the reference, at its velocity, and at rest but for that.
+    force = 49.46 + 12_000 * 0.0051 + 1.3 * 43_135 * 4e-5 + 206 * 0.006 + LOAD
+    start = Truth(jnp.asarray(0.0051), jnp.asarray(0.006), AMBIENT - force / 2.9224e-3)
+    estimate = somewhere(observer, *jax.tree.leaves(start))
     wrong = jnp.stack([*jax.tree.leaves(start), jnp.asarray(0.0), jnp.asarray(0.0)]).at[2].add(1.0)
     estimate = eqx.tree_at(lambda s: s.mean, estimate, wrong)
     times = jnp.arange(round(seconds / PERIOD)) * PERIOD
@@ -124,26 +126,23 @@ def along_the_design_model(controller, seconds):
 @pytest.fixture(scope="module")
 def fall(controller):
     at_once = dataclasses.replace(controller.observer, plunger_time=jnp.asarray(0.0), **FOR_EVER)
-    return along_the_design_model(dataclasses.replace(controller, observer=at_once), 1.5)
+    return along_the_design_model(dataclasses.replace(controller, observer=at_once), 0.15)
 
 
 def test_the_observers_lyapunov_function_falls_in_every_sample(fall):
     _, observed, _, error, duty = map(np.asarray, fall)
     assert np.all((duty > 0) & (duty < 100))
-    # Below a millionth of the first value the plant's steps and the observer's differ by as much.
-    counted = observed[:-1] > 1e-6 * observed[0]
-    assert np.all(np.diff(observed)[counted] < 0)
+    assert np.all(np.diff(observed) < 0)
+    # What is left are directions that the position does not tell in so short a time: 1.72 to 0.19.
     assert observed[-1] < 0.2 * observed[0]
-    # The load and the level together, which is what the position tells: what is missing of a force of 6 N and more.
-    assert abs(error[-1, 3]) < 0.5 * LOAD
+    assert abs(error[-1, 3]) < 0.1 * LOAD
 
 
 def test_together_with_the_controllers_it_falls_in_every_sample(fall):
     control_part, observed, surface, _, _ = map(np.asarray, fall)
-    total = control_part + 0.05 * observed
-    counted = total[:-1] > 1e-3 * total[0]
-    assert np.all(np.diff(total)[counted] < 0)
-    assert np.max(np.abs(surface[-200:])) < 0.05 * np.max(np.abs(surface))
+    # Any weight that is large enough for the proof.
+    assert np.all(np.diff(control_part + 10 * observed) < 0)
+    assert abs(surface[-1]) < 0.02 * abs(surface[0])
 
 
 def test_errors_of_the_velocity_are_those_of_a_mass_with_spring_and_damper(controller):
@@ -234,25 +233,27 @@ UNKNOWN = (
 """Plants at ends of what a series may be."""
 
 
+@eqx.filter_jit
+def close_loops(plants, controller, scenario, seconds):
+    def one(plant):
+        loop = control.close_loop(plant, controller, scenario, seconds, throw=False)
+        return loop.error, loop.log["pressure"] - loop.pressure, loop.position - loop.reference.position[-1]
+
+    return jax.vmap(one)(plants)
+
+
 @pytest.fixture(scope="module")
 def follow(controller, actuator):
     """Position errors, pressure errors and overshoot of all plants."""
     plants = [vgtjax.replace_parameters(actuator, values) for values in UNKNOWN]
     stacked = jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(leaf) for leaf in leaves]), *plants)
 
-    def run(scenario, seconds):
-        def one(plant):
-            loop = control.close_loop(plant, controller, scenario, seconds, throw=False)
-            return loop.error, loop.log["pressure"] - loop.pressure, loop.position - loop.reference.position[-1]
-
-        return [np.asarray(each) for each in eqx.filter_jit(jax.vmap(one))(stacked)]
-
-    return run
+    return lambda scenario, seconds: [np.asarray(each) for each in close_loops(stacked, controller, scenario, seconds)]
 
 
 def test_signal_1_on_plants_that_it_does_not_know(follow):
     """The thresholds are the task's: 0.05 mm RMS, 0.15 mm peak, 2500 Pa. Measured: 8 um, 30 um, 2100 Pa."""
-    error, missed, _ = follow(Scenario(control.signal_1(), sensors=Sensors.bench()), 5.0)
+    error, missed, _ = follow(Scenario(control.signal_1(), sensors=Sensors.bench()), 4.0)
     settled = slice(2000, None)
     assert np.all(np.sqrt(np.mean(error[:, settled] ** 2, axis=1)) < 50e-6)
     assert np.max(np.abs(error[:, settled])) < 150e-6
