@@ -24,6 +24,7 @@ from ._design_model import DesignModel as DesignModel, DesignState as DesignStat
 from ._differentiator import (
     AbstractDifferentiator as AbstractDifferentiator,
     FilteredDifference as FilteredDifference,
+    ImplicitLevantDifferentiator as ImplicitLevantDifferentiator,
     LevantDifferentiator as LevantDifferentiator,
 )
 from ._friction_compensation import FrictionCompensation as FrictionCompensation
