@@ -115,7 +115,7 @@ class PressureObserver(AbstractDesign):
         """The bound of `K_2` in m/s2: by how much the largest errors accelerate the rod at most, at speeds checked."""
         model = self.model
         ends = jnp.stack([jnp.zeros_like(self.largest_velocity), self.largest_velocity])
-        stiffest = jnp.max(jnp.abs(model.stiffness(ends)))
+        stiffest = jnp.max(jnp.abs(jax.vmap(model.stiffness)(ends)))
         elastic = model.load * stiffest * self.largest_deflection_error
         return (model.diaphragm.area * self.largest_pressure_error + elastic) / model.diaphragm.mass
 
