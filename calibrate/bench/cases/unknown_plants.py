@@ -115,14 +115,14 @@ COURSES = (
 class Errors(eqx.Module):
     """Of the closed loops of one course, one for each plant."""
 
-    rms: Float[np.ndarray, " plants"]
-    peak: Float[np.ndarray, " plants"]
+    rms: Float[Array | np.ndarray, " plants"]
+    peak: Float[Array | np.ndarray, " plants"]
     """m, of the position after it has settled."""
-    overshoot: Float[np.ndarray, " plants"]
+    overshoot: Float[Array | np.ndarray, " plants"]
     """m above the last value of the reference."""
-    pressure: Float[np.ndarray, " plants"]
+    pressure: Float[Array | np.ndarray, " plants"]
     """Root mean square error of the observed pressure in Pa."""
-    chatter: Float[np.ndarray, " plants"]
+    chatter: Float[Array | np.ndarray, " plants"]
     """% of duty."""
 
 
@@ -182,7 +182,7 @@ def _vane_force() -> SpeedMap:
     pressure, angle = np.meshgrid(empty.turbine_pressure, empty.crank_angle, indexing="ij")
     shape = (pressure / 1e5 * (0.35 + 0.65 * np.exp(-angle / 12))).ravel()
     closing, opening = GAS
-    return dataclasses.replace(empty, closing=closing * shape, opening=-opening * shape)
+    return dataclasses.replace(empty, closing=jnp.asarray(closing * shape), opening=jnp.asarray(-opening * shape))
 
 
 def follow(controller: AbstractController, plants: vgtjax.Actuator, course: Course, seconds: float = 0.0) -> Errors:
