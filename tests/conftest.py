@@ -28,6 +28,7 @@ FIRST = (
     "test_pneumatic_gradients.py",
     "robust_tuning.ipynb",
     "test_tuning.py",
+    "test_load_backstepping.py",
     "chapter_5.ipynb",
     "test_estimation.py",
     "chapter_4.ipynb",

@@ -23,8 +23,9 @@ _CASES = (
     "fleet-coverage",
     "memory",
     "files",
+    "unknown-plants",
 )
-_LONG = ("tuning", "coverage", "fleet-coverage", "memory")
+_LONG = ("tuning", "coverage", "fleet-coverage", "memory", "unknown-plants")
 """Only when asked for: ten minutes and more."""
 _PACKAGES = ("jax", "diffrax", "numba", "scipy", "casadi", "cma")
 

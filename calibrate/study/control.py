@@ -34,9 +34,15 @@ class UnseenTable(Table):
 class ControlTable(Table):
     """A controller, what it has to do, and which of its gains are tuned."""
 
-    design: Literal["pi", "pid", "pi-knocker", "friction-compensation", "backstepping", "adaptive-backstepping"] = (
-        "backstepping"
-    )
+    design: Literal[
+        "pi",
+        "pid",
+        "pi-knocker",
+        "friction-compensation",
+        "backstepping",
+        "adaptive-backstepping",
+        "load-backstepping",
+    ] = "backstepping"
     free: list[str] | None = None
     fixed: list[str] = []
     gains: dict[str, StartValue] = {}

@@ -9,4 +9,5 @@ DESIGNS: dict[str, type[control.AbstractController]] = {
     "friction-compensation": control.FrictionCompensation,
     "backstepping": control.Backstepping,
     "adaptive-backstepping": control.AdaptiveBackstepping,
+    "load-backstepping": control.LoadBackstepping,
 }

@@ -24,6 +24,7 @@ from ._design_model import DesignModel as DesignModel, DesignState as DesignStat
 from ._differentiator import (
     AbstractDifferentiator as AbstractDifferentiator,
     FilteredDifference as FilteredDifference,
+    ImplicitLevantDifferentiator as ImplicitLevantDifferentiator,
     LevantDifferentiator as LevantDifferentiator,
 )
 from ._friction_compensation import FrictionCompensation as FrictionCompensation
@@ -34,6 +35,8 @@ from ._friction_observer import (
     slide as slide,
 )
 from ._knocker import Knocker as Knocker
+from ._load_backstepping import LoadBackstepping as LoadBackstepping
+from ._load_observer import LoadEstimate as LoadEstimate, LoadObserver as LoadObserver
 from ._loop import (
     ClosedLoop as ClosedLoop,
     chatter as chatter,
@@ -43,6 +46,7 @@ from ._loop import (
     tracking_peak as tracking_peak,
     tracking_rms as tracking_rms,
 )
+from ._observability import estimates as estimates, observability as observability
 from ._pid import PI as PI, PID as PID
 from ._pressure_observer import ObservedState as ObservedState, PressureObserver as PressureObserver
 from ._reference import (

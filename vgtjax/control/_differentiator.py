@@ -92,3 +92,36 @@ class LevantDifferentiator(AbstractDifferentiator):
     def value(self, state: FilteredSlope, period: float) -> Scalar:
         """`z0`, which an Euler step has brought to the next sample, less that step."""
         return state.value - period * state.slope
+
+
+class ImplicitLevantDifferentiator(AbstractDifferentiator):
+    """Levant's differentiator of first order, one implicit Euler step a sample (Acary and Brogliato, 2010).
+
+    The equations of [`LevantDifferentiator`][], with sign and root of the `s` that the step leads to, and no width.
+    Where the sign can make `s` zero it takes the value within -1 and 1 that does: nothing chatters, whatever the
+    period. Noise reaches the slope by some `sqrt(2 L noise)`.
+    """
+
+    largest_second_derivative: Scalar = parameter(0.05, symbol="L", unit="m/s2", source="assumed")
+
+    def initial_state(self, value: Scalar) -> FilteredSlope:
+        """See the base class."""
+        return FilteredSlope(value, jnp.zeros_like(value))
+
+    def update(
+        self, state: FilteredSlope, value: Scalar, period: float, expected: Scalar = 0.0
+    ) -> tuple[FilteredSlope, Scalar]:
+        """See the base class."""
+        bound = self.largest_second_derivative
+        ahead = state.value + period * (state.slope + period * expected) - value
+        linear, switched = 1.5 * period * jnp.sqrt(bound), 1.1 * period**2 * bound
+        # s + linear sqrt|s| sign(s) + switched sign(s) = ahead; the second form of the root, which does not cancel.
+        beyond = jnp.maximum(jnp.abs(ahead) - switched, 0.0)
+        root = 2 * beyond / (linear + jnp.sqrt(linear**2 + 4 * beyond))
+        sign = jnp.clip(ahead / switched, -1.0, 1.0)
+        slope = state.slope + period * (expected - 1.1 * bound * sign)
+        return FilteredSlope(value + root**2 * sign, slope), slope
+
+    def value(self, state: FilteredSlope, period: float) -> Scalar:
+        """`z0` at the last sample."""
+        return state.value

@@ -55,6 +55,10 @@ class PressureObserver(AbstractDesign):
     switching_gain: Scalar = parameter(0.0, symbol="K_2", unit="m/s2", source="5.12, value assumed", lower=0.0)
     largest_velocity: Scalar = parameter(0.1, symbol="v_max", unit="m/s", source="5.21, value assumed", held=True)
     """Of the rod, up to which the conditions are checked; nothing else uses it."""
+    largest_pressure_error: Scalar = parameter(0.0, symbol="e4_max", unit="Pa", source="5.16", lower=0.0, held=True)
+    largest_deflection_error: Scalar = parameter(0.0, symbol="e3_max", unit="m", source="5.16", lower=0.0, held=True)
+    """With errors up to these two the observer has to slide; zero, as by default, asks for nothing. Nothing else uses
+    them."""
 
     @classmethod
     def for_plant(cls, plant: Actuator, model: DesignModel | None = None, **settings: Any) -> "PressureObserver":
@@ -72,6 +76,7 @@ class PressureObserver(AbstractDesign):
         """[5.20, 5.21] corrected, the determinant as a part of `a sigma_0 / sigma_1`."""
         friction, correction = self.model.friction, self.injection_rate + self.switching_gain
         bound, (margin, growth) = jnp.min(self.largest_friction_rate()), self.stability_margin()
+        sliding = self.least_switching_gain()
         return positive(self, "friction_rate", "pressure_rate") | {
             "corrected at all": Condition(
                 correction,
@@ -88,6 +93,14 @@ class PressureObserver(AbstractDesign):
                 bound,
                 closed=True,
             ),
+            "switching_gain above its bound [5.16]": Condition(
+                jnp.where(sliding > 0, self.switching_gain / jnp.where(sliding > 0, sliding, 1.0) - 1, 1.0),
+                "switching_gain must exceed (A_d e4 + theta |S| e3) / m = {limit:.4g} m/s2 at the largest errors for "
+                "sliding [5.16]",
+                self.switching_gain,
+                "raise it, or lower largest_pressure_error",
+                sliding,
+            ),
             "pressure_rate above its bound [5.21]": Condition(
                 jnp.min(margin) / (self.friction_rate * friction.bristle_stiffness / friction.bristle_damping),
                 "pressure_rate b must outweigh the growth F of pressure errors at every velocity up to "
@@ -97,6 +110,14 @@ class PressureObserver(AbstractDesign):
                 jnp.max(growth),
             ),
         }
+
+    def least_switching_gain(self) -> Array:
+        """The bound of `K_2` in m/s2: by how much the largest errors accelerate the rod at most, at speeds checked."""
+        model = self.model
+        ends = jnp.stack([jnp.zeros_like(self.largest_velocity), self.largest_velocity])
+        stiffest = jnp.max(jnp.abs(jax.vmap(model.stiffness)(ends)))
+        elastic = model.load * stiffest * self.largest_deflection_error
+        return (model.diaphragm.area * self.largest_pressure_error + elastic) / model.diaphragm.mass
 
     def largest_friction_rate(self) -> Array:
         """The bound of `a` in 1/s."""

@@ -16,6 +16,7 @@ from . import (
     population,
     robustness,
     tuning,
+    unknown_plants,
 )
 
 CASES: dict[str, Callable[[], Section]] = {
@@ -32,5 +33,6 @@ CASES: dict[str, Callable[[], Section]] = {
     "fleet-coverage": fleet_coverage.measure,
     "memory": population.measure_memory,
     "files": files.measure,
+    "unknown-plants": unknown_plants.measure,
 }
 """By the name on the command line, in the order in which they run."""

@@ -269,6 +269,15 @@ def test_what_the_observer_measures_may_be_sampled_at_a_kilohertz():
         ({"friction_rate": 0.0}, r"friction_rate must be positive, but it is 0\.0; raise it"),
         ({"pressure_rate": 0.0}, r"pressure_rate must be positive, but it is 0\.0"),
         ({"switching_gain": -1.0}, r"switching_gain' must be finite and not negative, but it is -1; correct it"),
+        (
+            {"switching_gain": 1.24, "largest_pressure_error": 6e3},
+            r"switching_gain must exceed .* = 27\.83 m/s2 at the largest errors .* but it is 1\.24; raise it",
+        ),
+        (
+            # S at 0.1 m/s is -619 kN/m, of which 1 um is 0.98 m/s2.
+            {"switching_gain": 0.9, "largest_deflection_error": 1e-6},
+            r"switching_gain must exceed .* = 0\.98\d* m/s2",
+        ),
         ({"injection_rate": 0.0}, "injection_rate plus switching_gain must be positive, .* but it is 0.0"),
         (
             {"friction_rate": 27.0},
