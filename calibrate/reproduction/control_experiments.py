@@ -28,8 +28,6 @@ from . import experiments, loops
 
 SETTLED = 2.0
 """s from the start, after which errors count."""
-PERIOD = 2 * np.pi / 0.125
-"""s; of Signal 1 [5.44]."""
 EXPONENT = 1.3
 """Of the air in the observer's model: 1 keeps its temperature as [5.4], 1.4 all of its heat as the plant, whose
 temperature then moves away from the atmosphere's."""
@@ -65,7 +63,7 @@ SLOW = (np.array([0.1, 0.11, 20.11]), np.array([0.004, 0.005, 0.0058]))
 """s and m; corners of the slow reference."""
 COURSES = {
     "slow": Course(lambda: control.Ramps(*SLOW, rounding=0.01), 20.0, 0.004),
-    "Signal 1": Course(control.signal_1, SETTLED + PERIOD),
+    "Signal 1": Course(control.signal_1, SETTLED + control.SIGNAL_1_PERIOD),
     "Signal 2": Course(control.signal_2, 8.0),
 }
 """The slow one goes a millimetre at once and then 0.04 mm/s; that of the thesis is a picture."""

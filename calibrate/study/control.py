@@ -1,7 +1,7 @@
 """`[control]`: a controller, what it has to do, and which of its gains are tuned."""
 
 import math
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import pydantic
 
@@ -37,6 +37,9 @@ class ControlTable(Table):
     design: Literal["pi", "pid", "pi-knocker", "friction-compensation", "backstepping", "adaptive-backstepping"] = (
         "backstepping"
     )
+    belief: Literal["printed", "population", "plant"] | None = None
+    """What the controller knows of its plant: the printed actuator, the middle of the population, or the plant itself.
+    Without it the population's middle, or the plant where the study states no population."""
     free: list[str] | None = None
     fixed: list[str] = []
     gains: dict[str, StartValue] = {}
@@ -53,6 +56,17 @@ class ControlTable(Table):
     """s; infinite is exact."""
     cost: CostTable = CostTable()
     unseen: UnseenTable = UnseenTable()
+
+    @pydantic.model_validator(mode="before")
+    @classmethod
+    def _settled_as_a_cost(cls, raw: Any) -> Any:
+        """`settled` may stand beside the costs that count from it on as well."""
+        if not isinstance(raw, dict) or not isinstance(raw.get("cost"), dict) or "settled" not in raw["cost"]:
+            return raw
+        if "settled" in raw:
+            raise ValueError("settled must stand once, but it is under [control] and [control.cost]; drop one")
+        cost = dict(raw["cost"])
+        return {**raw, "settled": cost.pop("settled"), "cost": cost}
 
     @pydantic.model_validator(mode="after")
     def _long_enough(self) -> "ControlTable":

@@ -34,18 +34,21 @@ from ._friction_observer import (
     slide as slide,
 )
 from ._knocker import Knocker as Knocker
-from ._loop import (
-    ClosedLoop as ClosedLoop,
+from ._loop import ClosedLoop as ClosedLoop, close_loop as close_loop, fade as fade
+from ._measures import (
+    BAND as BAND,
+    StepAnswer as StepAnswer,
     chatter as chatter,
-    close_loop as close_loop,
     effort as effort,
-    fade as fade,
+    pressure_rms as pressure_rms,
+    step_answers as step_answers,
     tracking_peak as tracking_peak,
     tracking_rms as tracking_rms,
 )
 from ._pid import PI as PI, PID as PID
 from ._pressure_observer import ObservedState as ObservedState, PressureObserver as PressureObserver
 from ._reference import (
+    SIGNAL_1_PERIOD as SIGNAL_1_PERIOD,
     AbstractSignal as AbstractSignal,
     Constant as Constant,
     FadeIn as FadeIn,
@@ -59,5 +62,6 @@ from ._reference import (
     signal_1 as signal_1,
     signal_2 as signal_2,
 )
+from ._replay import PROBES as PROBES, channels_used as channels_used, replay as replay
 from ._scenario import Scenario as Scenario, at_rest as at_rest, balanced_at as balanced_at
 from ._sensors import Sensor as Sensor, Sensors as Sensors, quantise as quantise

@@ -105,7 +105,7 @@ def cross_cases(
                 key=key,
             )
         )
-    return Cases(tuple(labels), _stack(models), _stack(scenarios), float(duration), float(period))
+    return Cases(tuple(labels), stack_trees(models), stack_trees(scenarios), float(duration), float(period))
 
 
 @eqx.filter_jit
@@ -122,14 +122,14 @@ def _duty_at(plant: Any, position: float) -> Any:
     return holding_duty(plant.converter, measurement, pressure)
 
 
-def _stack(trees: Sequence[Any]) -> Any:
+def stack_trees(trees: Sequence[Any], what: str = "plants") -> Any:
     """Trees side by side; all that is no array must be equal."""
     if len({jax.tree.structure(tree) for tree in trees}) > 1:
-        raise InputError("plants must be models of one structure, but their components or settings differ; align them")
+        raise InputError(f"{what} must be models of one structure, but their components or settings differ; align them")
     try:
         return jax.tree.map(lambda *leaves: _side_by_side(leaves), *trees)
     except ValueError as error:
-        raise InputError("plants must have tables of one size, but theirs differ; put them on common knots") from error
+        raise InputError(f"{what} must have tables of one size, but theirs differ; put them on common knots") from error
 
 
 def _side_by_side(leaves: Sequence[Any]) -> Any:
