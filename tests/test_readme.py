@@ -37,7 +37,7 @@ def test_python_closed_loops_run():
     exec(python_with("close_loops"), scope)
     known, stiffer = scope["loops"].pressure_rms
     assert not scope["loops"].failed.any()
-    # What is wrong with the believed spring is taken for pressure: 5 N over the diaphragm's area are 1.5 kPa.
+    # What is wrong with the believed spring is taken for pressure: 5 N over the diaphragm's area are 1.7 kPa.
     assert known < 0.5 * stiffer
 
 

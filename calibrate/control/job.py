@@ -6,7 +6,7 @@ from typing import Any
 
 import vgtjax
 from vgtjax import InputError
-from vgtjax.control import AbstractController, AbstractSignal, check
+from vgtjax.control import AbstractController, AbstractSignal, WithFallback, check
 from vgtjax.tuning import Cases
 
 from ..population import Actuators, read_actuators
@@ -17,7 +17,7 @@ from ..study.tables import Study
 from ..study.units import StudyJob
 from ..tune.gains import read_gains
 from ..tune.job import EXAMPLE, cases_of, gas_notes, reference_files, start_controller
-from ..tune.plants import BELIEFS, Plants, all_plants, belief_of, believed_model
+from ..tune.plants import BELIEFS, Plants, all_plants, belief_of, believed_model, is_alone
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -48,7 +48,8 @@ def prepare_control(
         controllers, given = _controllers(study, actuators, plants, gains)
     hashed = actuators.values | reference_files(study.control, path.parent) | {"gains": given}
     belief = BELIEFS[belief_of(study, actuators)]
-    said = (*actuators.notes, *notes, *gas_notes(study.control, actuators.first))
+    of_population = () if is_alone(study, actuators) else actuators.notes
+    said = (*of_population, *notes, *gas_notes(study.control, actuators.first))
     digest = fingerprint(study, expand_traces(study, path.parent), hashed)
     groups = _groups(study, plants, path.parent)
     return ControlJob(study, path.read_text(encoding="utf-8-sig"), digest, controllers, belief, groups, said)
@@ -67,7 +68,15 @@ def _controllers(
     controllers = {name: vgtjax.replace_parameters(controller, given) for name, controller in started.items()}
     for controller in controllers.values():
         check(controller)
+    if table.fallback == "static-balance":
+        controllers = {name: _guarded(study, actuators, plants[name], each) for name, each in controllers.items()}
     return controllers, given
+
+
+def _guarded(study: Study, actuators: Actuators, plant: Any, controller: AbstractController) -> AbstractController:
+    """A controller with a fallback that knows of the plant what the controller does."""
+    believed = plant if belief_of(study, actuators) == "plant" else believed_model(study, actuators)
+    return WithFallback.for_plant(believed, controller=controller)
 
 
 def _groups(study: Study, plants: Plants, folder: pathlib.Path) -> tuple[Cases, ...]:
@@ -78,6 +87,6 @@ def _groups(study: Study, plants: Plants, folder: pathlib.Path) -> tuple[Cases, 
         least = cycle(entry) + table.settled if cycle(entry) else 0.0
         lasting.setdefault(max(table.duration, least), {})[entry.title] = signals[entry.title]
     return tuple(
-        cases_of(table, plants, along, table.turbine_pressure, table.seed + number, seconds)
+        cases_of(study, plants, along, table.turbine_pressure, table.seed + number, seconds)
         for number, (seconds, along) in enumerate(lasting.items())
     )

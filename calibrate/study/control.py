@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 import pydantic
 
 from .base import Count, Gauge, NotNegative, Positive, Seed, StartValue, Table
+from .loop_disturbances import LoopDisturbance, LoopSensor, ReservoirTable, SensorTable
 from .references import TRIED_ON, TUNED_ON, Reference
 
 
@@ -50,6 +51,14 @@ class ControlTable(Table):
     settled: NotNegative = 2.0
     period: Positive = 1e-3
     sensors: Literal["bench", "ideal"] = "bench"
+    sensor: dict[LoopSensor, SensorTable] = {}
+    """Sensors that are not as the others."""
+    duty_delay: Annotated[float, pydantic.Field(ge=0, le=0.02)] = 0.0
+    """s by which the duty arrives late."""
+    reservoir: ReservoirTable = ReservoirTable()
+    disturbance: list[LoopDisturbance] = []
+    fallback: Literal["none", "static-balance"] = "none"
+    """What takes over while the position can't be believed."""
     seed: Seed = 0
     lanes: Count = 64
     derivative_memory: list[Annotated[float, pydantic.Field(gt=0)]] | None = None

@@ -11,17 +11,19 @@ import jax
 
 import vgtjax
 from vgtjax import InputError
-from vgtjax.control import AbstractController, AbstractSignal, Sensors
+from vgtjax.control import AbstractController, AbstractDisturbance, AbstractSignal, TurbinePulsation
 from vgtjax.parameters import Bounds, check_bounds
 from vgtjax.parts import feels_gas
 from vgtjax.tuning import MEMORIES, Cases, Objective, TuningProblem, cross_cases, plan_tuning, soften, soften_cases
 
 from ..population import read_actuators
 from ..study.control import ControlTable
+from ..study.loop_disturbances import build_disturbances, build_sensors
 from ..study.models import start_values
 from ..study.places import OF_A_CONTROLLER, stated
 from ..study.read import expand_traces, fingerprint, load_study
 from ..study.references import TraceReference, build_references
+from ..study.tables import Study
 from ..study.units import StudyJob
 from .designs import DESIGNS
 from .plants import believed_model, choose_plants
@@ -56,13 +58,15 @@ def prepare_tuning(path: pathlib.Path | None, parameters: pathlib.Path | None) -
     with stated(OF_A_CONTROLLER):
         controller, bounds = start_controller(table, believed_model(study, actuators))
     tuned_on, tried_on, notes = choose_plants(study, actuators)
-    cases = cases_of(table, tuned_on, build_references(table.reference, folder), table.turbine_pressure, table.seed)
+    cases = cases_of(study, tuned_on, build_references(table.reference, folder), table.turbine_pressure, table.seed)
     with stated(OF_A_CONTROLLER):
         smooth = _plan(table, soften(controller), soften_cases(cases), bounds)
     references = build_references(table.unseen.reference, folder)
     pressures = table.unseen.turbine_pressure or _between(table.turbine_pressure)
-    unseen = cases_of(table, tried_on, references, pressures, table.seed + 1)
+    unseen = cases_of(study, tried_on, references, pressures, table.seed + 1)
     notes += gas_notes(table, actuators.first)
+    if table.fallback != "none":
+        notes += ("gains are tuned without the fallback",)
     return TuneJob(
         study,
         path.read_text(encoding="utf-8-sig"),
@@ -102,17 +106,32 @@ def start_controller(table: ControlTable, believed: Any) -> tuple[AbstractContro
 
 
 def cases_of(
-    table: ControlTable,
+    study: Study,
     plants: Mapping[str, vgtjax.AbstractModel],
     references: Mapping[str, AbstractSignal],
     pressures: Sequence[float],
     seed: int,
     duration: float | None = None,
 ) -> Cases:
-    """Plants, references and turbine pressures crossed, with the study's sensors; it also states the duration in s."""
-    sensors = Sensors.bench() if table.sensors == "bench" else Sensors.ideal()
-    timing = {"duration": table.duration if duration is None else duration, "period": table.period}
-    return cross_cases(plants, references, pressures, sensors=sensors, seed=seed, **timing)
+    """Plants, references and turbine pressures crossed, disturbed as the study says; by default for its own time in s."""
+    table = study.control
+    return cross_cases(
+        plants,
+        references,
+        pressures,
+        duration=table.duration if duration is None else duration,
+        period=table.period,
+        sensors=build_sensors(table.sensors, table.sensor),
+        seed=seed,
+        reservoir=table.reservoir.build(),
+        disturbances=disturbances_of(study),
+    )
+
+
+def disturbances_of(study: Study) -> tuple[AbstractDisturbance, ...]:
+    """What disturbs the closed loops of a study, its engine's pulsation included."""
+    engines = (TurbinePulsation.of(table.build()) for table in (study.pulsation,) if table is not None)
+    return (*engines, *build_disturbances(study.control.disturbance, study.control.duty_delay))
 
 
 def _between(pressures: Sequence[float]) -> list[float]:

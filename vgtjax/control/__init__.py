@@ -26,6 +26,19 @@ from ._differentiator import (
     FilteredDifference as FilteredDifference,
     LevantDifferentiator as LevantDifferentiator,
 )
+from ._disturbances import (
+    AbstractAlteration as AbstractAlteration,
+    AbstractDisturbance as AbstractDisturbance,
+    AbstractDutyPath as AbstractDutyPath,
+    AbstractSensorFault as AbstractSensorFault,
+    AbstractSurroundings as AbstractSurroundings,
+)
+from ._engine_disturbances import (
+    CoilSupply as CoilSupply,
+    LateDuty as LateDuty,
+    TurbinePulsation as TurbinePulsation,
+)
+from ._fallback import WithFallback as WithFallback
 from ._friction_compensation import FrictionCompensation as FrictionCompensation
 from ._friction_observer import (
     DualFrictionObserver as DualFrictionObserver,
@@ -47,6 +60,7 @@ from ._measures import (
 )
 from ._pid import PI as PI, PID as PID
 from ._pressure_observer import ObservedState as ObservedState, PressureObserver as PressureObserver
+from ._recurring import Draws as Draws, Periodic as Periodic
 from ._reference import (
     SIGNAL_1_PERIOD as SIGNAL_1_PERIOD,
     AbstractSignal as AbstractSignal,
@@ -64,4 +78,5 @@ from ._reference import (
 )
 from ._replay import PROBES as PROBES, channels_used as channels_used, replay as replay
 from ._scenario import Scenario as Scenario, at_rest as at_rest, balanced_at as balanced_at
+from ._sensor_faults import LostSensor as LostSensor, StuckSensor as StuckSensor
 from ._sensors import Sensor as Sensor, Sensors as Sensors, quantise as quantise
