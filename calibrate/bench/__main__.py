@@ -17,11 +17,12 @@ _CASES = (
     "cold-start",
     "population",
     "tuning",
+    "opponents",
     "robustness",
     "coverage",
     "memory",
 )
-_LONG = ("tuning", "coverage", "memory")
+_LONG = ("tuning", "opponents", "coverage", "memory")
 """Only when asked for: ten minutes and more."""
 _PACKAGES = ("jax", "diffrax", "numba", "scipy", "casadi", "cma")
 

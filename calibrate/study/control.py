@@ -35,9 +35,17 @@ class UnseenTable(Table):
 class ControlTable(Table):
     """A controller, what it has to do, and which of its gains are tuned."""
 
-    design: Literal["pi", "pid", "pi-knocker", "friction-compensation", "backstepping", "adaptive-backstepping"] = (
-        "backstepping"
-    )
+    design: Literal[
+        "pi",
+        "pid",
+        "pi-knocker",
+        "scheduled-pi",
+        "adrc",
+        "lqg",
+        "friction-compensation",
+        "backstepping",
+        "adaptive-backstepping",
+    ] = "backstepping"
     belief: Literal["printed", "population", "plant"] | None = None
     """What the controller knows of its plant: the printed actuator, the middle of the population, or the plant itself.
     Without it the population's middle, or the plant where the study states no population."""

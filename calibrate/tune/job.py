@@ -113,7 +113,7 @@ def cases_of(
     seed: int,
     duration: float | None = None,
 ) -> Cases:
-    """Plants, references and turbine pressures crossed, disturbed as the study says; by default for its own time in s."""
+    """Plants, references and turbine pressures crossed, disturbed as the study says; `duration` in s beats its own."""
     table = study.control
     return cross_cases(
         plants,

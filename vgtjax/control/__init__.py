@@ -5,6 +5,7 @@ from ._adaptive_backstepping import (
     AdaptiveEstimate as AdaptiveEstimate,
     Moment as Moment,
 )
+from ._adrc import ADRC as ADRC
 from ._backstepping import Backstepping as Backstepping
 from ._balance import ConstantDuty as ConstantDuty, StaticBalance as StaticBalance, holding_duty as holding_duty
 from ._base import (
@@ -48,6 +49,7 @@ from ._friction_observer import (
 )
 from ._knocker import Knocker as Knocker
 from ._loop import ClosedLoop as ClosedLoop, close_loop as close_loop, fade as fade
+from ._lqg import LQG as LQG
 from ._measures import (
     BAND as BAND,
     StepAnswer as StepAnswer,
@@ -78,5 +80,6 @@ from ._reference import (
 )
 from ._replay import PROBES as PROBES, channels_used as channels_used, replay as replay
 from ._scenario import Scenario as Scenario, at_rest as at_rest, balanced_at as balanced_at
+from ._scheduled_pi import ScheduledPI as ScheduledPI
 from ._sensor_faults import LostSensor as LostSensor, StuckSensor as StuckSensor
 from ._sensors import Sensor as Sensor, Sensors as Sensors, quantise as quantise

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from ..table import Section
-from . import batch, cold_start, coverage, fit, forward, jacobian, population, robustness, tuning
+from . import batch, cold_start, coverage, fit, forward, jacobian, opponents, population, robustness, tuning
 
 CASES: dict[str, Callable[[], Section]] = {
     "forward": forward.measure,
@@ -13,6 +13,7 @@ CASES: dict[str, Callable[[], Section]] = {
     "cold-start": cold_start.measure,
     "population": population.measure_population,
     "tuning": tuning.measure,
+    "opponents": opponents.measure,
     "robustness": robustness.measure,
     "coverage": coverage.measure,
     "memory": population.measure_memory,
