@@ -1,11 +1,16 @@
 """`[control]` of a study says what disturbs its closed loops, and each of them gets it."""
 
+import pathlib
+import re
+import tomllib
+
 import numpy as np
 import pytest
 from commands import assert_refused, run_command
 
 from calibrate.control.job import prepare_control
-from calibrate.tune.job import prepare_tuning
+from calibrate.study.tables import AnyStudy
+from calibrate.tune.job import disturbances_of, prepare_tuning
 from vgtjax.control import (
     CoilSupply,
     ConstantDuty,
@@ -17,6 +22,7 @@ from vgtjax.control import (
     WithFallback,
 )
 
+MANUAL = pathlib.Path(__file__).parents[3] / "docs" / "control.md"
 STUDY = """
 [pulsation]
 engine_speed = 1200
@@ -67,6 +73,13 @@ value = 1000.0
 def path(tmp_path):
     (tmp_path / "study.toml").write_text(STUDY + KINDS, encoding="utf-8")
     return tmp_path / "study.toml"
+
+
+def test_the_manuals_study_is_one():
+    (text,) = re.findall(r"```toml\n(.*?)```", MANUAL.read_text(encoding="utf-8"), flags=re.DOTALL)
+    study = AnyStudy.validate_python(tomllib.loads(text))
+    kinds = [type(each) for each in disturbances_of(study)]
+    assert kinds == [TurbinePulsation, CoilSupply, LostSensor, LateDuty]
 
 
 def test_a_study_disturbs_every_loop(path):
