@@ -6,7 +6,7 @@ import tempfile
 import numpy as np
 
 from vgtjax.control import AbstractController
-from vgtjax.tuning import Cases, ClosedLoops, Tuner, TuningProblem, close_loops, gain_names
+from vgtjax.tuning import Cases, ClosedLoops, Tuner, TuningProblem, close_loops
 
 from ...control.outcome import CHANNELS, look_at
 from ...tune.designs import DESIGNS
@@ -54,7 +54,7 @@ def measure() -> Section:
         section.add(
             design,
             ", ".join(CHANNELS[channel] for channel in used),
-            str(len(gain_names(controller))),
+            str(len(job.true.selection.entries)),
             *_figures(loops),
             f"{1e6 * seconds:.2g}",
             _number(1e6 * np.median(engine.rms)),
