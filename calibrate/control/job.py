@@ -1,6 +1,7 @@
 """From a study to closed loops of a controller whose gains are given."""
 
 import dataclasses
+import math
 import pathlib
 from typing import Any
 
@@ -10,6 +11,7 @@ from vgtjax.control import AbstractController, AbstractSignal, WithFallback, che
 from vgtjax.tuning import Cases
 
 from ..population import Actuators, read_actuators
+from ..study.loop_disturbances import build_sensors
 from ..study.places import OF_A_CONTROLLER, stated
 from ..study.read import expand_traces, fingerprint, load_study
 from ..study.references import build_references, cycle
@@ -76,7 +78,9 @@ def _controllers(
 def _guarded(study: Study, actuators: Actuators, plant: Any, controller: AbstractController) -> AbstractController:
     """A controller with a fallback that knows of the plant what the controller does."""
     believed = plant if belief_of(study, actuators) == "plant" else believed_model(study, actuators)
-    return WithFallback.for_plant(believed, controller=controller)
+    noisy = build_sensors(study.control.sensors, study.control.sensor).position.noise > 0
+    patience = {} if noisy else {"patience": math.inf}  # without noise, standing still is no sign of a fault
+    return WithFallback.for_plant(believed, controller=controller, **patience)
 
 
 def _groups(study: Study, plants: Plants, folder: pathlib.Path) -> tuple[Cases, ...]:

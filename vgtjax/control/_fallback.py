@@ -32,9 +32,9 @@ class WithFallback(AbstractController):
     """Any controller, and another in its place while the position is not to be believed.
 
     It is believed if it is a number between `lowest` and `highest` that has changed within `patience`: noise moves
-    what a sensor shows at every sample, so that one which stands still is stuck. Of a sensor without noise that is not
-    true: give it infinity. While the position is not believed, the controller stands still and what it remembers is
-    kept. The fallback must not need the position: [`StaticBalance`][] does not, by default.
+    what a sensor shows, so that one which stands still is stuck. Of a sensor without noise, or with coarser steps, that
+    is not true: give it infinity. While the position is not believed, the controller stands still and what it
+    remembers is kept. The fallback must not need the position: [`StaticBalance`][] does not, by default.
 
     Neither is ever given what is no number: the last good value stands for it. A controller that none the less answers
     no number forgets what it remembers, and the fallback, or a closed valve, answers for it.

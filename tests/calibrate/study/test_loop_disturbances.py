@@ -117,6 +117,13 @@ def test_a_fallback_knows_what_the_controller_knows(path):
     assert float(guarded.highest) == pytest.approx(float(guarded.fallback.diaphragm.travel) + 5e-4)
 
 
+def test_a_sensor_without_noise_may_stand_still(tmp_path):
+    path = tmp_path / "study.toml"
+    path.write_text('[control]\ndesign = "pi"\nfallback = "static-balance"\nsensors = "ideal"\n', encoding="utf-8")
+    (guarded,) = prepare_control(path, None, None).controllers.values()
+    assert float(guarded.patience) == np.inf
+
+
 @pytest.mark.parametrize(
     ("more", "sentence"),
     [
