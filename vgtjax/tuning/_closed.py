@@ -1,6 +1,7 @@
 """Closed loops of given controllers, run and judged without tuning anything."""
 
 import dataclasses
+import functools
 from collections.abc import Mapping
 
 import equinox as eqx
@@ -68,7 +69,7 @@ class ClosedLoops(Printed):
     def __len__(self) -> int:
         return len(self.labels)
 
-    @property
+    @functools.cached_property
     def answers(self) -> list[list[StepAnswer]]:
         """To every step of the reference of each closed loop; none of a run that failed."""
         runs = self.runs
