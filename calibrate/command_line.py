@@ -26,6 +26,9 @@ OUT = click.Option(["--out"], type=PATH, required=True, metavar="DIR", help="Fol
 SEEN = click.Option(["--out"], type=PATH, metavar="DIR", help="Folder for the results; without it they are only said.")
 START = "Start from a parameters.json, a CDFX or a DCM file, or from the folder of a fit with several units."
 KNOWN = "What is simulated: a parameters.json, or what else a fit may start from; without it the study's values."
+GAINS = click.Option(
+    ["--gains"], type=PATH, metavar="FILE", help="A gains.json that tune wrote, or its folder; else the study's gains."
+)
 CAMPAIGNS = click.Option(
     ["--campaigns"], type=click.IntRange(2), default=64, show_default=True, metavar="K", help="How many."
 )
@@ -125,6 +128,7 @@ for _name, _does, _given, *_options in (
         CAMPAIGNS,
     ),
     ("identify", f"Identifies part by part from STUDY, as its traces allow {SMALL}", START),
+    ("control", f"Closes the loops of a controller with given gains: errors, effort, traces {FLEET}", KNOWN, GAINS),
     ("tune", f"Tunes a controller's gains by the gradient of its closed loops {FLEET}", START),
     ("tolerance", f"Simulates a population of actuators: spread, yield, envelopes {FLEET}", POPULATION, *PROCESSES),
     ("sensitivity", f"Ranks what the spread of a population comes from {FLEET}", POPULATION, *PROCESSES),

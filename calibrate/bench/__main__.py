@@ -18,6 +18,7 @@ _CASES = (
     "cold-start",
     "population",
     "tuning",
+    "opponents",
     "robustness",
     "coverage",
     "fleet-coverage",
@@ -25,7 +26,7 @@ _CASES = (
     "files",
     "unknown-plants",
 )
-_LONG = ("tuning", "coverage", "fleet-coverage", "memory", "unknown-plants")
+_LONG = ("tuning", "opponents", "coverage", "fleet-coverage", "memory", "unknown-plants")
 """Only when asked for: ten minutes and more."""
 _PACKAGES = ("jax", "diffrax", "numba", "scipy", "casadi", "cma")
 

@@ -1,13 +1,16 @@
 """Files that a command writes: whole or not at all, and never over another study's results."""
 
 import contextlib
+import csv
+import io
 import json
 import os
 import pathlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from vgtjax import InputError
 
@@ -37,6 +40,15 @@ def write_text(path: pathlib.Path, text: str) -> None:
     """Writes a text file whole or not at all."""
     with replacing(path) as new:
         new.write_text(text, encoding="utf-8")
+
+
+def columns_csv(columns: Mapping[str, Float[np.ndarray, " rows"]]) -> str:
+    """Columns by their headers as the text of a CSV file."""
+    text = io.StringIO(newline="")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(zip(*[[f"{value:.9g}" for value in values] for values in columns.values()], strict=True))
+    return text.getvalue()
 
 
 def write_json(path: pathlib.Path, content: Any) -> None:

@@ -28,8 +28,6 @@ from . import experiments, loops
 
 SETTLED = 2.0
 """s from the start, after which errors count."""
-PERIOD = 2 * np.pi / 0.125
-"""s; of Signal 1 [5.44]."""
 EXPONENT = 1.3
 """Of the air in the observer's model: 1 keeps its temperature as [5.4], 1.4 all of its heat as the plant, whose
 temperature then moves away from the atmosphere's."""
@@ -38,9 +36,9 @@ DUTY_BEFORE = 51.0
 """%; about what holds the rod at 4 mm."""
 FRICTIONLESS = 0.02
 """N; so little that a swing is not friction's."""
-PRINTED_PULSE, PULSE = 2.0, 4.0
-"""%; amplitude of the knocker's pulses in section 5.3.1, and ours: a smaller one takes longer than `SETTLED` to end the
-swing into which the PI falls at the beginning."""
+PRINTED_PULSE, STRONG_PULSE = 2.0, 4.0
+"""%; amplitude of the knocker's pulses in section 5.3.1, and one that ends the swing into which the PI falls at the
+beginning within `SETTLED`."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -65,7 +63,7 @@ SLOW = (np.array([0.1, 0.11, 20.11]), np.array([0.004, 0.005, 0.0058]))
 """s and m; corners of the slow reference."""
 COURSES = {
     "slow": Course(lambda: control.Ramps(*SLOW, rounding=0.01), 20.0, 0.004),
-    "Signal 1": Course(control.signal_1, SETTLED + PERIOD),
+    "Signal 1": Course(control.signal_1, SETTLED + control.SIGNAL_1_PERIOD),
     "Signal 2": Course(control.signal_2, 8.0),
 }
 """The slow one goes a millimetre at once and then 0.04 mm/s; that of the thesis is a picture."""
@@ -81,21 +79,22 @@ def _pi() -> control.PI:
     return control.PI(proportional_gain=250.0, integral_gain=220_000.0, base=control.StaticBalance())
 
 
-def _backstepping() -> control.Backstepping:
-    return control.Backstepping.for_plant(plant(), control.DesignModel.for_plant(plant(), exponent=EXPONENT))
+def _backstepping(believed: vgtjax.Actuator) -> control.Backstepping:
+    return control.Backstepping.for_plant(believed, control.DesignModel.for_plant(believed, exponent=EXPONENT))
 
 
 CONTROLLERS: dict[str, Callable[[], AbstractController]] = {
     "PI": _pi,
-    "PI and knocker": lambda: control.Knocker(_pi(), amplitude=PULSE),
-    "PI and knocker, printed": lambda: control.Knocker(_pi(), amplitude=PRINTED_PULSE),
+    "PI and knocker": lambda: control.Knocker(_pi(), amplitude=PRINTED_PULSE),
+    "PI and strong knocker": lambda: control.Knocker(_pi(), amplitude=STRONG_PULSE),
     "friction observer": lambda: control.FrictionCompensation(vane_force=plant().vane_force),
-    "backstepping": _backstepping,
+    "backstepping": lambda: _backstepping(plant()),
+    "backstepping, printed": lambda: _backstepping(experiments.actuator()),
     "adaptive backstepping": control.AdaptiveBackstepping,
 }
 """What each knows: the PI the printed actuator's static balance; friction observer and backstepping the plant exactly,
-its vane force and the turbine pressure, and they measure the position; the adaptive controller the printed actuator,
-and it measures position and chamber pressure. All measure the reservoir's pressure."""
+its vane force and the turbine pressure, and they measure the position, unless they are told the printed actuator alone;
+the adaptive controller that, and it measures position and chamber pressure. All measure the reservoir's pressure."""
 FOLLOWERS = {
     "slow": ("PI", "PI and knocker", "friction observer"),
     "Signal 1": ("friction observer", "backstepping", "adaptive backstepping"),
@@ -163,30 +162,32 @@ def _scenarios(course: Course) -> Scenario:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Fleet:
-    """Errors of many units in mm along Signal 1."""
+    """Errors of many units along Signal 1: in mm, and of the observed pressure in Pa, NaN where none is observed."""
 
     peak: Float[np.ndarray, "units pressures"]
     rms: Float[np.ndarray, "units pressures"]
+    unseen: Float[np.ndarray, "units pressures"]
 
 
 @functools.cache
-def fleet() -> Fleet:
-    """Adaptive backstepping with one set of gains on twenty actuators, fitted to simulated traces and unknown to it."""
+def fleet(controller: str) -> Fleet:
+    """A controller with one set of gains on twenty actuators, fitted to simulated traces and unknown to it."""
     units = read_actuators(FLEET, load_study(FLEET), None).fitted.values()
     stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *units)
     course = COURSES["Signal 1"]
-    peak, rms = _errors(stacked, CONTROLLERS["adaptive backstepping"](), _scenarios(course), course.duration)
-    return Fleet(1e3 * np.asarray(peak), 1e3 * np.asarray(rms))
+    peak, rms, unseen = _errors(stacked, CONTROLLERS[controller](), _scenarios(course), course.duration)
+    return Fleet(1e3 * np.asarray(peak), 1e3 * np.asarray(rms), np.asarray(unseen))
 
 
 @eqx.filter_jit
 def _errors(
     units: vgtjax.Actuator, controller: AbstractController, scenarios: Scenario, duration: float
-) -> tuple[Array, Array]:
-    """Peak and root mean square in m of every unit under every scenario."""
+) -> tuple[Array, Array, Array]:
+    """Peak and root mean square in m, and that of the observed pressure in Pa, of every unit under every scenario."""
 
-    def lane(unit: vgtjax.Actuator, scenario: Scenario) -> tuple[Array, Array]:
+    def lane(unit: vgtjax.Actuator, scenario: Scenario) -> tuple[Array, Array, Array]:
         loop = control.close_loop(unit, controller, scenario, duration, throw=False)
-        return control.tracking_peak(loop, SETTLED), control.tracking_rms(loop, SETTLED)
+        peak, rms = control.tracking_peak(loop, SETTLED), control.tracking_rms(loop, SETTLED)
+        return peak, rms, control.pressure_rms(loop, SETTLED)
 
     return jax.vmap(jax.vmap(lane, (None, 0)), (0, None))(units, scenarios)

@@ -1,7 +1,5 @@
 """The command `simulate`: the model on every trace of a study."""
 
-import csv
-import io
 import pathlib
 
 import numpy as np
@@ -11,7 +9,7 @@ from vgtjax import SimulationError
 from vgtjax.traces import SIGNALS
 
 from ..output.console import console, say_notes
-from ..output.files import claim, write_text
+from ..output.files import claim, columns_csv, write_text
 from ..resumable import unit_folders
 from ..study.units import prepare
 
@@ -54,8 +52,4 @@ def to_csv(trace: vgtjax.Trace, solution: vgtjax.Solution) -> str:
     for name, signal in SIGNALS.items():
         if name in solution.signals:
             columns[f"{name} [{signal.unit}]"] = np.asarray(solution.signals[name]) + 0.0  # minus zero is a plain zero
-    text = io.StringIO(newline="")
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows(zip(*[[f"{value:.9g}" for value in values] for values in columns.values()], strict=True))
-    return text.getvalue()
+    return columns_csv(columns)

@@ -1,11 +1,12 @@
 """`[control]`: a controller, what it has to do, and which of its gains are tuned."""
 
 import math
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import pydantic
 
 from .base import Count, Gauge, NotNegative, Positive, Seed, StartValue, Table
+from .loop_disturbances import LoopDisturbance, LoopSensor, ReservoirTable, SensorTable
 from .references import TRIED_ON, TUNED_ON, Reference
 
 
@@ -38,11 +39,17 @@ class ControlTable(Table):
         "pi",
         "pid",
         "pi-knocker",
+        "scheduled-pi",
+        "adrc",
+        "lqg",
         "friction-compensation",
         "backstepping",
         "adaptive-backstepping",
         "load-backstepping",
     ] = "backstepping"
+    belief: Literal["printed", "population", "plant"] | None = None
+    """What the controller knows of its plant: the printed actuator, the middle of the population, or the plant itself.
+    Without it the population's middle, or the plant where the study states no population."""
     free: list[str] | None = None
     fixed: list[str] = []
     gains: dict[str, StartValue] = {}
@@ -53,12 +60,31 @@ class ControlTable(Table):
     settled: NotNegative = 2.0
     period: Positive = 1e-3
     sensors: Literal["bench", "ideal"] = "bench"
+    sensor: dict[LoopSensor, SensorTable] = {}
+    """Sensors that are not as the others."""
+    duty_delay: Annotated[float, pydantic.Field(ge=0, le=0.02)] = 0.0
+    """s by which the duty arrives late."""
+    reservoir: ReservoirTable = ReservoirTable()
+    disturbance: list[LoopDisturbance] = []
+    fallback: Literal["none", "static-balance"] = "none"
+    """What takes over while the position can't be believed."""
     seed: Seed = 0
     lanes: Count = 64
     derivative_memory: list[Annotated[float, pydantic.Field(gt=0)]] | None = None
     """s; infinite is exact."""
     cost: CostTable = CostTable()
     unseen: UnseenTable = UnseenTable()
+
+    @pydantic.model_validator(mode="before")
+    @classmethod
+    def _settled_as_a_cost(cls, raw: Any) -> Any:
+        """`settled` may stand beside the costs that count from it on as well."""
+        if not isinstance(raw, dict) or not isinstance(raw.get("cost"), dict) or "settled" not in raw["cost"]:
+            return raw
+        if "settled" in raw:
+            raise ValueError("settled must stand once, but it is under [control] and [control.cost]; drop one")
+        cost = dict(raw["cost"])
+        return {**raw, "settled": cost.pop("settled"), "cost": cost}
 
     @pydantic.model_validator(mode="after")
     def _long_enough(self) -> "ControlTable":

@@ -47,7 +47,7 @@ class PulsationTable(Table):
             )
         return amplitude
 
-    def build(self) -> Disturbance:
+    def build(self) -> PressurePulsation:
         """The pulsation of that engine.
 
         **Raises:** `SimulationError` when the engine has no periodic cycle there.

@@ -1,5 +1,6 @@
 """`[[control.reference]]`: a reference of the position by its kind, each with keys of its own; m, s, rad/s."""
 
+import math
 import pathlib
 from collections.abc import Callable, Sequence
 from typing import Annotated, Literal
@@ -9,7 +10,7 @@ import pydantic
 
 import vgtjax
 from vgtjax import InputError
-from vgtjax.control import AbstractSignal, Later, Ramps, Sampled, Sine, Steps, signal_1, signal_2
+from vgtjax.control import SIGNAL_1_PERIOD, AbstractSignal, Later, Ramps, Sampled, Sine, Steps, signal_1, signal_2
 
 from .base import Finite, NotNegative, Positive, Table
 
@@ -21,6 +22,11 @@ class AbstractReference(Table):
     name: str | None = None
     begin: NotNegative = 0.0
     """s of the signal at which runs begin."""
+
+    @property
+    def title(self) -> str:
+        """What it is called: its kind where the study gives it no name."""
+        return self.name or self.kind
 
 
 class SineReference(AbstractReference):
@@ -91,11 +97,21 @@ TRIED_ON: list[Reference] = [
 """References that tuned gains are tried on where the study names none."""
 
 
+def cycle(entry: AbstractReference) -> float:
+    """s after which a reference repeats itself; zero for one that does not."""
+    match entry:
+        case SineReference(rate=rate):
+            return 2 * math.pi / rate
+        case PrintedReference(kind="signal-1"):
+            return SIGNAL_1_PERIOD
+    return 0.0
+
+
 def build_references(entries: Sequence[AbstractReference], folder: pathlib.Path) -> dict[str, AbstractSignal]:
     """Signals in m by name, which is the kind where the study gives none."""
     signals: dict[str, AbstractSignal] = {}
     for entry in entries:
-        name = entry.name or entry.kind
+        name = entry.title
         if name in signals:
             raise InputError(f"two references are called '{name}'; give each its own name")
         signal = _signal(entry, folder)

@@ -5,6 +5,7 @@ from ._adaptive_backstepping import (
     AdaptiveEstimate as AdaptiveEstimate,
     Moment as Moment,
 )
+from ._adrc import ADRC as ADRC
 from ._backstepping import Backstepping as Backstepping
 from ._balance import ConstantDuty as ConstantDuty, StaticBalance as StaticBalance, holding_duty as holding_duty
 from ._base import (
@@ -27,6 +28,19 @@ from ._differentiator import (
     ImplicitLevantDifferentiator as ImplicitLevantDifferentiator,
     LevantDifferentiator as LevantDifferentiator,
 )
+from ._disturbances import (
+    AbstractAlteration as AbstractAlteration,
+    AbstractDisturbance as AbstractDisturbance,
+    AbstractDutyPath as AbstractDutyPath,
+    AbstractSensorFault as AbstractSensorFault,
+    AbstractSurroundings as AbstractSurroundings,
+)
+from ._engine_disturbances import (
+    CoilSupply as CoilSupply,
+    LateDuty as LateDuty,
+    TurbinePulsation as TurbinePulsation,
+)
+from ._fallback import WithFallback as WithFallback
 from ._friction_compensation import FrictionCompensation as FrictionCompensation
 from ._friction_observer import (
     DualFrictionObserver as DualFrictionObserver,
@@ -37,19 +51,24 @@ from ._friction_observer import (
 from ._knocker import Knocker as Knocker
 from ._load_backstepping import LoadBackstepping as LoadBackstepping
 from ._load_observer import LoadEstimate as LoadEstimate, LoadObserver as LoadObserver
-from ._loop import (
-    ClosedLoop as ClosedLoop,
+from ._loop import ClosedLoop as ClosedLoop, close_loop as close_loop, fade as fade
+from ._lqg import LQG as LQG
+from ._measures import (
+    BAND as BAND,
+    StepAnswer as StepAnswer,
     chatter as chatter,
-    close_loop as close_loop,
     effort as effort,
-    fade as fade,
+    pressure_rms as pressure_rms,
+    step_answers as step_answers,
     tracking_peak as tracking_peak,
     tracking_rms as tracking_rms,
 )
 from ._observability import estimates as estimates, observability as observability
 from ._pid import PI as PI, PID as PID
 from ._pressure_observer import ObservedState as ObservedState, PressureObserver as PressureObserver
+from ._recurring import Draws as Draws, Periodic as Periodic
 from ._reference import (
+    SIGNAL_1_PERIOD as SIGNAL_1_PERIOD,
     AbstractSignal as AbstractSignal,
     Constant as Constant,
     FadeIn as FadeIn,
@@ -63,5 +82,8 @@ from ._reference import (
     signal_1 as signal_1,
     signal_2 as signal_2,
 )
+from ._replay import PROBES as PROBES, channels_used as channels_used, replay as replay
 from ._scenario import Scenario as Scenario, at_rest as at_rest, balanced_at as balanced_at
+from ._scheduled_pi import ScheduledPI as ScheduledPI
+from ._sensor_faults import LostSensor as LostSensor, StuckSensor as StuckSensor
 from ._sensors import Sensor as Sensor, Sensors as Sensors, quantise as quantise

@@ -89,7 +89,7 @@ class FrictionCompensation(AbstractController):
     def update(
         self, state: ObserverState, measurement: Measurement, reference: Reference, period: float
     ) -> tuple[ObserverState, Scalar, Log]:
-        """See the base class; logs `velocity` in m/s, `friction` in N and the wanted `pressure` in Pa absolute."""
+        """See the base class; logs `velocity` in m/s, `friction` in N and the `wanted_pressure` in Pa absolute."""
         memory, velocity = self.differentiator.update(
             state.differentiator, measurement.position, period, reference.acceleration
         )
@@ -110,7 +110,7 @@ class FrictionCompensation(AbstractController):
         )
         pressure = measurement.ambient - force / body.area
         duty = holding_duty(self.converter, measurement, pressure)
-        log = {"velocity": velocity, "friction": friction, "pressure": pressure}
+        log = {"velocity": velocity, "friction": friction, "wanted_pressure": pressure}
         return ObserverState(deflection, vanes, memory), duty, log
 
     def _observe(self, deflection: Scalar, velocity: Scalar, error: Scalar, period: float) -> tuple[Scalar, Scalar]:

@@ -8,7 +8,7 @@ import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from .._errors import InputError, is_traced
 from .._types import Scalar
@@ -28,6 +28,7 @@ from ..simulation import (
 )
 from ..traces import Drive
 from ._base import AbstractController, Log, Measurement, Reference, saturate
+from ._disturbances import Disturbed
 from ._scenario import Scenario
 
 
@@ -35,7 +36,8 @@ class ClosedLoop(eqx.Module):
     """What a closed loop returns, at its samples; every array has the shape `(time,)`, and axes of a batch before it.
 
     `plant` is what [`simulate`][] would return, with the true signals; `measured` is what the controller was given.
-    `command` is the duty in percent that it asked for, `duty` what the converter got, held to the next sample.
+    `command` is the duty in percent that it asked for, `duty` what the converter got, held to the next sample, which
+    a [`LateDuty`][] makes another one.
     `log` is what the controller logged.
     """
 
@@ -100,8 +102,9 @@ def close_loop(
     """Runs a controller on a plant for `duration` seconds, sampled every `period` seconds.
 
     At every sample the sensors are read, the controller updates without delay, and its duty, limited to 0 to 100 %, is
-    held to the next sample. Differentiable with respect to every floating leaf of `plant`, `controller` and
-    `scenario`; can be jitted, and vmapped over batches of them. The precision is that of the plant's parameters.
+    held to the next sample; the scenario's disturbances stand between them. Differentiable with respect to every
+    floating leaf of `plant`, `controller` and `scenario`; can be jitted, and vmapped over batches of them. The
+    precision is that of the plant's parameters.
 
     **Arguments:**
 
@@ -156,9 +159,10 @@ def _close_loop(
     plant = tabulated(plant)
     controller, scenario = _cast(controller, dtype), _cast(scenario, dtype)
     time = jnp.arange(intervals + 1, dtype=dtype) * period
-    drive = scenario.drive(time, period)
+    drive, disturbed = scenario.drive(time, period), Disturbed(scenario.disturbances)
     reference = scenario.references(time)
-    inputs = (drive, reference, scenario.sensors.draw(scenario.key, intervals + 1))
+    felt = disturbed.felt(time, drive)
+    inputs = (time, drive, felt, reference, scenario.sensors.draw(scenario.key, intervals + 1))
 
     def measure(state: State, drive: Drive, deviates: Array) -> Measurement:
         position, pressure = plant.observe(state, drive)
@@ -168,20 +172,25 @@ def _close_loop(
         return scenario.sensors(truth, deviates)
 
     def sample(carry: Any, inputs: Any) -> tuple[Any, _Sample]:
-        (state, memory), solved = fade(carry[:2], kept), carry[2]
-        drive, reference, deviates = inputs
-        measured = measure(state, drive, deviates)
+        (state, memory, (faults, paths)), solved = fade(carry[:3], kept), carry[3]
+        time, drive, felt, reference, deviates = inputs
+        faults, measured = disturbed.shown(faults, time, measure(state, drive, deviates))
         memory, command, log = controller.update(memory, measured, reference, period)
-        duty = saturate(command)
-        onward, found = plan.advance(plant, state, dataclasses.replace(drive, pwm=duty), unroll=UNROLL)
-        return (onward, memory, solved & found), _Sample(state, measured, command, duty, log)
+        paths, duty = disturbed.arriving(paths, saturate(command), period)
+        here = disturbed.altered(plant, time)
+        onward, found = plan.advance(here, state, dataclasses.replace(felt, pwm=duty), unroll=UNROLL)
+        return (onward, memory, (faults, paths), solved & found), _Sample(state, measured, command, duty, log)
 
-    first, _, deviates = jax.tree.map(lambda leaf: leaf[0], inputs)
-    state = plant.start(scenario.start, dataclasses.replace(first, pwm=scenario.duty_before))
-    memory = controller.initial_state(measure(state, first, deviates), period)
-    (_, _, solved), run = scan_in_blocks(sample, (state, memory, jnp.asarray(True)), inputs, adjoint)
+    begin, first, acting, _, deviates = jax.tree.map(lambda leaf: leaf[0], inputs)
+    before = dataclasses.replace(acting, pwm=scenario.duty_before)
+    state = disturbed.altered(plant, begin).start(scenario.start, before)
+    measured = measure(state, first, deviates)
+    memories = disturbed.start(measured, scenario.duty_before, period)
+    _, shown = disturbed.shown(memories[0], begin, measured)
+    carry = (state, controller.initial_state(shown, period), memories, jnp.asarray(True))
+    (*_, solved), run = scan_in_blocks(sample, carry, inputs, adjoint)
 
-    signals = jax.vmap(plant.signals)(run.state, dataclasses.replace(drive, pwm=run.duty))
+    signals = jax.vmap(plant.signals)(run.state, dataclasses.replace(felt, pwm=run.duty))
     result = judge((run.state, run.command), choose(solved, RESULTS.successful, RESULTS.root_not_found))
     solution = Solution(time, run.state, signals, result)
     return ClosedLoop(solution, run.measured, reference, run.command, run.duty, run.log)
@@ -205,27 +214,3 @@ def _fade(leaf: Array, kept: Scalar) -> Array:
 def _(primals, tangents):
     leaf, kept = primals
     return leaf, kept.astype(leaf.dtype) * tangents[0]
-
-
-def tracking_rms(run: ClosedLoop, settled: float = 0.0) -> Scalar:
-    """Root mean square of reference minus true position in m."""
-    return jnp.sqrt(_mean(jnp.square(run.error), run.time >= settled))
-
-
-def tracking_peak(run: ClosedLoop, settled: float = 0.0) -> Scalar:
-    """Largest distance between reference and true position in m."""
-    return jnp.max(jnp.where(run.time >= settled, jnp.abs(run.error), 0.0))
-
-
-def effort(run: ClosedLoop, settled: float = 0.0) -> Scalar:
-    """Root mean square of the duty in percent."""
-    return jnp.sqrt(_mean(jnp.square(run.duty), run.time >= settled))
-
-
-def chatter(run: ClosedLoop, settled: float = 0.0) -> Scalar:
-    """Root mean square change of the duty from one sample to the next in percent."""
-    return jnp.sqrt(_mean(jnp.square(jnp.diff(run.duty)), run.time[1:] >= settled))
-
-
-def _mean(values: Array, counted: Bool[Array, " time"]) -> Scalar:
-    return jnp.sum(jnp.where(counted, values, 0.0)) / jnp.maximum(jnp.sum(counted), 1)

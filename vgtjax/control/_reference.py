@@ -17,6 +17,10 @@ from ._base import Reference
 
 ORDER = 5
 """Degree of the spline through samples: its third derivative is smooth."""
+SIGNAL_1_RATE = 0.125
+"""rad/s [5.44]"""
+SIGNAL_1_PERIOD = 2 * np.pi / SIGNAL_1_RATE
+"""s"""
 SECONDS = ("number of seconds", "use e.g. 0.1")
 """What errors say of a time that is none."""
 
@@ -193,7 +197,7 @@ def signal_1(rise: float = 1.0) -> AbstractSignal:
     The printed one begins at 5 mm, where a rod at rest is not: here it grows from zero over `rise` seconds, and is as
     printed afterwards.
     """
-    return FadeIn(Sine(amplitude=0.005, rate=0.125, offset=0.005), rise=rise)
+    return FadeIn(Sine(amplitude=0.005, rate=SIGNAL_1_RATE, offset=0.005), rise=rise)
 
 
 def signal_2(rise: float = 0.5) -> AbstractSignal:

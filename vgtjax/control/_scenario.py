@@ -9,6 +9,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from .._types import Scalar
 from ..traces import ASSUMED_RESERVOIR, Drive, Ramp, Start
 from ._base import Reference
+from ._disturbances import AbstractDisturbance
 from ._reference import AbstractSignal, Constant, number, reference_at
 from ._sensors import Sensors
 
@@ -31,7 +32,7 @@ class Scenario(eqx.Module):
     `reference` in m: a signal, or a [`Reference`][] with one value a sample. `turbine` in Pa gauge and `reservoir` in
     Pa absolute are taken at the samples, and linear between them. `duty_before` in percent was held before the first
     sample: it decides where the plunger rests then. `ambient_shift` in Pa as in [`Drive`][]. `key` is the seed of the
-    noise.
+    noise. `disturbances` act one after the other, e.g. a [`LateDuty`][] and a [`StuckSensor`][].
     """
 
     reference: AbstractSignal | Reference
@@ -42,6 +43,7 @@ class Scenario(eqx.Module):
     duty_before: Scalar = number(default=0.0)
     ambient_shift: Scalar = number(default=0.0)
     key: PRNGKeyArray = eqx.field(default_factory=lambda: jax.random.key(0))
+    disturbances: tuple[AbstractDisturbance, ...] = ()
 
     def references(self, time: Float[Array, " time"]) -> Reference:
         """The reference at every sample."""

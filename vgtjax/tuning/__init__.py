@@ -2,6 +2,7 @@
 
 from ._admissible import conditions as conditions, gain_names as gain_names
 from ._cases import Case as Case, Cases as Cases, cross_cases as cross_cases
+from ._closed import ClosedLoops as ClosedLoops, Runs as Runs, close_loops as close_loops
 from ._objective import TERMS as TERMS, Objective as Objective
 from ._problem import (
     MEMORIES as MEMORIES,

@@ -11,7 +11,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
+from .._types import Scalar
 from ..control import (
+    AbstractDisturbance,
     AbstractSignal,
     Constant,
     Measurement,
@@ -66,6 +68,8 @@ def cross_cases(
     period: float = 1e-3,
     sensors: Sensors | None = None,
     seed: int = 0,
+    reservoir: AbstractSignal | None = None,
+    disturbances: Sequence[AbstractDisturbance] = (),
 ) -> Cases:
     """Every plant with every reference at every turbine pressure.
 
@@ -79,6 +83,8 @@ def cross_cases(
     - `turbine_pressures`: Pa gauge.
     - `duration`, `period`: of every run and of the controller's samples, s.
     - `sensors`: [`Sensors.bench`][] by default.
+    - `reservoir`: in Pa absolute; by default what is assumed of one that nobody measured.
+    - `disturbances`: of every case.
 
     **Raises:** `InputError` where nothing is to be crossed, or plants differ in structure.
     """
@@ -86,6 +92,7 @@ def cross_cases(
         raise InputError("cases need at least one plant, one reference and one turbine pressure; give each")
     time = jnp.arange(round(duration / period) + 1) * period
     sensors = Sensors.bench() if sensors is None else sensors
+    vacuum = Constant(ASSUMED_RESERVOIR) if reservoir is None else reservoir
     prepared = {name: _sample(signal, time) for name, signal in references.items()}
     keys = jax.random.split(jax.random.key(seed), len(plants) * len(references) * len(turbine_pressures))
     labels, models, scenarios = [], [], []
@@ -99,13 +106,15 @@ def cross_cases(
             Scenario(
                 prepared[reference],
                 turbine=Constant(pressure),
+                reservoir=vacuum,
                 sensors=sensors,
                 start=balanced_at(begin) if begin > 0 else at_rest(),
-                duty_before=_duty_at(plants[plant], begin) if begin > 0 else 0.0,
+                duty_before=_duty_at(plants[plant], begin, vacuum(jnp.zeros(()))) if begin > 0 else 0.0,
                 key=key,
+                disturbances=tuple(disturbances),
             )
         )
-    return Cases(tuple(labels), _stack(models), _stack(scenarios), float(duration), float(period))
+    return Cases(tuple(labels), stack_trees(models), stack_trees(scenarios), float(duration), float(period))
 
 
 @eqx.filter_jit
@@ -114,22 +123,22 @@ def _sample(signal: AbstractSignal, time: Float[Array, " time"]) -> Reference:
 
 
 @eqx.filter_jit
-def _duty_at(plant: Any, position: float) -> Any:
+def _duty_at(plant: Any, position: float, reservoir: Scalar) -> Any:
     """Duty in percent that holds a plant at a position in m, without friction and gas."""
     ambient = plant.air.pressure
     pressure = ambient - (plant.diaphragm.preload + plant.diaphragm.stiffness * position) / plant.diaphragm.area
-    measurement = Measurement(jnp.asarray(position), pressure, jnp.asarray(ASSUMED_RESERVOIR), ambient)
+    measurement = Measurement(jnp.asarray(position), pressure, reservoir, ambient)
     return holding_duty(plant.converter, measurement, pressure)
 
 
-def _stack(trees: Sequence[Any]) -> Any:
+def stack_trees(trees: Sequence[Any], what: str = "plants") -> Any:
     """Trees side by side; all that is no array must be equal."""
     if len({jax.tree.structure(tree) for tree in trees}) > 1:
-        raise InputError("plants must be models of one structure, but their components or settings differ; align them")
+        raise InputError(f"{what} must be models of one structure, but their components or settings differ; align them")
     try:
         return jax.tree.map(lambda *leaves: _side_by_side(leaves), *trees)
     except ValueError as error:
-        raise InputError("plants must have tables of one size, but theirs differ; put them on common knots") from error
+        raise InputError(f"{what} must have tables of one size, but theirs differ; put them on common knots") from error
 
 
 def _side_by_side(leaves: Sequence[Any]) -> Any:

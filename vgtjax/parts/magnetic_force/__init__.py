@@ -2,4 +2,5 @@
 
 from ._base import AbstractMagneticForce as AbstractMagneticForce
 from ._coil import Coil as Coil
+from ._scaled import ScaledForce as ScaledForce
 from ._static import StaticForce as StaticForce

@@ -1,0 +1,1 @@
+"""The command `control`: closed loops of a controller with given gains; nothing is tuned."""

@@ -1,0 +1,60 @@
+"""The command `control`: closes the loops of a study with given gains, and says what they are worth."""
+
+import pathlib
+import time
+
+from vgtjax import SimulationError
+from vgtjax.tuning import close_loops
+
+from ..output.console import console
+from ..output.files import REPORT, SUMMARY, read_json, write_json, write_text
+from ..resumable import run_once
+from .job import ControlJob, prepare_control
+from .outcome import Outcome, look_at, summarise, tabulate
+from .report import render
+from .terminal import table
+from .traces import trace_csv, trace_name
+
+TRACES = "traces"
+
+
+def run(
+    study: pathlib.Path | None, parameters: pathlib.Path | None, gains: pathlib.Path | None, out: pathlib.Path
+) -> None:
+    """Writes `summary.json`, `report.html`, and a CSV for every closed loop under `traces/`.
+
+    **Raises:** `SimulationError` after everything is written, when a closed loop left the finite numbers.
+    """
+    job = prepare_control(study, parameters, gains)
+    run_once(out, "control", job.fingerprint, lambda: _compute(job, out))
+    failed = read_json(out / SUMMARY)["failed"]
+    if failed:
+        raise SimulationError(
+            f"{len(failed)} closed loops leave the finite numbers, the first of them '{failed[0]}'; lower its gains"
+        )
+
+
+def _compute(job: ControlJob, out: pathlib.Path) -> None:
+    for note in job.notes:
+        console.print(f"note: {note}")
+    table_of = job.study.control
+    began, groups = time.monotonic(), []
+    for cases in job.groups:
+        with console.status(f"{len(cases)} closed loops of {cases.duration:.4g} s"):
+            groups.append(close_loops(job.controllers, cases, settled=table_of.settled, lanes=table_of.lanes))
+    used, sample_seconds = look_at(job.controllers[job.groups[0].labels[0].plant], job.groups[0])
+    outcome = Outcome(tuple(groups), used, sample_seconds, time.monotonic() - began)
+    rows, summary = tabulate(outcome), summarise(job, outcome)
+    took = f"{1e6 * sample_seconds:.3g} us a sample"
+    console.print(f"{table_of.design} knows {job.belief}; it measures {', '.join(summary['measures'])}; {took} here")
+    console.print(table(rows))
+    write_json(out / SUMMARY, summary)
+    _write_traces(outcome, out / TRACES)
+    with console.status("writing the report"):
+        write_text(out / REPORT, render(job, outcome, rows, summary))
+
+
+def _write_traces(outcome: Outcome, folder: pathlib.Path) -> None:
+    folder.mkdir(exist_ok=True)
+    for number, (group, index) in enumerate(outcome.loops, 1):
+        write_text(folder / trace_name(number, group.labels[index]), trace_csv(group, index))

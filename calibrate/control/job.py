@@ -1,0 +1,96 @@
+"""From a study to closed loops of a controller whose gains are given."""
+
+import dataclasses
+import math
+import pathlib
+from typing import Any
+
+import vgtjax
+from vgtjax import InputError
+from vgtjax.control import AbstractController, AbstractSignal, WithFallback, check
+from vgtjax.tuning import Cases
+
+from ..population import Actuators, read_actuators
+from ..study.loop_disturbances import build_sensors
+from ..study.places import OF_A_CONTROLLER, stated
+from ..study.read import expand_traces, fingerprint, load_study
+from ..study.references import build_references, cycle
+from ..study.tables import Study
+from ..study.units import StudyJob
+from ..tune.gains_file import read_gains
+from ..tune.job import EXAMPLE, cases_of, gas_notes, reference_files, start_controller
+from ..tune.plants import BELIEFS, Plants, all_plants, belief_of, believed_model, is_alone
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class ControlJob(StudyJob):
+    """Everything that closing the loops needs.
+
+    `controllers` are one for each plant by its name, all the same unless each knows its own plant, which is what
+    `belief` says. `groups` are closed loops that run for one time each: a slow reference takes longer than others.
+    """
+
+    controllers: dict[str, AbstractController]
+    belief: str
+    groups: tuple[Cases, ...]
+    notes: tuple[str, ...]
+
+
+def prepare_control(
+    path: pathlib.Path | None, parameters: pathlib.Path | None, gains: pathlib.Path | None
+) -> ControlJob:
+    """Reads and checks a study of a controller, and its gains where a file gives them."""
+    path = EXAMPLE if path is None else path
+    study = load_study(path)
+    if study.model != "full":
+        raise InputError(f"loops are closed on model = 'full', but it is '{study.model}'; change it")
+    actuators = read_actuators(path, study, parameters)
+    plants, notes = all_plants(study, actuators)
+    with stated(OF_A_CONTROLLER):
+        controllers, given = _controllers(study, actuators, plants, gains)
+    hashed = actuators.values | reference_files(study.control, path.parent) | {"gains": given}
+    belief = BELIEFS[belief_of(study, actuators)]
+    of_population = () if is_alone(study, actuators) else actuators.notes
+    said = (*of_population, *notes, *gas_notes(study.control, actuators.first))
+    digest = fingerprint(study, expand_traces(study, path.parent), hashed)
+    groups = _groups(study, plants, path.parent)
+    return ControlJob(study, path.read_text(encoding="utf-8-sig"), digest, controllers, belief, groups, said)
+
+
+def _controllers(
+    study: Study, actuators: Actuators, plants: Plants, gains: pathlib.Path | None
+) -> tuple[dict[str, AbstractController], dict[str, Any]]:
+    """A controller for each plant, and the gains of the file; what it gives goes before what the study states."""
+    table = study.control
+    if belief_of(study, actuators) == "plant":
+        started = {name: start_controller(table, plant)[0] for name, plant in plants.items()}
+    else:
+        started = dict.fromkeys(plants, start_controller(table, believed_model(study, actuators))[0])
+    given = {} if gains is None else read_gains(gains, table.design, next(iter(started.values())))
+    controllers = {name: vgtjax.replace_parameters(controller, given) for name, controller in started.items()}
+    for controller in controllers.values():
+        check(controller)
+    if table.fallback == "static-balance":
+        controllers = {name: _guarded(study, actuators, plants[name], each) for name, each in controllers.items()}
+    return controllers, given
+
+
+def _guarded(study: Study, actuators: Actuators, plant: Any, controller: AbstractController) -> AbstractController:
+    """A controller with a fallback that knows of the plant what the controller does."""
+    believed = plant if belief_of(study, actuators) == "plant" else believed_model(study, actuators)
+    noisy = build_sensors(study.control.sensors, study.control.sensor).position.noise > 0
+    patience = {} if noisy else {"patience": math.inf}  # without noise, standing still is no sign of a fault
+    return WithFallback.for_plant(believed, controller=controller, **patience)
+
+
+def _groups(study: Study, plants: Plants, folder: pathlib.Path) -> tuple[Cases, ...]:
+    """Closed loops, those that run for one time together: long enough that a period counts after all has settled."""
+    table, signals = study.control, build_references(study.control.reference, folder)
+    lasting: dict[float, dict[str, AbstractSignal]] = {}
+    for entry in table.reference:
+        least = cycle(entry) + table.settled if cycle(entry) else 0.0
+        lasting.setdefault(max(table.duration, least), {})[entry.title] = signals[entry.title]
+    return tuple(
+        cases_of(study, plants, along, table.turbine_pressure, table.seed + number, seconds)
+        for number, (seconds, along) in enumerate(lasting.items())
+    )

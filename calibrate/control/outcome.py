@@ -1,0 +1,162 @@
+"""What closed loops were worth, one by one and for all plants together."""
+
+import dataclasses
+import math
+import time
+from typing import Any
+
+import jax
+import numpy as np
+
+from vgtjax.control import AbstractController, Scenario, StepAnswer, channels_used, close_loop, replay
+from vgtjax.plants import AbstractModel
+from vgtjax.tuning import Cases, ClosedLoops
+
+from ..output.files import finite
+from .job import ControlJob
+
+CHANNELS = {
+    "position": "position",
+    "pressure": "chamber pressure",
+    "reservoir": "reservoir pressure",
+    "turbine": "turbine pressure",
+}
+"""What a controller may measure, in words."""
+PROBED = 0.5
+"""s of a run by which it is found out what a controller measures, and how long it takes."""
+REPEATS = 5
+"""Times that it is timed; the shortest counts, as other programs only ever lengthen one."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Outcome:
+    """Closed loops, those that ran for one time together, and what the controller measures and takes."""
+
+    groups: tuple[ClosedLoops, ...]
+    measures: tuple[str, ...]
+    sample_seconds: float
+    seconds: float
+
+    @property
+    def loops(self) -> list[tuple[ClosedLoops, int]]:
+        """Every closed loop: its group, and its place there."""
+        return [(group, index) for group in self.groups for index in range(len(group))]
+
+
+def look_at(controller: AbstractController, cases: Cases) -> tuple[tuple[str, ...], float]:
+    """Channels that a controller uses in the first of some closed loops, and seconds that a sample takes, compiled."""
+    plant, scenario = jax.tree.map(lambda leaf: leaf[0], (cases.plants, cases.scenarios))
+    reference = jax.tree.map(lambda leaf: leaf[: round(PROBED / cases.period) + 1], scenario.reference)
+    run = _run(plant, controller, scenario, reference, cases.period)
+    given = (controller, run.measured, run.reference, cases.period)
+    used, spent = channels_used(*given), []
+    for _ in range(REPEATS):
+        began = time.perf_counter()
+        jax.block_until_ready(replay(*given))
+        spent.append(time.perf_counter() - began)
+    return used, min(spent) / len(run.time)
+
+
+def _run(
+    plant: AbstractModel, controller: AbstractController, scenario: Scenario, reference: Any, period: float
+) -> Any:
+    short = dataclasses.replace(scenario, reference=reference)
+    return close_loop(plant, controller, short, (len(reference.position) - 1) * period, period=period, throw=False)
+
+
+def summarise(job: ControlJob, outcome: Outcome) -> dict[str, Any]:
+    """The content of `summary.json`; SI units, what counts from `settled` on."""
+    return {
+        "design": job.study.control.design,
+        "belief": job.belief,
+        "measures": [CHANNELS[channel] for channel in outcome.measures],
+        "settled": job.study.control.settled,
+        "seconds_per_sample": outcome.sample_seconds,
+        "worst": {name: finite(_largest(outcome, name)) for name in ("rms", "peak", "pressure_rms")},
+        "loops": [_numbers(group, index) for group, index in outcome.loops],
+        "failed": [str(group.labels[index]) for group, index in outcome.loops if group.failed[index]],
+        "notes": list(job.notes),
+        **job.account(outcome.seconds),
+    }
+
+
+def _largest(outcome: Outcome, name: str) -> float:
+    """Of all closed loops that did not fail; NaN without one."""
+    return max(
+        (figure for group in outcome.groups for figure in getattr(group, name) if not math.isnan(figure)),
+        default=math.nan,
+    )
+
+
+def _numbers(group: ClosedLoops, index: int) -> dict[str, Any]:
+    label, answers = group.labels[index], group.answers[index]
+    figures = {name: getattr(group, name)[index] for name in ("rms", "peak", "pressure_rms", "effort", "chatter")}
+    return {
+        "plant": label.plant,
+        "reference": label.reference,
+        "turbine_pressure": label.turbine_pressure,
+        **finite(figures),
+        "settling_time": finite(_worst(answers, "settling_time")),
+        "overshoot": finite(_worst(answers, "overshoot")),
+        "failed": bool(group.failed[index]),
+    }
+
+
+def _worst(answers: list[StepAnswer], name: str) -> float:
+    """Of all steps; NaN without a step."""
+    return max((getattr(answer, name) for answer in answers), default=math.nan)
+
+
+@dataclasses.dataclass(frozen=True)
+class Row:
+    """The plants along one reference at one turbine pressure, SI units; `None` where nothing is to be said.
+
+    `settling_time` is infinite where a plant does not come there.
+    """
+
+    reference: str
+    turbine_pressure: float
+    plants: int
+    failed: int
+    rms_median: float | None
+    rms_worst: float | None
+    peak: float | None
+    pressure_median: float | None
+    pressure_worst: float | None
+    effort: float | None
+    chatter: float | None
+    settling_time: float | None
+    overshoot: float | None
+
+
+def tabulate(outcome: Outcome) -> list[Row]:
+    """A row for every reference and turbine pressure: the middle and the worst of the plants."""
+    rows = []
+    for group in outcome.groups:
+        for key in dict.fromkeys((label.reference, label.turbine_pressure) for label in group.labels):
+            mine = [i for i, label in enumerate(group.labels) if (label.reference, label.turbine_pressure) == key]
+            rows.append(_row(group, key, mine))
+    return rows
+
+
+def _row(group: ClosedLoops, key: tuple[str, float], mine: list[int]) -> Row:
+    good = [i for i in mine if not group.failed[i]]
+    steps = [answer for i in good for answer in group.answers[i]]
+
+    def told(name: str, summary: Any) -> float | None:
+        return finite(summary(getattr(group, name)[good])) if good else None
+
+    return Row(
+        *key,
+        len(mine),
+        len(mine) - len(good),
+        told("rms", np.median),
+        told("rms", np.max),
+        told("peak", np.max),
+        told("pressure_rms", np.median),
+        told("pressure_rms", np.max),
+        told("effort", np.median),
+        told("chatter", np.median),
+        _worst(steps, "settling_time") if steps else None,
+        finite(_worst(steps, "overshoot")),
+    )

@@ -1,0 +1,146 @@
+"""What disturbs closed loops: `[[control.disturbance]]`, `[control.reservoir]`, `[control.sensor]`; SI units."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Literal
+
+import jax.numpy as jnp
+import numpy as np
+import pydantic
+
+from vgtjax.control import (
+    AbstractDisturbance,
+    AbstractSignal,
+    CoilSupply,
+    Constant,
+    Draws,
+    LateDuty,
+    LostSensor,
+    Ramps,
+    Sensor,
+    Sensors,
+    StuckSensor,
+    TurbinePulsation,
+)
+from vgtjax.traces import ASSUMED_RESERVOIR
+
+from .base import Finite, NotNegative, Positive, Share, Table
+
+LoopSensor = Literal["position", "pressure", "reservoir", "turbine"]
+"""A sensor that a controller may have."""
+
+
+class AbstractLoopDisturbance(Table):
+    """What disturbances of every kind share."""
+
+    kind: str
+
+
+class CoilSupplyTable(AbstractLoopDisturbance):
+    """A magnetic force that is `factor` times as strong; a list goes in straight lines from one of `times` to the next.
+
+    With a list there are as many times as factors.
+    """
+
+    kind: Literal["coil-supply"]
+    factor: Positive | list[Positive]
+    times: list[NotNegative] = []
+
+    @pydantic.model_validator(mode="after")
+    def _one_time_each(self) -> "CoilSupplyTable":
+        factors = len(self.factor) if isinstance(self.factor, list) else 0
+        if factors != len(self.times) or factors == 1:
+            raise ValueError(
+                f"a coil-supply needs one factor, or a list with a time for each, but there are {len(self.times)} "
+                f"times for {factors or 'one'}; give e.g. factor = [1.0, 0.8] and times = [2.0, 3.0]"
+            )
+        return self
+
+
+class PulsationAt(AbstractLoopDisturbance):
+    """A sine on the turbine's gauge pressure, a share of it, with a frequency in Hz, which its sensor does not show."""
+
+    kind: Literal["pulsation"]
+    amplitude: Share
+    frequency: Positive
+
+
+class StuckSensorTable(AbstractLoopDisturbance):
+    """A sensor that shows its last value from `begin` to `end` in s."""
+
+    kind: Literal["stuck-sensor"]
+    sensor: LoopSensor = "position"
+    begin: NotNegative
+    end: float = np.inf
+
+
+class LostSensorTable(AbstractLoopDisturbance):
+    """A sensor that shows nothing, or a `value`, from `begin` to `end` in s."""
+
+    kind: Literal["lost-sensor"]
+    sensor: LoopSensor = "position"
+    begin: NotNegative
+    end: float = np.inf
+    value: float = np.nan
+
+
+LoopDisturbance = Annotated[
+    CoilSupplyTable | PulsationAt | StuckSensorTable | LostSensorTable, pydantic.Field(discriminator="kind")
+]
+
+
+class ReservoirTable(Table):
+    """The vacuum: `level + drift t`, and `depth` more at each of `times`, which recovers with a time constant."""
+
+    level: Positive = ASSUMED_RESERVOIR
+    drift: Finite = 0.0
+    times: list[NotNegative] = []
+    depth: Finite = 0.0
+    recovery: Positive = 0.5
+
+    def build(self) -> AbstractSignal:
+        """As a signal in Pa absolute."""
+        return Draws(self.level, self.drift, np.asarray(self.times), self.depth, self.recovery)
+
+
+class SensorTable(Table):
+    """One sensor, where it is not as the others of its bench."""
+
+    noise: NotNegative | None = None
+    offset: Finite | None = None
+    quantum: NotNegative | None = None
+
+    def changed(self, sensor: Sensor) -> Sensor:
+        """A sensor with what is stated."""
+        stated = {name: jnp.asarray(getattr(self, name)) for name in self.model_fields_set}
+        return dataclasses.replace(sensor, **stated)
+
+
+def build_sensors(kind: str, tables: Mapping[LoopSensor, SensorTable]) -> Sensors:
+    """Sensors of a bench or ideal ones, some of them changed."""
+    sensors = Sensors.bench() if kind == "bench" else Sensors.ideal()
+    changed = {name: table.changed(getattr(sensors, name)) for name, table in tables.items()}
+    return dataclasses.replace(sensors, **changed)
+
+
+def build_disturbances(
+    entries: Sequence[AbstractLoopDisturbance], duty_delay: float = 0.0
+) -> tuple[AbstractDisturbance, ...]:
+    """Disturbances of closed loops in the order in which they act, a duty that arrives late by so many s the last."""
+    built = tuple(_build(entry) for entry in entries)
+    return (*built, LateDuty(duty_delay)) if duty_delay > 0 else built
+
+
+def _build(entry: AbstractLoopDisturbance) -> AbstractDisturbance:
+    match entry:
+        case CoilSupplyTable(factor=list() as factors, times=times):
+            return CoilSupply(Ramps(np.asarray(times), np.asarray(factors)))
+        case CoilSupplyTable(factor=factor):
+            return CoilSupply(Constant(factor))
+        case PulsationAt(amplitude=amplitude, frequency=frequency):
+            return TurbinePulsation.sine(amplitude, frequency)
+        case StuckSensorTable(sensor=sensor, begin=begin, end=end):
+            return StuckSensor(sensor, begin, end)
+        case LostSensorTable(sensor=sensor, begin=begin, end=end, value=value):
+            return LostSensor(sensor, begin, end, value)
+    raise TypeError(f"no disturbance is built from {type(entry).__name__}")

@@ -1,0 +1,237 @@
+"""The command `control` as a user runs it: one PI on three drawn plants, a sine and a step."""
+
+import json
+import pathlib
+
+import numpy as np
+import pytest
+from broken_controller import Broken
+from commands import Outcome, assert_refused, read, run_command
+
+import vgtjax
+from calibrate.control.job import prepare_control
+from calibrate.population import Actuators
+from calibrate.study.references import PrintedReference, SineReference, cycle
+from calibrate.study.tables import AnyStudy
+from calibrate.tune.designs import DESIGNS
+from calibrate.tune.job import prepare_tuning
+from calibrate.tune.plants import BELIEFS, all_plants, belief_of
+from vgtjax.control import SIGNAL_1_PERIOD
+from vgtjax.population import spread_population
+
+STUDY = """
+name = "a PI on strangers"
+[population]
+vary = ["diaphragm.stiffness"]
+[control]
+design = "pi"
+plants = 3
+duration = 0.5
+settled = 0.1
+period = 2e-3
+turbine_pressure = [0, 1e5]
+{more}
+[[control.reference]]
+kind = "sine"
+amplitude = 0.001
+rate = 24.0
+offset = 0.005
+[[control.reference]]
+kind = "steps"
+name = "up & down"
+times = [0.1]
+levels = [0.006]
+initial = 0.005
+rise = 0.05
+"""
+GAINS = {"design": "pi", "parameters": {"proportional_gain": {"value": 9000.0}, "tracking_time": {"value": None}}}
+
+
+def write(folder: pathlib.Path, more: str = "", text: str = STUDY) -> pathlib.Path:
+    path = folder / "study.toml"
+    path.write_text(text.format(more=more), encoding="utf-8")
+    return path
+
+
+def write_gains(folder: pathlib.Path, **changes: object) -> pathlib.Path:
+    (folder / "gains.json").write_text(json.dumps(GAINS | changes), encoding="utf-8")
+    return folder / "gains.json"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> pathlib.Path:
+    return tmp_path_factory.mktemp("control")
+
+
+@pytest.fixture(scope="module")
+def outcome(folder) -> Outcome:
+    return run_command("control", write(folder), "--out", folder / "out")
+
+
+@pytest.fixture(scope="module")
+def summary(outcome, folder) -> dict:
+    assert outcome.status == 0, outcome.err
+    return read(folder / "out" / "summary.json")
+
+
+def test_a_run_writes_its_files(summary, folder):
+    names = {path.name for path in (folder / "out").iterdir()}
+    assert names == {".study.json", "summary.json", "report.html", "traces"}
+    assert len(list((folder / "out" / "traces").iterdir())) == 3 * 2 * 2
+
+
+def test_every_loop_has_its_row(summary):
+    loops = summary["loops"]
+    assert len(loops) == 12
+    assert {loop["plant"] for loop in loops} == {"sample 0", "sample 1", "sample 2"}
+    assert {loop["turbine_pressure"] for loop in loops} == {0.0, 1e5}
+    assert all(loop["pressure_rms"] is None and not loop["failed"] for loop in loops)
+    assert all(0 < loop["rms"] < loop["peak"] for loop in loops)
+    answered = {loop["reference"] for loop in loops if loop["overshoot"] is not None}
+    assert answered == {"up & down"}
+    assert summary["worst"]["peak"] == max(loop["peak"] for loop in loops)
+
+
+def test_it_says_what_the_controller_knew(summary, outcome):
+    assert summary["belief"] == BELIEFS["population"]
+    assert summary["measures"] == ["position", "reservoir pressure"]
+    assert 0 < summary["seconds_per_sample"] < 0.1
+    assert "pi knows the middle of the population; it measures position, reservoir pressure" in outcome.out
+    assert "note: turbine pressure acts on nothing" in outcome.out
+
+
+def test_traces_are_what_figures_were_made_of(summary, folder):
+    for number, loop in enumerate(summary["loops"], 1):
+        (path,) = (folder / "out" / "traces").glob(f"{number:03d}_*")
+        time, duty, _, position, reference = np.loadtxt(path, delimiter=",", skiprows=1).T
+        error = (reference - position)[time >= 0.1]
+        # Nine digits of millimetres.
+        assert np.sqrt(np.mean(error**2)) == pytest.approx(loop["rms"], rel=1e-5)
+        assert np.sqrt(np.mean(duty[time >= 0.1] ** 2)) == pytest.approx(loop["effort"], rel=1e-5)
+    assert path.name == "012_sample_2_up_down_1000mbar.csv"
+
+
+def test_a_report_carries_everything(summary, folder):
+    text = (folder / "out" / "report.html").read_text(encoding="utf-8")
+    for part in ("What the controller knew", BELIEFS["population"], "up &amp; down, 0 mbar", "settling, ms"):
+        assert part in text
+    assert "<script src" not in text
+
+
+def test_the_same_command_again_does_nothing(outcome, folder):
+    again = run_command("control", folder / "study.toml", "--out", folder / "out")
+    assert (again.status, "nothing to do" in again.out) == (0, True)
+
+
+def test_other_gains_are_another_run(outcome, folder, tmp_path):
+    other = run_command("control", folder / "study.toml", "--gains", write_gains(tmp_path), "--out", folder / "out")
+    assert other.status == 2
+    assert "holds the results of another study" in other.err
+
+
+def test_gains_of_a_file_go_before_those_of_the_study(tmp_path):
+    path = write(tmp_path, "gains = {proportional_gain = {value = 7000.0}, integral_gain = {value = 1000.0}}")
+    gains = write_gains(tmp_path)
+    for given in (gains, tmp_path):  # the file, or the folder of `tune`
+        controller = prepare_control(path, None, given).controllers["sample 0"]
+        assert float(controller.proportional_gain) == 9000.0
+        assert float(controller.integral_gain) == 1000.0
+        assert float(controller.tracking_time) == np.inf
+
+
+@pytest.mark.parametrize(
+    ("belief", "stiffnesses"), [("printed", {12000.0}), ("population", {12500.0}), ("plant", None)]
+)
+def test_the_study_says_what_the_controller_knows(belief, stiffnesses, tmp_path):
+    path = write(tmp_path, f'belief = "{belief}"', STUDY + '[parameters]\n"diaphragm.stiffness" = {{value = 12500.0}}')
+    job = prepare_control(path, None, None)
+    believed = {name: float(controller.base.diaphragm.stiffness) for name, controller in job.controllers.items()}
+    if stiffnesses is None:
+        cases = job.groups[0]
+        plants = {label.plant: cases.plants.diaphragm.stiffness[i] for i, label in enumerate(cases.labels)}
+        assert believed == pytest.approx(plants)
+        assert len(set(believed.values())) == 3
+    else:
+        assert set(believed.values()) == stiffnesses
+    assert job.belief == BELIEFS[belief]
+
+
+def test_one_actuator_is_known_exactly_unless_the_study_says_otherwise(tmp_path):
+    text = STUDY.replace("[population]\nvary", "[fit]\nfree")
+    job = prepare_control(write(tmp_path, "", text), None, None)
+    assert (job.belief, list(job.controllers)) == (BELIEFS["plant"], ["nominal"])
+
+
+def test_a_tuned_controller_has_one_belief(tmp_path):
+    path = write(tmp_path, 'belief = "plant"')
+    with pytest.raises(vgtjax.InputError, match=r"must have one belief, but control\.belief is 'plant'; use"):
+        prepare_tuning(path, None)
+    printed = prepare_tuning(write(tmp_path, 'belief = "printed"'), None)
+    assert float(printed.true.controller.base.diaphragm.stiffness) == 12000.0
+
+
+def test_fitted_units_come_in_their_order():
+    """All of them, or as many as the study asks for."""
+    plant = vgtjax.Actuator()
+    fitted = {f"unit_{i}": plant for i in range(4)}
+    actuators = Actuators({}, plant, spread_population(plant), fitted, ())
+    whole, some = (AnyStudy.validate_python({"control": table}) for table in ({}, {"plants": 2}))
+    assert list(all_plants(whole, actuators)[0]) == list(fitted)
+    assert list(all_plants(some, actuators)[0]) == ["unit_0", "unit_1"]
+    assert belief_of(whole, actuators) == "population"
+
+
+def test_runs_last_a_period_after_they_have_settled(tmp_path):
+    assert cycle(PrintedReference(kind="signal-1")) == SIGNAL_1_PERIOD
+    assert cycle(PrintedReference(kind="signal-2")) == 0.0
+    assert cycle(SineReference(kind="sine", amplitude=1e-3, rate=0.5)) == pytest.approx(4 * np.pi)
+    slow = STUDY.replace("rate = 24.0", "rate = 8.0")
+    durations = [cases.duration for cases in prepare_control(write(tmp_path, "", slow), None, None).groups]
+    assert durations == pytest.approx([2 * np.pi / 8.0 + 0.1, 0.5])
+
+
+def test_settled_may_stand_among_the_costs(tmp_path):
+    moved = STUDY.replace("settled = 0.1\n", "cost = {{settled = 0.1}}\n")
+    assert prepare_control(write(tmp_path, "", moved), None, None).study.control.settled == 0.1
+    sentence = "study.toml: settled must stand once, but it is under [control] and [control.cost]; drop one"
+    outcome = run_command("control", write(tmp_path, "cost = {settled = 0.1}"), "--out", tmp_path / "out")
+    assert_refused(outcome, sentence, tmp_path / "out")
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        (
+            {"design": "pid"},
+            "gains.json: these are gains of the design 'pid', but the study's is 'pi'; give gains of the same design",
+        ),
+        (
+            {"parameters": 1},
+            "gains.json: these are no gains of a controller; give a gains.json that 'tune' wrote",
+        ),
+        (
+            {"parameters": {"proportionl_gain": 1.0}},
+            "gains.json: gain 'proportionl_gain' matches nothing; did you mean 'proportional_gain'?",
+        ),
+        (
+            {"parameters": {"integral_gain": {"value": "much"}}},
+            "gains.json: the gain 'integral_gain' must be a number, but it is 'much'; correct it",
+        ),
+        (
+            {"parameters": {"integral_gain": -1.0}},
+            "gains.json: 'integral_gain' must be finite and not negative, but it is -1; correct it",
+        ),
+    ],
+)
+def test_bad_gains_get_one_sentence(changes, sentence, tmp_path):
+    arguments = ("--gains", write_gains(tmp_path, **changes), "--out", tmp_path / "out")
+    assert_refused(run_command("control", write(tmp_path), *arguments), sentence, tmp_path / "out")
+
+
+def test_loops_that_fail_are_named_and_the_rest_is_kept(tmp_path, monkeypatch):
+    monkeypatch.setitem(DESIGNS, "pi", Broken)
+    outcome = run_command("control", write(tmp_path), "--out", tmp_path / "out")
+    assert outcome.status == 1
+    assert "12 closed loops leave the finite numbers, the first of them 'sample 0, sine, 0 mbar'" in outcome.err
+    assert {loop["rms"] for loop in read(tmp_path / "out" / "summary.json")["loops"]} == {None}
+    assert (tmp_path / "out" / "report.html").exists()
