@@ -1,5 +1,6 @@
 """From a traced JAX function to straight-line C: every array apart, a variable a number."""
 
+import re
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -30,8 +31,19 @@ def emit_function(name: str, function: Callable[..., Any], arguments: dict[str, 
     emitter.lines += [f"out[{place}] = {number};" for place, each in enumerate(results) for number in each.flat]
     signature = ", ".join(f"const double *{n}" if np.ndim(v) else f"double {n}" for n, v in arguments.items())
     unused = "".join(f"    (void){each};\n" for each in arguments)
-    body = "".join(f"    {line}\n" for line in emitter.lines)
+    body = "".join(f"    {line}\n" for line in _used(emitter.lines))
     return f"VG_LOCAL void {name}({signature}, double *out) {{\n{unused}{body}}}\n"
+
+
+def _used(lines: list[str]) -> list[str]:
+    """Statements without variables that no later one reads: of an array sometimes only a part is."""
+    kept, read = [], set()
+    for line in reversed(lines):
+        declared = re.match(r"const \w+ (\w+) = ", line)
+        if declared is None or declared[1] in read:
+            kept.append(line)
+            read |= set(re.findall(r"[a-z]\d+", line[declared.end() :] if declared else line))
+    return kept[::-1]
 
 
 def needs(function: Callable[..., Any], arguments: Sequence[Any]) -> list[bool]:

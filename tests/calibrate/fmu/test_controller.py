@@ -118,7 +118,7 @@ def test_it_is_valid_and_says_what_it_is(fmus, controller):
     inputs = {name for name, each in variables.items() if each.causality == "input"}
     assert inputs == {"x_d", "p_res", "atmosphere", *(f"reference.{name}" for name in WANTED)}
     outputs = [name for name, each in variables.items() if each.causality == "output"]
-    assert outputs == ["pwm", "command", "log.friction", "log.pressure", "log.velocity"]
+    assert outputs == ["pwm", "command", "log.friction", "log.velocity", "log.wanted_pressure"]
     assert (float(variables[GAIN].start), variables[GAIN].unit) == (9000.0, "N/m")
     assert description.modelExchange is None
     assert float(description.defaultExperiment.stepSize) == PERIOD
@@ -200,7 +200,7 @@ def test_a_file_of_gains_is_its_controller(results, controller):
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        ({"design": "lqg"}, "its design must be one of {designs}, but it is 'lqg'; tune again"),
+        ({"design": "mpc"}, "its design must be one of {designs}, but it is 'mpc'; tune again"),
         ({"plant": None}, "it does not state the plant that its controller believes in and its period; tune again"),
         ({"period": -1.0}, "it does not state the plant that its controller believes in and its period; tune again"),
         (
