@@ -1,28 +1,18 @@
 """Differentiable model of an electro-pneumatic actuator for variable geometry turbochargers."""
 
+import importlib
 import importlib.metadata
+from typing import TYPE_CHECKING, Any
 
 from . import (
-    assurance as assurance,
-    control as control,
-    estimation as estimation,
-    exhaust as exhaust,
-    experiments as experiments,
-    identification as identification,
     parameters as parameters,
     parts as parts,
     plants as plants,
-    population as population,
-    sensitivity as sensitivity,
     simulation as simulation,
     traces as traces,
-    tuning as tuning,
-    turbine as turbine,
 )
 from ._errors import InputError as InputError, SimulationError as SimulationError
 from ._runtime import configure as configure
-from .estimation import Calibration as Calibration, jacobian as jacobian
-from .identification import fit as fit
 from .parameters import (
     Parameter as Parameter,
     Selection as Selection,
@@ -94,3 +84,46 @@ from .simulation import (
 from .traces import Channel as Channel, Source as Source, Trace as Trace, load_trace as load_trace
 
 __version__ = importlib.metadata.version("vgtjax")
+
+if TYPE_CHECKING:  # imported when first asked for, below: a simulation needs none of it, and half of the time it takes
+    from . import (
+        assurance as assurance,
+        control as control,
+        estimation as estimation,
+        exhaust as exhaust,
+        experiments as experiments,
+        identification as identification,
+        population as population,
+        sensitivity as sensitivity,
+        tuning as tuning,
+        turbine as turbine,
+    )
+    from .estimation import Calibration as Calibration, jacobian as jacobian
+    from .identification import fit as fit
+
+_ROOMS = (
+    "assurance",
+    "control",
+    "estimation",
+    "exhaust",
+    "experiments",
+    "identification",
+    "population",
+    "sensitivity",
+    "tuning",
+    "turbine",
+)
+_ROOM_OF = {"Calibration": "estimation", "jacobian": "estimation", "fit": "identification"}
+
+
+def __getattr__(name: str) -> Any:
+    """A room, or a name of one, that is imported when it is first asked for."""
+    if name in _ROOMS:
+        return importlib.import_module(f".{name}", __name__)
+    if name in _ROOM_OF:
+        return getattr(importlib.import_module(f".{_ROOM_OF[name]}", __name__), name)
+    raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_ROOMS, *_ROOM_OF})

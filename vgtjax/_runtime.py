@@ -3,6 +3,8 @@
 import os
 import pathlib
 
+from . import _kept
+
 # XLA compiles a loop over scalars natively only below 1 kB of data touched; a march over a trace touches more. Without
 # this, every arithmetic group of every step is a dispatched kernel: 27 ms for a 10 s trace instead of 3 ms.
 _NATIVE_LOOPS = "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=1000000000"
@@ -50,3 +52,4 @@ def configure(*, x64: bool = True, cpu_devices: int | None = None, cache: str | 
         jax.config.update("jax_compilation_cache_dir", str(pathlib.Path(cache)))
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
         jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+        _kept.FOLDER = pathlib.Path(cache) / "programs"

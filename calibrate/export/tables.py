@@ -7,7 +7,7 @@ import math
 from typing import Any
 
 import numpy as np
-import scipy.io
+import scipy
 
 from .results import Results, Row
 

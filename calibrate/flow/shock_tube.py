@@ -1,8 +1,8 @@
 """The exact solution of a shock tube, to judge what the flow solver makes of it."""
 
 import numpy as np
+import scipy
 from jaxtyping import Float
-from scipy.optimize import brentq
 
 GAMMA = 1.4
 LEFT, RIGHT = (1.0, 1e5), (0.125, 1e4)
@@ -22,7 +22,7 @@ def exact(position: Along, time: float) -> tuple[Along, Along]:
     def expanded(p: float) -> float:
         return float(2 * sound_l / (GAMMA - 1) * (1 - (p / p_l) ** ((GAMMA - 1) / (2 * GAMMA))))
 
-    between = brentq(lambda p: shocked(p) - expanded(p), 1.01 * p_r, p_l)
+    between = scipy.optimize.brentq(lambda p: shocked(p) - expanded(p), 1.01 * p_r, p_l)
     velocity = shocked(between)
     behind_fan = rho_l * (between / p_l) ** (1 / GAMMA)
     behind_shock = rho_r * (between / p_r + share) / (share * between / p_r + 1)

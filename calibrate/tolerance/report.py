@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
-import scipy.special
+import scipy
 from plotly.subplots import make_subplots
 
 from vgtjax.experiments import POSITIONS, SHOWN, MeasuredLoops, Output, SlowLoop, StepResponse, label

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import scipy.stats
+import scipy
 
 from vgtjax.experiments import MeasuredLoops, Output, label
 from vgtjax.parameters import unknown_name

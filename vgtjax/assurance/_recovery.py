@@ -4,8 +4,7 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-import scipy.signal
-import scipy.stats
+import scipy
 from jaxtyping import Float
 
 from ..estimation import (
@@ -172,7 +171,7 @@ class Recovery:
         campaigns, known = len(self.estimates), self.known
         said = [f"{100 * self.total:.1f} % of {known.sum():.0f} intervals of 95 % hold the truth"]
         held = np.nan_to_num(self.coverage * known)
-        chance = scipy.stats.binom.cdf(np.round(held), known, 0.95)
+        chance = scipy.special.bdtr(np.round(held), known, 0.95)
         for at in np.flatnonzero((known > 0) & (chance < SIGNIFICANT)).tolist():
             part = f"{held[at]:.0f} of {known[at]:.0f}"
             said.append(f"{self.entries[at]}: only {part} intervals hold the truth, so its errors are too small")

@@ -7,8 +7,8 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Array, Float
-from scipy.interpolate import PPoly, make_interp_spline
 
 from .._errors import InputError, is_traced, require_positive
 from .._types import Scalar
@@ -179,7 +179,7 @@ class Sampled(AbstractSignal):
                 f"a sampled signal needs at least {ORDER + 1} values at increasing times, but there are {values.shape} "
                 f"values at {time.shape} times; give more samples, sort them, and remove repeated ones"
             )
-        pieces = PPoly.from_spline(make_interp_spline(time, values, k=ORDER))
+        pieces = scipy.interpolate.PPoly.from_spline(scipy.interpolate.make_interp_spline(time, values, k=ORDER))
         # The spline's outermost knots are repeated.
         real = np.diff(pieces.x) > 0
         return cls(pieces.x[:-1][real], pieces.c[:, real], time[-1])

@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Callable, Iterator
 
 import numpy as np
-import scipy.stats
+import scipy
 from jaxtyping import Float
 
 from ..traces import noise_level
@@ -116,7 +116,7 @@ def _over(
 
 
 def _judged(channel: str, what: str, statistic: float, freedom: float, count: float, text: str, more: str) -> Remains:
-    p, share = float(scipy.stats.chi2.sf(statistic, freedom)), max(0.0, (statistic - freedom) / count)
+    p, share = float(scipy.special.chdtrc(freedom, statistic)), max(0.0, (statistic - freedom) / count)
     verdict = VERDICTS[(p < CHANCE) + (p < CHANCE and share > MUCH)]
     sentence = f"{WORDS[channel]} over {what}: {text}, {100 * share:.2g} % of its variance, {verdict}{more}"
     return Remains(channel, what, share, p, verdict, sentence)

@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import SimulationError
+from .._kept import keep_compiled
 from .._lanes import replicate, spread
 from .._types import Scalar
 from ..parameters import Selection, select
@@ -83,7 +84,7 @@ def _by_channel(trace: Trace, columns: Float[np.ndarray, "time channel parameter
     }
 
 
-@eqx.filter_jit
+@keep_compiled
 def observe(model: AbstractModel, bundle: Bundle, delay: Scalar | None = None) -> Lanes:
     """What the sensors would see along every trace of a bundle: position in m, pressure in Pa absolute.
 
@@ -93,7 +94,7 @@ def observe(model: AbstractModel, bundle: Bundle, delay: Scalar | None = None) -
     return replicate(_nominal(model, bundle)[1])
 
 
-@eqx.filter_jit
+@keep_compiled
 def observe_with_jacobian(
     model: AbstractModel, selection: Selection, bundle: Bundle, delay: Scalar | None = None
 ) -> tuple[Lanes, LaneJacobian]:
@@ -104,7 +105,7 @@ def observe_with_jacobian(
     return _linearise(model, selection, bundle, delay, spread)
 
 
-@eqx.filter_jit
+@keep_compiled
 def observe_backwards(
     model: AbstractModel, selection: Selection, bundle: Bundle, delay: Scalar | None, cotangent: Array
 ) -> Float[Array, " parameters"]:
@@ -112,7 +113,7 @@ def observe_backwards(
     return replicate(pull_back(model, selection, bundle, delay, cotangent))
 
 
-@eqx.filter_jit
+@keep_compiled
 def observe_together(
     dynamic: tuple[Any, ...], static: tuple[Any, ...]
 ) -> tuple[Float[Array, "fits lanes sample channel"] | None, Float[Array, "fits ..."] | None]:

@@ -4,9 +4,7 @@ import dataclasses
 from typing import Literal
 
 import numpy as np
-import scipy.linalg
-import scipy.ndimage
-import scipy.signal
+import scipy
 from jaxtyping import Float
 
 from ..traces import Trace, noise_level
@@ -27,6 +25,8 @@ NEIGHBOURS = 10
 FREEDOM = 4.0
 """Degrees of freedom of Student's distribution as a loss: few enough that a sample of thirty deviations weighs a two
 hundredth, and a sixteenth of the information of normal noise is lost (Lange, Little and Taylor, 1989)."""
+FREQUENCIES = 2000
+"""At which the spectrum of a noise is summed: more than the samples that it remembers."""
 MOST_TURNS, ROUNDING = 100, 1e-9
 """Turns of the scale of Student's distribution, each of which halves what is left to go, and the last of them."""
 
@@ -125,7 +125,7 @@ def innovations(residuals: Samples, memory: Float[np.ndarray, " order"]) -> Samp
     """What is new in every residual; the first ones, which have no past, in the size that this has."""
     if not len(memory):
         return residuals
-    new = scipy.signal.lfilter(np.concatenate([[1.0], -memory]), [1.0], residuals)
+    new = np.convolve(residuals, np.concatenate([[1.0], -memory]))[: len(residuals)]
     new[: len(memory)] = residuals[: len(memory)] / np.sqrt(_gain_of_memory(memory))
     return new
 
@@ -149,9 +149,7 @@ def _autoregression(residuals: Samples) -> Float[np.ndarray, " order"]:
 
 
 def _gain_of_memory(memory: Float[np.ndarray, " order"]) -> float:
-    """Variance of a noise per variance of what is new in it."""
+    """Variance of a noise per variance of what is new in it: the mean of its spectrum, by Parseval's theorem."""
     if not len(memory):
         return 1.0
-    impulse = np.zeros(2000)
-    impulse[0] = 1.0
-    return float(np.sum(scipy.signal.lfilter([1.0], np.concatenate([[1.0], -memory]), impulse) ** 2))
+    return float(np.mean(np.abs(np.fft.fft(np.concatenate([[1.0], -memory]), FREQUENCIES)) ** -2.0))

@@ -3,8 +3,8 @@
 import dataclasses
 
 import numpy as np
+import scipy
 from jaxtyping import Float
-from scipy.interpolate import make_lsq_spline
 
 SPAN = (2e-3, 8e-3)
 """m; where widths are read, clear of both stops."""
@@ -90,7 +90,7 @@ def _read(x_d: np.ndarray, p_act: np.ndarray, position: np.ndarray) -> np.ndarra
     order = np.argsort(x_d, kind="stable")
     x, p = x_d[order], p_act[order]
     knots = np.concatenate([[x[0]], position[::2], [x[-1]]])
-    spline = make_lsq_spline(x, p, np.concatenate([knots[:1], knots, knots[-1:]]), k=1)
+    spline = scipy.interpolate.make_lsq_spline(x, p, np.concatenate([knots[:1], knots, knots[-1:]]), k=1)
     return spline(position)
 
 

@@ -5,10 +5,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import scipy
 from jaxtyping import Bool
-from scipy import optimize
-from scipy.linalg import lstsq, orth, solve_banded
-from scipy.ndimage import minimum_filter1d
 
 from ..estimation import least_squares
 from ..plants import MechanicalActuator
@@ -70,7 +68,7 @@ def bristle_force(position: Samples, limit: Samples, deflection: float) -> Sampl
     gained = np.sign(moved) * between * (1 - kept)
     # The recursion `force = kept force + gained` is a system of two bands, solved forwards.
     bands = np.stack([np.ones(len(position)), -np.append(kept, 0.0)])
-    return solve_banded((1, 0), bands, np.append(0.0, gained), overwrite_ab=True)
+    return scipy.linalg.solve_banded((1, 0), bands, np.append(0.0, gained), overwrite_ab=True)
 
 
 def read_paths(model: MechanicalActuator, motions: Sequence[MotionRecord]) -> list[Path]:
@@ -79,7 +77,7 @@ def read_paths(model: MechanicalActuator, motions: Sequence[MotionRecord]) -> li
     for motion in motions:
         filtered = filter_motion(motion, KERNEL)
         inside = within_stops(model, motion) & filtered.valid
-        rows = minimum_filter1d(inside, filtered.width, mode="constant", cval=0).astype(bool)
+        rows = scipy.ndimage.minimum_filter1d(inside, filtered.width, mode="constant", cval=0).astype(bool)
         if motion.trace.f_drive is not None:
             # An axis that sticks moves less than its sensor sees, and then its friction is anything up to the limit.
             rows &= through_kernel(filtered, (filtered.direction == 0).astype(float)) < limits.STICKING
@@ -110,7 +108,7 @@ def fit_bristles(model: MechanicalActuator, paths: Sequence[Path], stribeck: boo
     ends = np.log(np.array(list(ENDS.values()))[: 1 + len(shape)]).T
     trials = [np.clip(np.log([usual * scale, *shape]), ends[0] + STEP, ends[1] - STEP) for scale in SCALES]
     best = min(trials, key=lambda trial: float(np.sum(law.residual(trial) ** 2)))
-    return law.report(optimize.least_squares(law.residual, best, bounds=ends, diff_step=STEP).x)
+    return law.report(scipy.optimize.least_squares(law.residual, best, bounds=ends, diff_step=STEP).x)
 
 
 Columns = dict[str, np.ndarray]
@@ -129,7 +127,7 @@ class _Law:
         self.steady = [self.steady_columns(path.filtered) for path in paths]
         # What no trial changes is projected out once, so that a trial is left with one or two columns.
         matrix = self.stack(self.steady)
-        self.span = orth(matrix / _lengths(matrix), rcond=NULL)
+        self.span = scipy.linalg.orth(matrix / _lengths(matrix), rcond=NULL)
         self.target = self.right - self.span @ (self.span.T @ self.right)
 
     def steady_columns(self, filtered: Filtered) -> Columns:
@@ -165,7 +163,7 @@ class _Law:
         """Force that the law leaves, in N."""
         matrix = self.stack([self.bristle_columns(path, logs) for path in self.paths])
         left = (matrix - self.span @ (self.span.T @ matrix)) / _lengths(matrix)
-        return self.target - left @ lstsq(left, self.target, cond=NULL)[0]
+        return self.target - left @ scipy.linalg.lstsq(left, self.target, cond=NULL)[0]
 
     def report(self, logs: np.ndarray) -> Bristles:
         """Values and errors at the solution, where the nonlinear unknowns enter by their derivatives."""

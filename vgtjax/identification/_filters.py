@@ -4,8 +4,8 @@ import dataclasses
 import itertools
 
 import numpy as np
+import scipy
 from jaxtyping import Bool, Float, Int
-from scipy.signal import savgol_coeffs, savgol_filter
 
 from ..parts import Converter
 from ..plants import AbstractModel, Actuator, MechanicalActuator
@@ -56,10 +56,10 @@ def _smooth_even(samples: Samples, noise: float, step: float) -> Smooth:
     low, high = np.full(len(samples), -np.inf), np.full(len(samples), np.inf)
     agrees = np.ones(len(samples), dtype=bool)
     for window in _window_samples(step, len(samples)):
-        value = savgol_filter(samples, window, ORDER)
-        rate = savgol_filter(samples, window, ORDER, deriv=1, delta=step)
-        error = noise * np.linalg.norm(savgol_coeffs(window, ORDER))
-        rate_error = noise * np.linalg.norm(savgol_coeffs(window, ORDER, deriv=1, delta=step))
+        value = scipy.signal.savgol_filter(samples, window, ORDER)
+        rate = scipy.signal.savgol_filter(samples, window, ORDER, deriv=1, delta=step)
+        error = noise * np.linalg.norm(scipy.signal.savgol_coeffs(window, ORDER))
+        rate_error = noise * np.linalg.norm(scipy.signal.savgol_coeffs(window, ORDER, deriv=1, delta=step))
         low, high = np.maximum(low, value - CONFIDENCE * error), np.minimum(high, value + CONFIDENCE * error)
         agrees &= low <= high
         now = [value, rate, np.full_like(value, error), np.full_like(value, rate_error)]

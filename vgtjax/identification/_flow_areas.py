@@ -8,8 +8,8 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Array, Bool, Float, Int
-from scipy import optimize
 
 from .._types import Vector
 from ..estimation import clustered_errors, determined_within, error_factor
@@ -229,7 +229,7 @@ def _minimise(
         return coordinates
 
     def improve(y: np.ndarray, loss: str, tolerance: float) -> np.ndarray:
-        return optimize.least_squares(
+        return scipy.optimize.least_squares(
             lambda y: np.asarray(_residuals(whole(y), start, every, transform, samples)),
             np.clip(y, low[free], high[free]),
             jac=lambda y: np.asarray(_jacobian(whole(y), start, every, transform, samples))[:, free],

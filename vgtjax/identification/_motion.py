@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import scipy
 from jaxtyping import Bool
-from scipy.linalg import solveh_banded
 
 from ..plants import AbstractModel, Actuator, MechanicalActuator
 from ..traces import SENSOR_PRESSURE_OFFSET, START_WINDOW, Trace, noise_level
@@ -51,7 +51,7 @@ def _penalised(samples: Samples, weights: np.ndarray) -> Samples:
     bands[3] += np.convolve(weights, THIRD**2)
     for offset in range(1, 4):
         bands[3 - offset, offset:] = np.convolve(weights, THIRD[offset:] * THIRD[:-offset])
-    return solveh_banded(bands, samples, overwrite_ab=True, check_finite=False)
+    return scipy.linalg.solveh_banded(bands, samples, overwrite_ab=True, check_finite=False)
 
 
 # -- one trace ---------------------------------------------------------------------------------------------------------

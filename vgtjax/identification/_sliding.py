@@ -4,8 +4,8 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
+import scipy
 from jaxtyping import Bool
-from scipy.ndimage import minimum_filter1d
 
 from ..plants import MechanicalActuator
 from . import _limits as limits
@@ -98,7 +98,7 @@ def _one_way(filtered: Filtered, inside: Bool[np.ndarray, " time"], distance: fl
     begin[turns] = turns
     since = np.abs(filtered.position - filtered.position[np.maximum.accumulate(begin)])
     slid = (direction != 0) & (since > distance) & inside & filtered.valid
-    return minimum_filter1d(slid, filtered.width, mode="constant", cval=0).astype(bool)
+    return scipy.ndimage.minimum_filter1d(slid, filtered.width, mode="constant", cval=0).astype(bool)
 
 
 def at_closed_stop(

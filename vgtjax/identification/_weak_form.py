@@ -4,8 +4,8 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
+import scipy
 from jaxtyping import Bool, Float
-from scipy.signal import fftconvolve
 
 from ..estimation import LeastSquares, clustered_errors, huber_weights, least_squares, robust_deviation
 from ..plants import MechanicalActuator
@@ -78,7 +78,7 @@ def _convolve(samples: Samples, kernel: np.ndarray) -> Samples:
     if len(samples) < len(kernel):
         return filtered
     half, middle = len(kernel) // 2, float(np.mean(samples))
-    filtered[half : len(samples) - half] = fftconvolve(samples - middle, kernel, mode="valid")
+    filtered[half : len(samples) - half] = scipy.signal.fftconvolve(samples - middle, kernel, mode="valid")
     return filtered + middle * np.sum(kernel)
 
 

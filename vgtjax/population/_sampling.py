@@ -4,8 +4,8 @@ import abc
 import dataclasses
 
 import numpy as np
+import scipy
 from jaxtyping import Float
-from scipy.stats import qmc
 
 from .._errors import InputError
 from ._permutation import ROUNDS, permute, random_keys, random_words
@@ -57,7 +57,7 @@ def check_size(what: str, value: int, most: int) -> None:
 
 def sobol_points(dimensions: int, seed: int, begin: int, end: int) -> Float[np.ndarray, "points dimensions"]:
     """Points `begin` to `end` of a scrambled Sobol' sequence (Joe and Kuo, 2008), centred in their cells."""
-    engine = qmc.Sobol(dimensions, scramble=True, bits=BITS, rng=np.random.default_rng(seed))
+    engine = scipy.stats.qmc.Sobol(dimensions, scramble=True, bits=BITS, rng=np.random.default_rng(seed))
     parts = []
     if begin == 0 and end > 0:
         # SciPy warns when a first draw is no power of two; a slice is no claim about the size of the whole.
@@ -88,7 +88,7 @@ class SobolSample(_SizedSample):
     """
 
     def __post_init__(self) -> None:
-        check_size("the number of dimensions of Sobol' points", self.dimensions, qmc.Sobol.MAXDIM)
+        check_size("the number of dimensions of Sobol' points", self.dimensions, scipy.stats.qmc.Sobol.MAXDIM)
         check_size("the size of a sample", self.size, MOST_ROWS)
 
     def _draw(self, begin: int, end: int) -> Float[np.ndarray, "points dimensions"]:

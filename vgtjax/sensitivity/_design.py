@@ -3,8 +3,8 @@
 import dataclasses
 
 import numpy as np
+import scipy
 from jaxtyping import Float
-from scipy.stats import qmc
 
 from .._errors import InputError
 from ..population import MOST_ROWS, Sample, check_size, sobol_points
@@ -28,7 +28,7 @@ class RadialDesign(Sample):
     seed: int
 
     def __post_init__(self) -> None:
-        check_size("the number of inputs of a radial design", self.dimensions, qmc.Sobol.MAXDIM // 2)
+        check_size("the number of inputs of a radial design", self.dimensions, scipy.stats.qmc.Sobol.MAXDIM // 2)
         check_size("the number of base points", self.base, MOST_ROWS)
 
     @property

@@ -10,6 +10,7 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
+from .._kept import keep_compiled
 from ..parts import tabulated
 from ..plants import AbstractModel, State
 from ..traces import Drive, Start, Trace, cast, require
@@ -79,7 +80,7 @@ def simulate(
     return check_result(solution, solution.result, f"the simulation of trace '{trace.name}'") if throw else solution
 
 
-@eqx.filter_jit
+@keep_compiled
 def _simulate(
     model: AbstractModel,
     drive: Drive,

@@ -1,28 +1,28 @@
 """The units that a file's signals may have, and how they become SI."""
 
 import dataclasses
-import functools
 from collections.abc import Callable
 
 import numpy as np
+from scipy.constants import bar, kilo, micro, milli
 
 from .._errors import InputError
 from ._channel import Samples
-from ._signals import SIGNALS
 
 PRESSURES = ("p_act", "p_res", "p_trb")
-PRESSURE_UNITS = ("Pa", "kPa", "mbar", "bar")
-UNITS: dict[str, tuple[str, ...]] = {
-    "time": ("s", "ms"),
-    "pwm": ("%", "1"),
+PRESSURE_UNITS = {"Pa": 1.0, "kPa": kilo, "mbar": milli * bar, "bar": bar}
+UNITS: dict[str, dict[str, float]] = {
+    "time": {"s": 1.0, "ms": milli},
+    "pwm": {"%": 1.0, "1": 100.0},
     "p_act": PRESSURE_UNITS,
     "p_res": PRESSURE_UNITS,
     "p_trb": PRESSURE_UNITS,
-    "x_d": ("m", "mm", "um"),
-    "f_vane": ("N",),
-    "f_drive": ("N",),
+    "x_d": {"m": 1.0, "mm": milli, "um": micro},
+    "f_vane": {"N": 1.0},
+    "f_drive": {"N": 1.0},
 }
-"""The units that each signal of a file may have; pressures are followed by `gauge` or `absolute`."""
+"""The units that each signal of a file may have, and their factors to SI (duty: to %); pressures are followed by
+`gauge` or `absolute`."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -39,16 +39,10 @@ class Unit:
     def to_si(self, values: Samples, atmosphere: float) -> Samples:
         """Values in SI; pressures absolute, but that of the turbine gauge; `atmosphere` in Pa."""
         with np.errstate(over="ignore"):  # of a broken file; what is infinite is out of range
-            converted = values * self._factor
+            converted = values * UNITS[self.signal][self.symbol]
         if self.signal == "p_trb":
             return converted - atmosphere if self.reference == "absolute" else converted
         return converted + atmosphere if self.reference == "gauge" else converted
-
-    @property
-    def _factor(self) -> float:
-        if (self.signal, self.symbol) == ("pwm", "1"):
-            return 100.0
-        return factor(self.symbol, "s" if self.signal == "time" else SIGNALS[self.signal].unit.split()[0])
 
 
 def parse_unit(signal: str, text: str, fail: Callable[[str, str], InputError], write: Callable[..., str]) -> Unit:
@@ -72,14 +66,4 @@ def parse_unit(signal: str, text: str, fail: Callable[[str, str], InputError], w
 
 def example(signal: str) -> str:
     """A unit that is right."""
-    return "mbar gauge" if signal in PRESSURES else "mm" if signal == "x_d" else UNITS[signal][0]
-
-
-@functools.cache
-def factor(unit: str, target: str) -> float:
-    """Factor from a unit to its SI unit; pint knows, and is only loaded when it is asked."""
-    if unit in (target, "%"):
-        return 1.0
-    import pint
-
-    return float(pint.get_application_registry().Quantity(1.0, unit).to(target).magnitude)
+    return "mbar gauge" if signal in PRESSURES else "mm" if signal == "x_d" else next(iter(UNITS[signal]))

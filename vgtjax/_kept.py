@@ -1,0 +1,131 @@
+"""Compiled programs kept on disk, so that another process neither traces nor compiles them again.
+
+JAX's own cache saves the compilation only; of a march and its derivatives, tracing and lowering take as long as that.
+"""
+
+import contextlib
+import dataclasses
+import functools
+import hashlib
+import os
+import pathlib
+import pickle
+import tempfile
+from collections.abc import Callable, Hashable
+from typing import Any, Generic, ParamSpec, TypeVar
+
+import equinox as eqx
+import jax
+from jax.experimental import serialize_executable
+
+from ._naming import Unnamed, name_call
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+FOLDER: pathlib.Path | None = None
+"""Where programs are kept, set by [`configure`][]; without it a function is compiled as `equinox.filter_jit` does."""
+
+
+@dataclasses.dataclass(frozen=True)
+class _Hole:
+    """Where an array belongs in what a program returns."""
+
+    place: int
+
+
+@dataclasses.dataclass(frozen=True)
+class _Program:
+    """A program from arrays to arrays, and what its output is but for them."""
+
+    run: Callable[..., list[jax.Array]]
+    output: Any
+
+    def __call__(self, arrays: list[Any]) -> Any:
+        found = self.run(*arrays)
+        return jax.tree.map(lambda leaf: found[leaf.place] if isinstance(leaf, _Hole) else leaf, self.output)
+
+
+class Kept(Generic[P, R]):
+    """A compiled function whose programs are kept on disk, see [`keep_compiled`][]."""
+
+    def __init__(self, function: Callable[P, R]) -> None:
+        functools.update_wrapper(self, function)
+        self._function = function
+        self._compiled = eqx.filter_jit(function)
+        self._programs: dict[Hashable, _Program | None] = {}
+
+    def __call__(self, *args: P.args, **kwargs: P.kwargs) -> R:
+        """The function's value: the same bits, whether its program was kept or not."""
+        arrays, rest = eqx.partition(args, eqx.is_array)
+        leaves, structure = jax.tree.flatten(arrays)
+        if FOLDER is None or kwargs or any(isinstance(leaf, jax.core.Tracer) for leaf in leaves):
+            return self._compiled(*args, **kwargs)
+        placed = tuple((leaf.shape, leaf.dtype, getattr(leaf, "sharding", None)) for leaf in leaves)
+        key = (structure, jax.tree.structure(rest), *jax.tree.leaves(rest), placed)
+        if key not in self._programs:
+            self._programs[key] = self._find(FOLDER, args)
+        program = self._programs[key]
+        return self._compiled(*args) if program is None else program(leaves)
+
+    def _find(self, folder: pathlib.Path, args: tuple[Any, ...]) -> _Program | None:
+        """The program for such arguments: the one that was kept, or else a new one; none if it can't be named."""
+        try:
+            name = hashlib.sha256(name_call(self._function, args).encode()).hexdigest()
+        except Unnamed:
+            return None
+        file = folder / f"{self._function.__name__}-{name}.program"
+        program = _load(file)
+        if program is None:
+            program = self._make(file, args)
+        return program
+
+    def _make(self, file: pathlib.Path, args: tuple[Any, ...]) -> _Program | None:
+        arrays, rest = eqx.partition(args, eqx.is_array)
+        leaves, structure = jax.tree.flatten(arrays)
+        output: list[Any] = []
+
+        def flat(*leaves: Any) -> list[jax.Array]:
+            found = self._function(*eqx.combine(jax.tree.unflatten(structure, leaves), rest))
+            values, others = eqx.partition(found, eqx.is_array)
+            values, shape = jax.tree.flatten(values)
+            holes = jax.tree.unflatten(shape, [_Hole(place) for place in range(len(values))])
+            output[:] = [eqx.combine(holes, others)]
+            return values
+
+        compiled = jax.jit(flat).lower(*leaves).compile()
+        _save(file, compiled, output[0], len(leaves))
+        return _Program(compiled, output[0])
+
+
+def keep_compiled(function: Callable[P, R]) -> Kept[P, R]:
+    """`equinox.filter_jit`, whose programs are kept on disk once [`configure`][] was given a cache.
+
+    What is made of a user's own classes is compiled in each process, since their code may have changed.
+    """
+    return Kept(function)
+
+
+def _save(file: pathlib.Path, compiled: jax.stages.Compiled, output: Any, count: int) -> None:
+    """Writes a program, whole or not at all; one that can't be written is compiled anew next time."""
+    try:
+        payload, _, _ = serialize_executable.serialize(compiled)
+        data = pickle.dumps((payload, output, count))
+    except (ValueError, NotImplementedError, TypeError, AttributeError, pickle.PicklingError):
+        return
+    with contextlib.suppress(OSError):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=file.parent, delete=False) as part:
+            part.write(data)
+        os.replace(part.name, file)
+
+
+def _load(file: pathlib.Path) -> _Program | None:
+    """A program that was kept; none if there is none, or a spoilt one."""
+    try:
+        payload, output, count = pickle.loads(file.read_bytes())
+    except (OSError, EOFError, ValueError, pickle.UnpicklingError, AttributeError, ImportError, TypeError):
+        return None
+    inputs = jax.tree.structure((tuple(range(count)), {}))
+    outputs = jax.tree.structure([leaf for leaf in jax.tree.leaves(output) if isinstance(leaf, _Hole)])
+    return _Program(serialize_executable.deserialize_and_load(payload, inputs, outputs), output)
