@@ -10,12 +10,16 @@ from jaxtyping import install_import_hook
 with install_import_hook("vgtjax", "typechecker.checked"):
     import vgtjax
 
+    for name in dir(vgtjax):  # rooms that are imported when first asked for, too
+        getattr(vgtjax, name)
+
 # Steps are compiled one by one, not two side by side: a third of the time for a march and its derivatives, and the same
 # arithmetic but for rounding. What is measured of speed is not measured here.
 vgtjax.simulation._stepping.UNROLL = vgtjax.control._loop.UNROLL = 1
 
 CACHE = platformdirs.user_cache_path("vgtjax") / "tests"
 vgtjax.configure(cpu_devices=2, cache=CACHE)
+vgtjax._kept.FOLDER = None  # tests replace what programs are made of
 jax.config.update("jax_numpy_rank_promotion", "raise")
 # The kernels of the notebooks find there what tests have compiled, and the other way round.
 os.environ["JAX_COMPILATION_CACHE_DIR"] = str(CACHE)

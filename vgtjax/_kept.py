@@ -10,12 +10,15 @@ import hashlib
 import os
 import pathlib
 import pickle
+import re
 import tempfile
 from collections.abc import Callable, Hashable
 from typing import Any, Generic, ParamSpec, TypeVar
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
+import numpy as np
 from jax.experimental import serialize_executable
 
 from ._naming import Unnamed, name_call
@@ -25,6 +28,10 @@ R = TypeVar("R")
 
 FOLDER: pathlib.Path | None = None
 """Where programs are kept, set by [`configure`][]; without it a function is compiled as `equinox.filter_jit` does."""
+
+
+_KNOWN_CALLS = ("lapack", "Sharding", "SPMD")
+"""Calls to the outside that mean the same in another process, unlike those to functions of Python."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -51,8 +58,8 @@ class Kept(Generic[P, R]):
 
     def __init__(self, function: Callable[P, R]) -> None:
         functools.update_wrapper(self, function)
-        self._function = function
-        self._compiled = eqx.filter_jit(function)
+        self._function: Callable[..., Any] = function
+        self._compiled: Callable[..., R] = eqx.filter_jit(function)
         self._programs: dict[Hashable, _Program | None] = {}
 
     def __call__(self, *args: P.args, **kwargs: P.kwargs) -> R:
@@ -74,13 +81,10 @@ class Kept(Generic[P, R]):
             name = hashlib.sha256(name_call(self._function, args).encode()).hexdigest()
         except Unnamed:
             return None
-        file = folder / f"{self._function.__name__}-{name}.program"
-        program = _load(file)
-        if program is None:
-            program = self._make(file, args)
-        return program
+        file = folder / f"{self._function.__name__}_{name}.program"
+        return _load(file) or self._make(file, args)
 
-    def _make(self, file: pathlib.Path, args: tuple[Any, ...]) -> _Program | None:
+    def _make(self, file: pathlib.Path, args: tuple[Any, ...]) -> _Program:
         arrays, rest = eqx.partition(args, eqx.is_array)
         leaves, structure = jax.tree.flatten(arrays)
         output: list[Any] = []
@@ -93,8 +97,12 @@ class Kept(Generic[P, R]):
             output[:] = [eqx.combine(holes, others)]
             return values
 
-        compiled = jax.jit(flat).lower(*leaves).compile()
-        _save(file, compiled, output[0], len(leaves))
+        # With a name of its own it is not found in JAX's cache: what came from there can't be serialised again.
+        flat.__name__ = flat.__qualname__ = file.stem
+        lowered = jax.jit(flat).lower(*leaves)
+        compiled, calls = lowered.compile(), set(re.findall(r"custom_call @(\w+)", lowered.as_text()))
+        if all(call.startswith(_KNOWN_CALLS) for call in calls):
+            _save(file, compiled, (output[0], len(leaves), any(call.startswith("lapack") for call in calls)))
         return _Program(compiled, output[0])
 
 
@@ -106,13 +114,17 @@ def keep_compiled(function: Callable[P, R]) -> Kept[P, R]:
     return Kept(function)
 
 
-def _save(file: pathlib.Path, compiled: jax.stages.Compiled, output: Any, count: int) -> None:
-    """Writes a program, whole or not at all; one that can't be written is compiled anew next time."""
+def _save(file: pathlib.Path, compiled: jax.stages.Compiled, about: tuple[Any, int, bool]) -> None:
+    """Writes a program, whole or not at all; one that can't be written is compiled anew next time.
+
+    **Arguments:** `about`: its output, the number of its inputs, and whether it calls LAPACK.
+    """
+    devices = {device.id for sharding in compiled.output_shardings for device in sharding.device_set}
     try:
         payload, _, _ = serialize_executable.serialize(compiled)
-        data = pickle.dumps((payload, output, count))
+        data = pickle.dumps((payload, devices, about))
     except (ValueError, NotImplementedError, TypeError, AttributeError, pickle.PicklingError):
-        return
+        return  # not every platform serialises, nor every output
     with contextlib.suppress(OSError):
         file.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.NamedTemporaryFile(dir=file.parent, delete=False) as part:
@@ -121,11 +133,22 @@ def _save(file: pathlib.Path, compiled: jax.stages.Compiled, output: Any, count:
 
 
 def _load(file: pathlib.Path) -> _Program | None:
-    """A program that was kept; none if there is none, or a spoilt one."""
+    """A program that was kept; none if there is none, or one that is spoilt."""
     try:
-        payload, output, count = pickle.loads(file.read_bytes())
-    except (OSError, EOFError, ValueError, pickle.UnpicklingError, AttributeError, ImportError, TypeError):
+        payload, ids, (output, count, lapack) = pickle.loads(file.read_bytes())
+        if lapack:
+            _find_lapack()
+        inputs = jax.tree.structure((tuple(range(count)), {}))
+        outputs = jax.tree.structure([leaf for leaf in jax.tree.leaves(output) if isinstance(leaf, _Hole)])
+        devices = [device for device in jax.devices() if device.id in ids]
+        run = serialize_executable.deserialize_and_load(payload, inputs, outputs, execution_devices=devices)
+        return _Program(run, output)
+    except Exception:  # whatever a broken file raises, in Python or in XLA: it is made anew
         return None
-    inputs = jax.tree.structure((tuple(range(count)), {}))
-    outputs = jax.tree.structure([leaf for leaf in jax.tree.leaves(output) if isinstance(leaf, _Hole)])
-    return _Program(serialize_executable.deserialize_and_load(payload, inputs, outputs), output)
+
+
+@functools.cache
+def _find_lapack() -> None:
+    """JAX looks for LAPACK's functions when it lowers the first program that calls one; without that a program that was
+    kept would jump to nowhere."""
+    jax.jit(jnp.linalg.cholesky).lower(np.eye(1))

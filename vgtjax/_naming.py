@@ -18,6 +18,8 @@ import numpy as np
 
 _VERSIONED = ("vgtjax", "jax", "jaxlib", "equinox", "diffrax", "lineax", "optimistix", "numpy")
 """Packages whose version, or sources, are part of every name: there a class is known by what it is called."""
+_SETTINGS = ("jax_enable_x64", "jax_debug_nans", "jax_default_matmul_precision")
+"""What else decides what a function is compiled to."""
 
 
 class Unnamed(Exception):
@@ -99,8 +101,7 @@ def _name_software() -> str:
         sources.update(str(file.relative_to(root)).encode() + b"\0" + file.read_bytes() + b"\0")
     versions = [f"{package} {importlib.metadata.version(package)}" for package in _VERSIONED if package != "vgtjax"]
     devices = [f"{device.platform} {device.device_kind}" for device in jax.devices()]
-    settings = [os.environ.get("XLA_FLAGS", ""), str(jax.config.jax_enable_x64), str(jax.config.jax_debug_nans)]
-    settings.append(str(jax.config.jax_default_matmul_precision))
+    settings = [os.environ.get("XLA_FLAGS", ""), *(str(getattr(jax.config, name)) for name in _SETTINGS)]
     return "|".join([sources.hexdigest(), *versions, *devices, *settings, platform.platform(), _name_processor()])
 
 

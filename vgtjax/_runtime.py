@@ -31,8 +31,10 @@ def configure(*, x64: bool = True, cpu_devices: int | None = None, cache: str | 
     - `x64`: double precision, which every fit needs.
     - `cpu_devices`: how many devices JAX sees on the CPU; by default what `XLA_FLAGS` force, or else the number of
       usable cores. Jacobians and sharded batches spread over them.
-    - `cache`: folder of the persistent compilation cache, so that a second run does not compile again; none when
-      absent.
+    - `cache`: folder of what was compiled; none when absent. JAX's own cache is there, and whole programs of marches
+      and fits, so that a second run with traces of the same lengths neither traces nor compiles them. Another version
+      of this library or of JAX, other settings or another processor make their own. Like any cache of machine code it
+      must be a folder that only its user can write to.
 
     **Raises:** `RuntimeError` when JAX has already started.
     """

@@ -2,7 +2,9 @@
 
 from typing import Any
 
+import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 import plotly.graph_objects as go
 
@@ -33,16 +35,23 @@ def _vane_force_title(vane_force: vgtjax.AbstractVaneForce) -> str:
 def _air_path_figures(model: vgtjax.Actuator) -> list[tuple[str, go.Figure]]:
     """Pull on a closed plunger; area of the orifice to the reservoir (below zero) or the atmosphere (above); Phi."""
     duty, position, ratio = np.linspace(0.0, 100.0, 201), np.linspace(-3e-3, 1e-3, 801), np.linspace(0.0, 1.0, 501)
-    pull = model.converter.magnetic_force.steady_pull(duty, np.zeros_like(duty))
-    area = np.asarray(jax.vmap(model.converter.orifice_area)(position))
-    phi = _plot([(ratio, vgtjax.flow_function(model.air, ratio), "")], "pressure ratio", "Phi")
-    phi.add_vline(float(model.air.critical_ratio()), line_dash="dot", line_color=MEASURED)
+    pull, area, flow, critical = map(np.asarray, _air_path_laws(model, duty, position, ratio))
+    phi = _plot([(ratio, flow, "")], "pressure ratio", "Phi")
+    phi.add_vline(float(critical), line_dash="dot", line_color=MEASURED)
     areas = _plot([(position * 1e3, area * 1e6, "")], "plunger position, mm", "effective area, mm²")
     return [
         ("Magnetic force against duty [2.9]", _plot([(duty, pull, "")], "duty, %", "magnetic force, N")),
         ("Effective areas against plunger position [B.2, B.3]", areas),
         ("Flow function [2.15]", phi),
     ]
+
+
+@eqx.filter_jit
+def _air_path_laws(model: vgtjax.Actuator, duty: Any, position: Any, ratio: Any) -> tuple[Any, Any, Any, Any]:
+    """Magnetic force, effective area, flow function and critical ratio: one program instead of thirty small ones."""
+    pull = model.converter.magnetic_force.steady_pull(duty, jnp.zeros_like(duty))
+    area = jax.vmap(model.converter.orifice_area)(position)
+    return pull, area, vgtjax.flow_function(model.air, ratio), model.air.critical_ratio()
 
 
 def friction_figure(model: Any) -> go.Figure:

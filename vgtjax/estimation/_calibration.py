@@ -267,7 +267,7 @@ def comparing(
     left: Iterator[np.ndarray | None] = itertools.repeat(None) if errors is None else iter(errors)
     for use, traces in (("fit", task.fit), ("validate", task.validate)):
         bundles = bundle_traces(model, ramped(traces, task.linear), task.stepping)
-        observed = yield from observe_traces(model, bundles, delay or None)
+        observed = yield from observe_traces(model, bundles, delay if task.late_duty else None)
         known = sensors if use == "fit" and sensors is not None else white_sensors(traces, task.channels)
         for trace, seen, each in zip(traces, observed, known, strict=True):
             results.append(_compare_one(trace, use, seen, each, next(left)))

@@ -5,7 +5,8 @@ import dataclasses
 import numpy as np
 from jaxtyping import Float
 
-from ..parameters import select
+from .._kept import keep_compiled
+from ..parameters import Selection, select
 from ..plants import bare
 from ._bands import Bands, predicted_spread
 from ._budget import Budget
@@ -22,6 +23,8 @@ WINDOW = 0.25
 """s after which residuals should have forgotten each other: a rod's answer to a step of the duty is over then."""
 WINDOWS = 4
 """Windows for each unknown that traces should have at least: with fewer they are shorter."""
+
+_unpack = keep_compiled(Selection.unpack)
 
 Covariance = Float[np.ndarray, "entries entries"]
 
@@ -41,7 +44,7 @@ def finishing(task: Task, search: LevenbergMarquardt, sensors: Sensors, notes: t
     beside = np.column_stack([np.zeros((count, 0)), *moved.values()])
     more = more + beside @ beside.T
     uncertainty = dataclasses.replace(uncertainty, covariance=uncertainty.covariance + more)
-    model = task.selection.unpack(task.model, values[:count])
+    model = _unpack(task.selection, task.model, values[:count])
     late = task.late_duty and progress.coordinates[-1] != 0.0
     delay = float(values[-1]) if late else 0.0
     errors = yield from _bands(task, search, uncertainty.covariance)

@@ -4,7 +4,6 @@ import dataclasses
 import functools
 from collections.abc import Sequence
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import lineax as lx
@@ -13,6 +12,7 @@ import optimistix as optx
 from jaxtyping import Array, Float
 
 from .._errors import SimulationError
+from .._kept import keep_compiled
 from ._evaluation import Evaluated, Steps, ask
 from ._least_squares import LeastSquares, estimate_uncertainty, finite_columns, reduce_rows
 from ._residuals import FitProblem
@@ -22,7 +22,7 @@ _DESCENT: optx.DampedNewtonDescent = optx.DampedNewtonDescent()
 Coordinates = Float[np.ndarray, " coordinates"]
 
 
-@eqx.filter_jit
+@keep_compiled
 def _damped_steps(
     residuals: Float[Array, " rows"], columns: Float[Array, "rows coordinates"], sizes: Float[Array, " sizes"]
 ) -> Float[Array, "sizes coordinates"]:

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from .._kept import keep_compiled
 from .._lanes import replicate
 from .._types import Scalar, Vector
 from ..parameters import Selection, Transform
@@ -113,19 +114,19 @@ def _forget(measured: Measured, difference: Float[Array, "lanes sample channel .
     return new.reshape(difference.shape)
 
 
-@eqx.filter_jit
+@keep_compiled
 def _residual_block(measured: Measured, observed: Array) -> Float[Array, " residuals"]:
     # A simulation that failed is infinitely wrong on every sample, so no optimiser can take it for a fit.
     block = _whiten(measured, observed - measured.values).reshape(-1)
     return jnp.where(jnp.all(jnp.isfinite(observed)), block, jnp.inf)
 
 
-@eqx.filter_jit
+@keep_compiled
 def _jacobian_block(measured: Measured, columns: Array) -> Float[Array, "residuals parameters"]:
     return _whiten(measured, columns).reshape(-1, columns.shape[-1])
 
 
-@eqx.filter_jit
+@keep_compiled
 def _pull_block(measured: Measured, observed: Array, cotangent: Array) -> Float[Array, "lanes sample channel"]:
     return jax.vjp(lambda seen: _residual_block(measured, seen), observed)[1](cotangent)[0]
 
@@ -244,7 +245,7 @@ class FitProblem(eqx.Module):
         return replicate((residuals, jnp.where(held[None, :], 0.0, jacobian)))
 
 
-@eqx.filter_jit
+@keep_compiled
 def _at(
     model: AbstractModel, selection: Selection, transform: Transform, late_duty: bool, coordinates: Vector
 ) -> tuple[Any, Scalar | None]:

@@ -32,7 +32,7 @@ class TextRecording(Recording):
         """The numbers of a column."""
         cells = [row[entry.key] for row in self._rows]
         try:
-            values = np.array([_to_float(cell, self._decimal) for cell in cells])
+            values = _to_floats(cells, self._decimal)
         except ValueError:
             raise self._bad_cell(entry, cells) from None
         if not np.all(np.isfinite(values)):
@@ -104,7 +104,7 @@ class TextRecording(Recording):
                 return self.fail("the cell is blank", "fill it in or remove the row", column, sample)
             shown = cell if len(cell) <= 40 else f"{cell[:40]}..."
             try:
-                value = _to_float(cell, self._decimal)
+                (value,) = _to_floats([cell], self._decimal)
             except ValueError:
                 return self.fail(f"'{shown}' is not a number", "repair the cell", column, sample)
             if not np.isfinite(value):
@@ -117,6 +117,10 @@ def _is_blank(row: Sequence[str]) -> bool:
     return not row or (len(row) == 1 and not row[0].strip())
 
 
-def _to_float(cell: str, decimal: str) -> float:
+def _to_floats(cells: Sequence[str], decimal: str) -> np.ndarray:
     # Python reads 1_000 as a thousand; a trace that says so is broken.
-    return float(cell.replace(decimal, ".").replace("_", "?"))
+    if any("_" in cell for cell in cells):
+        raise ValueError("an underscore is no part of a number")
+    if decimal != ".":
+        cells = [cell.replace(decimal, ".") for cell in cells]
+    return np.array([float(cell) for cell in cells])

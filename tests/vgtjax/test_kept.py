@@ -1,0 +1,138 @@
+"""Programs that are kept on disk: the same bits from another process, and nothing that could have changed since."""
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jaxtyping import Array
+
+import vgtjax
+from vgtjax import _kept, _naming
+from vgtjax._kept import keep_compiled
+from vgtjax.simulation._simulate import _simulate
+
+
+class Both(eqx.Module):
+    """What a function may return: arrays, and what is no array."""
+
+    array: Array
+    name: str
+
+
+def linear(matrix, pair, exponent):
+    """Calls LAPACK, whose functions another process has yet to find."""
+    left, right = pair
+    return {"solved": jnp.linalg.solve(matrix, left), "power": right**exponent, "said": "so"}
+
+
+linear.__module__ = vgtjax.__name__  # as if the library had it: only its sources are known by their contents
+MATRIX, PAIR = np.array([[2.0, 1.0], [0.0, 4.0]]), (np.array([1.0, 2.0]), jnp.array(3.0))
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.setattr(_kept, "FOLDER", tmp_path / "programs")
+    return tmp_path / "programs"
+
+
+def files(folder):
+    return sorted(folder.glob("*.program"))
+
+
+def never(*args):
+    raise AssertionError("traced again")
+
+
+never.__module__, never.__qualname__, never.__name__ = linear.__module__, linear.__qualname__, linear.__name__
+
+
+def test_another_process_neither_traces_nor_compiles(folder):
+    first = keep_compiled(linear)(MATRIX, PAIR, 2)
+    (file,) = files(folder)
+    found = keep_compiled(never)(MATRIX, PAIR, 2)
+    assert found["said"] == "so"
+    np.testing.assert_array_equal(found["solved"], first["solved"])
+    np.testing.assert_array_equal(found["power"], first["power"])
+    np.testing.assert_array_equal(found["solved"], jax.jit(jnp.linalg.solve)(MATRIX, PAIR[0]))
+    assert files(folder) == [file]
+
+
+def test_values_are_no_part_of_a_program_but_shapes_and_settings_are(folder):
+    call = keep_compiled(linear)
+    call(MATRIX, PAIR, 2)
+    assert call(2 * MATRIX, PAIR, 2)["power"] == 9.0
+    assert len(files(folder)) == 1
+    call(np.eye(3), (np.ones(3), PAIR[1]), 2)
+    assert call(MATRIX, PAIR, 3)["power"] == 27.0
+    call(MATRIX.astype(np.float32), (PAIR[0].astype(np.float32), PAIR[1]), 2)
+    assert len(files(folder)) == 4
+
+
+def test_other_sources_make_other_programs(folder, monkeypatch):
+    keep_compiled(linear)(MATRIX, PAIR, 2)
+    monkeypatch.setattr(_naming, "_name_software", lambda: "changed since")
+    keep_compiled(linear)(MATRIX, PAIR, 2)
+    assert len(files(folder)) == 2
+
+
+def test_a_spoilt_file_is_made_anew(folder):
+    first = keep_compiled(linear)(MATRIX, PAIR, 2)
+    (file,) = files(folder)
+    for spoilt in (b"", file.read_bytes()[: file.stat().st_size // 2], b"\x80\x04nonsense"):
+        file.write_bytes(spoilt)
+        np.testing.assert_array_equal(keep_compiled(linear)(MATRIX, PAIR, 2)["solved"], first["solved"])
+
+
+def test_what_a_user_wrote_is_not_kept(folder):
+    def own(x):
+        return x + 1
+
+    class Own(vgtjax.LuGre):
+        """A friction law whose code may change from one run to the next."""
+
+    assert keep_compiled(own)(np.ones(2)).tolist() == [2.0, 2.0]
+    force = keep_compiled(vgtjax.LuGre.passivity_margin)
+    assert force(Own()) == force(vgtjax.LuGre())
+    assert len(files(folder)) == 1  # of the library's own law
+
+
+def test_what_calls_python_is_not_kept(folder):
+    def shout(x):
+        return jax.pure_callback(lambda x: np.asarray(x) + 1, jax.ShapeDtypeStruct((), x.dtype), x)
+
+    shout.__module__, shout.__qualname__ = linear.__module__, "shout"
+    assert keep_compiled(shout)(np.array(1.0)) == 2.0
+    assert not files(folder)
+
+
+def test_inside_of_jit_and_without_a_folder_it_is_a_function_like_others(folder, monkeypatch):
+    call = keep_compiled(linear)
+    inside = jax.jit(lambda matrix: call(matrix, PAIR, 2)["solved"])(MATRIX)
+    monkeypatch.setattr(_kept, "FOLDER", None)
+    np.testing.assert_allclose(call(MATRIX, PAIR, 2)["solved"], inside, rtol=1e-15)  # rounding of another program
+    assert not folder.exists()
+
+
+def test_results_that_are_modules_come_back_whole(folder):
+    def both(x, name):
+        return Both(2 * x, name)
+
+    both.__module__, both.__qualname__ = linear.__module__, "both"
+    for _ in range(2):
+        found = keep_compiled(both)(np.ones(3), "twice")
+        assert (found.name, found.array.tolist()) == ("twice", [2.0, 2.0, 2.0])
+    assert len(files(folder)) == 1
+
+
+def test_a_simulation_is_kept_with_how_it_ended(folder, actuator):
+    """Through a model, a drive, steps and an enumeration; to the bit."""
+    time = np.linspace(0.0, 0.02, 21)
+    trace = vgtjax.Trace(time=time, pwm=np.full(21, 40.0), p_res=np.full(21, 20e3))
+    plan = vgtjax.FixedStep().plan(actuator, trace)
+    args = (actuator, trace.drive(), trace.start(), time, plan, diffrax.ForwardMode())
+    first, again = (keep_compiled(_simulate.__wrapped__)(*args) for _ in range(2))
+    assert len(files(folder)) == 1
+    assert again.result == first.result == vgtjax.RESULTS.successful
+    np.testing.assert_array_equal(again.x_d, first.x_d)
