@@ -15,6 +15,7 @@ _CASES = (
     "batch",
     "fit",
     "flow",
+    "scaling",
     "cold-start",
     "population",
     "tuning",
@@ -22,12 +23,13 @@ _CASES = (
     "robustness",
     "coverage",
     "fleet-coverage",
+    "accelerator",
     "memory",
     "files",
     "unknown-plants",
 )
-_LONG = ("tuning", "opponents", "coverage", "fleet-coverage", "memory", "unknown-plants")
-"""Only when asked for: ten minutes and more."""
+_LONG = ("accelerator", "tuning", "opponents", "coverage", "fleet-coverage", "memory", "unknown-plants")
+"""Only when asked for: ten minutes and more, or a device that most machines lack."""
 _PACKAGES = ("jax", "diffrax", "numba", "scipy", "casadi", "cma")
 
 

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 from ..table import Section
 from . import (
+    accelerator,
     batch,
     cold_start,
     coverage,
@@ -16,6 +17,7 @@ from . import (
     opponents,
     population,
     robustness,
+    scaling,
     tuning,
     unknown_plants,
 )
@@ -26,6 +28,7 @@ CASES: dict[str, Callable[[], Section]] = {
     "batch": batch.measure,
     "fit": fit.measure,
     "flow": flow.measure,
+    "scaling": scaling.measure,
     "cold-start": cold_start.measure,
     "population": population.measure_population,
     "tuning": tuning.measure,
@@ -33,6 +36,7 @@ CASES: dict[str, Callable[[], Section]] = {
     "robustness": robustness.measure,
     "coverage": coverage.measure,
     "fleet-coverage": fleet_coverage.measure,
+    "accelerator": accelerator.measure,
     "memory": population.measure_memory,
     "files": files.measure,
     "unknown-plants": unknown_plants.measure,

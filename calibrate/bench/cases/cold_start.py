@@ -10,27 +10,31 @@ import time
 from ..table import Section, seconds, times
 
 WARM_ROUNDS = 2
+STUDY = str(pathlib.Path(__file__).parents[2] / "example" / "study.toml")
 COLUMNS = ("command", "compilation cache", "time", "ratio")
 
 
 def measure() -> Section:
-    """Times `fit` on the example that ships, and `--help`, in processes of their own."""
+    """Times commands on the example that ships, each in a process of its own."""
     section = Section("Cold start", _ABOUT, COLUMNS)
     with tempfile.TemporaryDirectory() as folder:
         root = pathlib.Path(folder)
-        cold = _run(["fit", "--out", str(root / "cold")], root)
-        runs = [_run(["fit", "--out", str(root / f"warm {i}")], root) for i in range(WARM_ROUNDS)]
+        for command, study in (("fit", []), ("check", [STUDY]), ("simulate", [STUDY])):
+            # Each begins with a cache that holds nothing of the others.
+            cold, *runs = (
+                _run([command, *study, "--out", str(root / f"{command} {i}")], root / command)
+                for i in range(1 + WARM_ROUNDS)
+            )
+            section.add(f"python -m calibrate {command}", "empty", seconds(cold), times(cold / min(runs)))
+            section.add(f"python -m calibrate {command}", "filled", seconds(min(runs)), times(1.0))
         helps = [_run(["--help"], root) for _ in range(WARM_ROUNDS + 1)]
-    warm, helped = min(runs), min(helps[1:])
-    section.add("python -m calibrate fit", "empty", seconds(cold), times(cold / warm))
-    section.add("python -m calibrate fit", "filled", seconds(warm), times(1.0))
-    section.add("python -m calibrate --help", "not used", seconds(helped), "")
+    section.add("python -m calibrate --help", "not used", seconds(min(helps[1:])), "")
     return section
 
 
 _ABOUT = (
-    "Whole processes with imports, compilation, fit and report of the example that ships; the cache is a folder that "
-    f"this benchmark makes. Best of {WARM_ROUNDS}, but for the empty cache, which happens once."
+    "Whole processes with imports, compilation, computation and report of the example that ships; the caches are "
+    f"folders that this benchmark makes. Best of {WARM_ROUNDS}, but for the empty cache, which happens once."
 )
 
 
