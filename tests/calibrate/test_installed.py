@@ -2,9 +2,9 @@
 
 import os
 import pathlib
-import shutil
 import subprocess
 import sys
+import tarfile
 import tomllib
 
 import pytest
@@ -54,17 +54,22 @@ def test_what_is_looked_for_is_what_the_extra_brings():
 
 
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory) -> pathlib.Path:
-    """A folder with the packages as the configuration of the wheel selects them."""
-    chosen, folder = PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"], tmp_path_factory.mktemp("wheel")
-    left_out = {ROOT / path for path in chosen["exclude"]}
-    assert all(path.exists() for path in left_out)
+def built(tmp_path_factory) -> pathlib.Path:
+    """A folder with the sdist of this checkout, and the wheel that is built from that, as for a release."""
+    folder = tmp_path_factory.mktemp("dist")
+    command = [sys.executable, "-m", "build", "--no-isolation", "--outdir", str(folder), str(ROOT)]
+    outcome = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert outcome.returncode == 0, outcome.stdout + outcome.stderr
+    return folder
 
-    def ignore(parent: str, names: list[str]) -> list[str]:
-        return [name for name in names if pathlib.Path(parent, name) in left_out or name == "__pycache__"]
 
-    for package in chosen["packages"]:
-        shutil.copytree(ROOT / package, folder / package, ignore=ignore)
+@pytest.fixture(scope="module")
+def wheel(built, tmp_path_factory) -> pathlib.Path:
+    """A folder where pip has installed the wheel, without what it depends on."""
+    (file,), folder = built.glob("*.whl"), tmp_path_factory.mktemp("wheel")
+    command = [sys.executable, "-m", "pip", "install", "-q", "--no-index", "--no-deps", "--target", folder, file]
+    outcome = subprocess.run(list(map(str, command)), capture_output=True, text=True, timeout=120)
+    assert outcome.returncode == 0, outcome.stderr
     return folder
 
 
@@ -72,6 +77,40 @@ def run_wheel(wheel: pathlib.Path, *arguments: str) -> subprocess.CompletedProce
     environment = {**os.environ, "PYTHONPATH": str(wheel)}
     command = [sys.executable, *arguments]
     return subprocess.run(command, capture_output=True, text=True, timeout=120, cwd=wheel, env=environment)
+
+
+def test_a_release_is_whole_and_has_one_version(built, wheel):
+    (source,), (file,) = built.glob("*.tar.gz"), built.glob("*.whl")
+    version = source.name.removeprefix("vgtjax-").removesuffix(".tar.gz")
+    assert file.name == f"vgtjax-{version}-py3-none-any.whl"
+    with tarfile.open(source) as archive:
+        inside = {name.partition("/")[2] for name in archive.getnames()}
+    # What a stranger needs to check it: tests with their data, the manual, the licence, how to cite it.
+    assert {"tests/conftest.py", "docs/physics.md", "notebooks/first_steps.ipynb", "LICENSE", "CITATION.cff"} <= inside
+    assert not [name for name in inside if name.startswith((".ci", "out/", "build/", ".venv"))]
+    outcome = run_wheel(wheel, "-c", "import vgtjax; print(vgtjax.__version__)")
+    assert (outcome.stdout.strip(), outcome.stderr) == (version, "")
+    assert (wheel / "vgtjax" / "py.typed").exists()
+
+
+def test_the_wheel_simulates_and_writes_below_out_only(wheel, tmp_path):
+    study, out, home = tmp_path / "study", tmp_path / "results", tmp_path / "home"
+    study.mkdir()
+    (study / "study.toml").write_text('name = "a"\n[[trace]]\nfile = "a.csv"\n', encoding="utf-8")
+    rows = "".join(f"{0.01 * i:.2f},40,200,900,5\n" for i in range(20))
+    header = "time [s],pwm [%],p_res [mbar absolute],p_act [mbar absolute],x_d [mm]\n"
+    (study / "a.csv").write_text(header + rows, encoding="utf-8")
+    before = {path: path.stat().st_mtime_ns for path in wheel.rglob("*") if "__pycache__" not in path.parts}
+    environment = {**os.environ, "PYTHONPATH": str(wheel), "HOME": str(home), "XDG_CACHE_HOME": str(home / "cache")}
+    command = [sys.executable, "-m", "calibrate", "simulate", str(study / "study.toml"), "--out", str(out)]
+    outcome = subprocess.run(command, capture_output=True, text=True, timeout=120, cwd=study, env=environment)
+    assert outcome.returncode == 0, outcome.stderr
+    assert (out / "a.csv").exists()
+    # Beside the results only the cache of compiled programs, where the system keeps caches.
+    assert {path.name for path in tmp_path.iterdir()} == {"study", "results", "home"}
+    assert {path.name for path in study.iterdir()} == {"study.toml", "a.csv"}
+    assert [path.name for path in home.iterdir()] == ["cache"]
+    assert before == {path: path.stat().st_mtime_ns for path in wheel.rglob("*") if "__pycache__" not in path.parts}
 
 
 def test_evidence_is_not_in_the_wheel_and_its_command_says_so(wheel):
