@@ -24,7 +24,7 @@ jax.config.update("jax_numpy_rank_promotion", "raise")
 # Most programs here run for milliseconds and compile for seconds, half of them for optimisation; `support.optimised` is
 # for those that run.
 jax.config.update("jax_disable_most_optimizations", True)
-# The kernels of the notebooks find there what tests have compiled, and the other way round.
+# The kernels of the notebooks find there what others of them have compiled.
 os.environ["JAX_COMPILATION_CACHE_DIR"] = str(CACHE)
 os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
 os.environ["JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES"] = "-1"
@@ -32,18 +32,21 @@ os.environ["JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES"] = "-1"
 FIRST = (
     "test_reproduction.py",
     "test_identify.py",
-    "test_pneumatic_gradients.py",
     "robust_tuning.ipynb",
+    "chapter_5.ipynb",
+    "chapter_4.ipynb",
+    "test_turbine.py",
+    "test_pneumatic_gradients.py",
+    "section_3_5.ipynb",
+    "test_operating_range.py",
+    "test_march.py",
     "test_tuning.py",
     "test_load_backstepping.py",
-    "chapter_5.ipynb",
     "test_estimation.py",
-    "chapter_4.ipynb",
     "test_gradients.py",
     "test_fit.py",
     "test_scale.py",
     "test_vane_force.py",
-    "test_turbine.py",
     "test_evaluate.py",
     "test_line.py",
     "test_pulsation_gradients.py",
