@@ -4,6 +4,9 @@ import gc
 import os
 import time
 
+# Processes are as many as cores, and the second thread of a small product only waits. What pytest starts inherits it.
+os.environ["OPENBLAS_NUM_THREADS"] = "1"
+
 import jax
 import platformdirs
 import pytest
