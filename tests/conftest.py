@@ -1,6 +1,11 @@
 """One JAX for all tests: double precision, two devices, strict shapes, checked annotations, one compilation cache."""
 
+import gc
 import os
+import time
+
+# Processes are as many as cores, and the second thread of a small product only waits. What pytest starts inherits it.
+os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import jax
 import platformdirs
@@ -17,11 +22,17 @@ with install_import_hook("vgtjax", "typechecker.checked"):
 # arithmetic but for rounding. What is measured of speed is not measured here.
 vgtjax.simulation._stepping.UNROLL = vgtjax.control._loop.UNROLL = 1
 
+# MLIR's code of fused loops takes half of the compilation of gas flow, which LLVM's has no need of.
+os.environ["XLA_FLAGS"] = f"--xla_cpu_use_fusion_emitters=false {os.environ.get('XLA_FLAGS', '')}".strip()
+
 CACHE = platformdirs.user_cache_path("vgtjax") / "tests"
 vgtjax.configure(cpu_devices=2, cache=CACHE)
 vgtjax._kept.FOLDER = None  # tests replace what programs are made of
 jax.config.update("jax_numpy_rank_promotion", "raise")
-# The kernels of the notebooks find there what tests have compiled, and the other way round.
+# Most programs here run for milliseconds and compile for seconds, half of them for optimisation; `support.optimised` is
+# for those that run.
+jax.config.update("jax_disable_most_optimizations", True)
+# The kernels of the notebooks find there what others of them have compiled.
 os.environ["JAX_COMPILATION_CACHE_DIR"] = str(CACHE)
 os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
 os.environ["JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES"] = "-1"
@@ -29,18 +40,21 @@ os.environ["JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES"] = "-1"
 FIRST = (
     "test_reproduction.py",
     "test_identify.py",
-    "test_pneumatic_gradients.py",
     "robust_tuning.ipynb",
+    "chapter_5.ipynb",
+    "chapter_4.ipynb",
+    "test_turbine.py",
+    "test_pneumatic_gradients.py",
+    "section_3_5.ipynb",
+    "test_operating_range.py",
+    "test_march.py",
     "test_tuning.py",
     "test_load_backstepping.py",
-    "chapter_5.ipynb",
     "test_estimation.py",
-    "chapter_4.ipynb",
     "test_gradients.py",
     "test_fit.py",
     "test_scale.py",
     "test_vane_force.py",
-    "test_turbine.py",
     "test_evaluate.py",
     "test_line.py",
     "test_pulsation_gradients.py",
@@ -57,14 +71,32 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: order.get(item.path.name, len(order)))
 
 
+def pytest_collection_finish() -> None:
+    """What is there before the first test stays, and garbage collections pass it by: a twentieth of all time."""
+    gc.collect()
+    gc.freeze()
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Commands in processes of their own go without optimisation as well; notebooks run for longer."""
+    os.environ["JAX_DISABLE_MOST_OPTIMIZATIONS"] = str(item.path.suffix == ".py")
+
+
 @pytest.fixture(scope="session")
 def actuator() -> vgtjax.Actuator:
     """The printed actuator."""
     return vgtjax.Actuator()
 
 
+FORGET_AFTER = 45.0
+"""Seconds of work by a process, in which it compiles about a gigabyte."""
+forgotten = [0.0]
+
+
 @pytest.fixture(scope="module", autouse=True)
 def _forget_compiled():
-    """Hundreds of compiled functions take gigabytes; a module hardly ever uses those of another."""
+    """What is compiled takes gigabytes in the end; but the next module needs some of it as well."""
     yield
-    jax.clear_caches()
+    if time.process_time() - forgotten[-1] > FORGET_AFTER:
+        jax.clear_caches()
+        forgotten.append(time.process_time())

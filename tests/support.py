@@ -1,6 +1,8 @@
 """What several tests need: reference runs, traces made of duty steps, a norm."""
 
+import contextlib
 import pathlib
+from collections.abc import Iterator
 
 import jax
 import jax.numpy as jnp
@@ -29,6 +31,17 @@ def duty_trace(*levels: tuple[float, float], interval: float = 1e-3, **signals: 
     time = np.arange(len(pwm)) * interval
     filled = {name: np.full_like(time, value) for name, value in signals.items()}
     return vgtjax.Trace(time=time, pwm=pwm, **filled)
+
+
+@contextlib.contextmanager
+def optimised() -> Iterator[None]:
+    """Around what runs for longer than the optimisation of its programs takes, which tests else go without."""
+    jax.clear_caches()  # what has been compiled without it
+    jax.config.update("jax_disable_most_optimizations", False)
+    try:
+        yield
+    finally:
+        jax.config.update("jax_disable_most_optimizations", True)
 
 
 def forward_mode(function, theta) -> np.ndarray:

@@ -25,16 +25,15 @@ def separate(found: Units, precisions: Matrices) -> tuple[Float[np.ndarray, " fa
     """
     scale = _sizes(found, precisions)
     values, weights = found / scale, precisions * scale * scale[:, None]
-    total = np.linalg.pinv(weights.sum(axis=0), hermitian=True)
-    mean = total @ np.einsum("uij,uj->i", weights, values)
-    covariance = np.eye(len(scale))
-    identity = np.eye(len(scale))
+    covariance = identity = np.eye(len(scale))
+    # Whatever the covariance, so that the pseudo-inverse of each step below is an inverse in these directions.
+    seen = _determined(np.linalg.solve(identity + weights, weights).sum(axis=0))
     for _ in range(ITERATIONS):
         # Given the covariance: the mean by generalised least squares, every unit by what it and the others tell.
         marginal = np.linalg.solve(identity + weights @ covariance, weights)
-        error = np.linalg.pinv(marginal.sum(axis=0), hermitian=True)
-        mean = error @ np.einsum("uij,uj->i", marginal, values)
-        moved = np.einsum("ij,ujk,uk->ui", covariance, marginal, values - mean)
+        error = seen @ np.linalg.solve(seen.T @ marginal.sum(axis=0) @ seen, seen.T)
+        mean = error @ np.sum(_times(marginal, values), axis=0)
+        moved = _times(marginal, values - mean) @ covariance
         left = covariance - covariance @ marginal @ covariance
         # The mean was estimated as well, and what that costs belongs to the covariance.
         shared = covariance @ marginal @ error @ marginal @ covariance
@@ -69,6 +68,17 @@ def separate_each(
         moved = np.where(known, spread * weights * (values - mean), 0.0)
         spread = np.mean(moved**2 + spread - spread**2 * weights + (spread * weights) ** 2 / total, axis=0)
     return mean, spread
+
+
+def _times(matrices: Matrices, vectors: Units) -> Units:
+    """The product of each unit's matrix and vector."""
+    return (matrices @ vectors[:, :, None])[:, :, 0]
+
+
+def _determined(information: Matrix) -> Float[np.ndarray, "factors directions"]:
+    """Directions that some unit determines."""
+    sizes, directions = np.linalg.eigh(information)
+    return directions[:, sizes > len(sizes) * np.finfo(float).eps * sizes[-1]]
 
 
 def _sizes(found: Units, precisions: Matrices) -> Float[np.ndarray, " factors"]:

@@ -47,14 +47,17 @@ class Implicit(AbstractStepper):
         self, balance: Balance, begin: Ends, end: Ends, states: States, duration: Scalar
     ) -> tuple[States, Bool[Array, ""]]:
         """See the base class."""
-        here = balance.stored(states)
-        share = DIAGONAL * duration
-        first = _Stage(balance.between(begin.towards(end, DIAGONAL)), here, share)
-        middle, found = solve(first, states, *FIRST_CFL)
-        gained = (balance.stored(middle) - here) * (1 - DIAGONAL) / DIAGONAL
-        second = _Stage(balance.between(end), here + gained, share)
-        after, found_too = solve(second, middle, *FIRST_CFL)
-        return after, found & found_too
+        here, share = balance.stored(states), DIAGONAL * duration
+
+        def stage(carry: tuple[States, Array], at: Array) -> tuple[tuple[States, Array], Bool[Array, ""]]:
+            near, before = carry
+            after, found = solve(_Stage(balance.between(begin.towards(end, at)), before, share), near, *FIRST_CFL)
+            gained = (balance.stored(after) - here) * (1 - DIAGONAL) / DIAGONAL
+            return (after, here + gained), found
+
+        # A loop, as two searches take twice as long to compile.
+        (after, _), found = jax.lax.scan(stage, (states, here), jnp.asarray([DIAGONAL, 1.0], states.dtype))
+        return after, jnp.all(found)
 
 
 class _Stage(AbstractBalance):

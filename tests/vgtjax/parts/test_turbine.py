@@ -4,6 +4,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from support import optimised
 
 import vgtjax
 from vgtjax import Actuator, InputError, Turbine, jacobian, replace_parameters, simulate
@@ -14,6 +15,13 @@ from vgtjax.simulation import RESULTS
 PRESSURES, ANGLES = np.linspace(1.05e5, 4.5e5, 25), np.linspace(4.0, 37.0, 25)
 """Knots of the table as the manual has them, in Pa absolute and deg."""
 MOVED = {"vane_force.nozzle.lead": 7.1e-3}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _optimised():
+    """Four tables of 600 flows each."""
+    with optimised():
+        yield
 
 
 @pytest.fixture(scope="module")

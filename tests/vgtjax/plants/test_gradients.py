@@ -5,7 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from support import duty_trace, forward_mode
+from support import duty_trace, forward_mode, optimised
 
 import vgtjax
 from vgtjax import FixedStep, jacobian, parameter_table, select, simulate
@@ -36,7 +36,8 @@ def observed(theta, stepping, adjoint=None):
 @pytest.fixture(scope="module")
 def derivatives():
     """Forward mode: `(2, time, parameters)`."""
-    return np.asarray(jax.jit(jax.jacfwd(lambda theta: observed(theta, TIGHT)))(EVERY.pack(ACTUATOR)))
+    with optimised():
+        return np.asarray(jax.jit(jax.jacfwd(lambda theta: observed(theta, TIGHT)))(EVERY.pack(ACTUATOR)))
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +47,8 @@ def differences():
     steps = [WEAK_STEP if entry in WEAK else STEP for entry in EVERY.entries]
     size = np.where(theta == 0, 1.0, np.abs(theta)) * steps
     shifted = np.concatenate([theta + np.diag(size), theta - np.diag(size)])
-    runs = np.asarray(jax.jit(jax.vmap(lambda t: observed(t, TIGHT)))(shifted))
+    with optimised():
+        runs = np.asarray(jax.jit(jax.vmap(lambda t: observed(t, TIGHT)))(shifted))
     up, down = np.split(runs, 2)
     return np.moveaxis((up - down) / (2 * size)[:, None, None], 0, -1)
 

@@ -2,19 +2,17 @@
 
 import dataclasses
 
-import equinox as eqx
 import numpy as np
 import pytest
 from scipy.optimize import brentq, minimize_scalar
 
-from vgtjax.turbine import Gas, Passage, steady
+from vgtjax.turbine import Gas, Passage
 
-from .ducts import duct, plenum
+from .ducts import duct, plenum, solve
 
 GAS = Gas()
 PRESSURE, TEMPERATURE, RADIUS = 2e5, 900.0, 0.05
 AT_REST = GAS.heat_capacity * TEMPERATURE
-solve = eqx.filter_jit(steady)
 
 
 def isentropic(velocity, swirling):

@@ -14,8 +14,9 @@ from vgtjax.turbine import (
     Nozzle,
     Soderberg,
     energy_loss,
-    steady,
 )
+
+from .ducts import solve
 
 BLADING = Blading(0.01, 0.0146, 0.0065, 0.0029)
 
@@ -44,7 +45,7 @@ def test_a_row_loses_what_its_coefficient_says():
     """Friction is shared out over the row by incompressible flow; at a small pressure difference that is what it is."""
     nozzle, gas = Nozzle(), Gas()
     passage = nozzle.passage(np.radians(30.0), 0.0, 224)
-    flow = steady(passage, nozzle.inlet(1.06e5, 900.0), 1.05e5, gas)
+    flow = solve(passage, nozzle.inlet(1.06e5, 900.0), 1.05e5, gas)
     entropy = gas.constant * (np.log(flow.pressure) - gas.gamma * np.log(flow.density)) / (gas.gamma - 1)
     lost = float(flow.temperature[100] * (entropy[100] - entropy[10]))
     behind = 0.5 * float(flow.v_m[96] ** 2 + flow.v_u[96] ** 2)

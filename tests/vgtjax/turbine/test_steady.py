@@ -10,11 +10,10 @@ from scipy.optimize import brentq
 import vgtjax
 from vgtjax.turbine import Flow, Gas, Nozzle, Passage, steady
 
-from .ducts import CELLS, duct, plenum
+from .ducts import CELLS, duct, plenum, solve
 
 GAS = Gas()
 NOZZLE_CELLS = 224
-solve = eqx.filter_jit(steady)
 
 
 def turbine(vane_angle=30.0, speed=12000.0) -> Passage:
