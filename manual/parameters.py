@@ -1,0 +1,3 @@
+import griffe
+class Extension(griffe.Extension):
+    pass
