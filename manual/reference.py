@@ -13,7 +13,8 @@ import pydantic
 
 import vgtjax
 from calibrate.command_line import main
-from calibrate.study import components, tables
+from calibrate.study import channels as channel_tables, components, disturbances, loop_disturbances, references, tables
+from calibrate.study import control as control_tables
 from calibrate.tune.designs import DESIGNS
 
 from .contributing import table
@@ -21,6 +22,8 @@ from .contributing import table
 ROOMS = "parameters traces turbine parts plants simulation exhaust experiments estimation identification assurance"
 ROOMS = (*ROOMS.split(), "population", "sensitivity", "control", "tuning")
 """The rooms of the library, in the order in which data flow."""
+TABLES = (tables, control_tables, disturbances, loop_disturbances, references, channel_tables)
+"""Where the classes of a study's tables are."""
 PARTS = (components.FRICTION, components.VANE_FORCE, components.LINE, components.MAGNETIC_FORCE, components.CHAMBER)
 
 
@@ -54,8 +57,8 @@ def _meaning(option: click.Parameter) -> str:
 
 
 def keys(name: str) -> str:
-    """The keys of a study's table, by the name of its class in `calibrate/study/tables.py`."""
-    model = getattr(tables, name)
+    """The keys of a study's table, by the name of its class."""
+    model = next(getattr(module, name) for module in TABLES if hasattr(module, name))
     texts = _attributes(model)
     rows = []
     for key, field in model.model_fields.items():
