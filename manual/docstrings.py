@@ -51,12 +51,20 @@ def parameters_of(path: str) -> list[tuple[str, ...]]:
         cls = getattr(importlib.import_module(module), name)
     except (AttributeError, ImportError):  # a class in a class has no parameters
         return []
-    fields = {key: value for key, value in vars(cls).get("__dataclass_fields__", {}).items() if key in vars(cls).get("__annotations__", {})}
+    fields = {
+        key: value
+        for key, value in vars(cls).get("__dataclass_fields__", {}).items()
+        if key in vars(cls).get("__annotations__", {})
+    }
     return [_shown(key, field.metadata[ROW]) for key, field in fields.items() if ROW in field.metadata]
 
 
 def _shown(name: str, row: Parameter) -> tuple[str, ...]:
     unit = row.unit if isinstance(row.unit, str) else ", ".join(row.unit)
-    value = f"{row.default:.6g}" if isinstance(row.default, float | int) else ", ".join(f"{each:.6g}" for each in row.default)
+    value = (
+        f"{row.default:.6g}"
+        if isinstance(row.default, float | int)
+        else ", ".join(f"{each:.6g}" for each in row.default)
+    )
     marks = [row.source, *(["assumed"] * (row.assumed and "assumed" not in row.source)), *(["held"] * row.held)]
     return f"`{name}`", row.symbol, unit, value, ", ".join(marks)

@@ -23,9 +23,13 @@ def other_errata() -> str:
     return "\n".join(_said(erratum) for erratum in errata() if erratum not in shown)
 
 
+def heading(row: Row) -> str:
+    """What a section is called."""
+    return f"{f'({row.title})' if row.numbers else row.title} {row.what}"
+
+
 def _section(row: Row) -> str:
-    title = f"({row.title})" if row.numbers else row.title
-    lines = [f"### {title} {row.what}", ""]
+    lines = [f"### {heading(row)}", ""]
     if len(row.numbers) > 1:
         lines += ["Equations " + ", ".join(f"({number})" for number in row.numbers) + ".", ""]
     lines += [f"- Code: {_paths(row.code, 'vgtjax')}", f"- Test: {row.test}", *map(_said, row.errata)]

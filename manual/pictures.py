@@ -5,7 +5,6 @@ The argument is the folder of the README's main job, whose parameters the first 
 
 import pathlib
 import sys
-from collections.abc import Callable
 from typing import Any
 
 import jax
@@ -26,27 +25,34 @@ from .contributing import ROOT
 
 IMAGES = ROOT / "docs" / "images"
 EXAMPLE = ROOT / "calibrate" / "example"
-STYLE = {"font.size": 9, "axes.grid": True, "grid.alpha": 0.3, "svg.hashsalt": "vgtjax", "lines.linewidth": 1.2}
+STYLE: dict[Any, Any] = {
+    "font.size": 9,
+    "axes.grid": True,
+    "grid.alpha": 0.3,
+    "svg.hashsalt": "vgtjax",
+    "lines.linewidth": 1.2,
+}
 FINE = 2e-4
 """s; a tenth of the bristles' fastest answer."""
 
 
-def fitted(study: pathlib.Path, results: pathlib.Path, unit: str | None = None) -> vgtjax.AbstractModel:
-    """The model of a study with the parameters that a fit found."""
+def fitted(study: pathlib.Path, results: pathlib.Path) -> vgtjax.AbstractModel:
+    """The model of a study with the parameters of a file."""
     stated = load_study(study)
     model = build_model(stated)
-    return start_model(model, stated, load_values(results, unit, stated, model))[0]
+    return start_model(model, stated, load_values(results, None, stated, model))[0]
 
 
-def example(results: pathlib.Path) -> Figure:
+def example(model: vgtjax.AbstractModel) -> Figure:
     """A step of the example that ships: samples of the simulated sensors, and the fitted model."""
-    model = fitted(EXAMPLE / "study.toml", results)
     trace = vgtjax.load_trace(EXAMPLE / "step_80.csv").window(0.15, 0.75)
     solution = vgtjax.simulate(model, trace)
     sensor, time = trace.channels["x_d"], np.asarray(solution.time)
     left = sensor.value - np.asarray(solution.x_d)
     figure, (position, residual) = plt.subplots(1, 2, figsize=(8.0, 2.6))
-    position.plot(sensor.time[::15], 1e3 * sensor.value[::15], "o", color="0.6", markersize=3, label="sensor (simulated)")
+    position.plot(
+        sensor.time[::15], 1e3 * sensor.value[::15], "o", color="0.6", markersize=3, label="sensor (simulated)"
+    )
     position.plot(time, 1e3 * np.asarray(solution.x_d), label="fitted model")
     position.set(xlabel="time, s", ylabel="position, mm")
     position.legend()
@@ -81,10 +87,9 @@ def friction() -> Figure:
     return figure
 
 
-def loops() -> Figure:
+def loops(model: vgtjax.AbstractModel) -> Figure:
     """Slow loops of one of the twenty simulated turbochargers at three turbine pressures [section 4.2]."""
-    fleet, experiment = EXAMPLE / "fleet", SlowLoop(seconds=10.0)
-    model = fitted(fleet / "study.toml", fleet / "units" / "unit_01" / "parameters.json")
+    experiment = SlowLoop(seconds=10.0)
     figure, axis = plt.subplots(figsize=(4.5, 2.8))
     for trace in experiment.traces:
         solution = vgtjax.simulate(model, trace)
@@ -117,11 +122,12 @@ def save(name: str, figure: Figure, folder: pathlib.Path) -> None:
 def main(results: pathlib.Path, folder: pathlib.Path = IMAGES) -> None:
     """Draws all of them."""
     matplotlib.use("Agg")
-    drawn: dict[str, Callable[[], Figure]] = {"converter": converter, "friction": friction, "loops": loops}
+    fleet, file = EXAMPLE / "fleet", "parameters.json"
     with plt.rc_context(STYLE):
-        save("example", example(results), folder)
-        for name, draw in drawn.items():
-            save(name, draw(), folder)
+        save("example", example(fitted(EXAMPLE / "study.toml", results / file)), folder)
+        save("converter", converter(), folder)
+        save("friction", friction(), folder)
+        save("loops", loops(fitted(fleet / "study.toml", fleet / "units" / "unit_01" / file)), folder)
 
 
 if __name__ == "__main__":

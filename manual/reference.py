@@ -1,30 +1,47 @@
 """Tables that the code itself writes: options of commands, keys of studies, parameters, channels, words."""
 
-import dataclasses
 import functools
 import importlib
 import inspect
 import typing
 from collections.abc import Iterable
+from typing import Any
 
 import click
+import equinox as eqx
 import griffe
 import pydantic
 
 import vgtjax
 from calibrate.command_line import main
-from calibrate.study import channels as channel_tables, components, disturbances, loop_disturbances, references, tables
-from calibrate.study import control as control_tables
+from calibrate.study import (
+    channels as channel_tables,
+    components,
+    control as control_tables,
+    disturbances,
+    loop_disturbances,
+    references,
+    tables,
+)
 from calibrate.tune.designs import DESIGNS
 
 from .contributing import table
 
-ROOMS = "parameters traces turbine parts plants simulation exhaust experiments estimation identification assurance"
-ROOMS = (*ROOMS.split(), "population", "sensitivity", "control", "tuning")
+ROOMS = (
+    *("parameters", "traces", "turbine", "parts", "plants", "simulation", "exhaust", "experiments"),
+    *("estimation", "identification", "assurance", "population", "sensitivity", "control", "tuning"),
+)
 """The rooms of the library, in the order in which data flow."""
 TABLES = (tables, control_tables, disturbances, loop_disturbances, references, channel_tables)
 """Where the classes of a study's tables are."""
-PARTS = (components.FRICTION, components.VANE_FORCE, components.LINE, components.MAGNETIC_FORCE, components.CHAMBER)
+PARTS: dict[str, dict[Any, Any]] = {
+    "friction": components.FRICTION,
+    "vane_force": components.VANE_FORCE,
+    "line": components.LINE,
+    "magnetic_force": components.MAGNETIC_FORCE,
+    "chamber": components.CHAMBER,
+}
+"""Variants of each component, the default first."""
 
 
 def as_table(heading: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
@@ -79,13 +96,13 @@ def _package(name: str) -> griffe.Object:
     return typing.cast(griffe.Object, griffe.load(name))
 
 
-def _is_table(kind: typing.Any) -> bool:
+def _is_table(kind: Any) -> bool:
     """Whether a key is a table of its own, which has a section of its own."""
     inside = [kind, *typing.get_args(kind)]
     return any(inspect.isclass(each) and issubclass(each, pydantic.BaseModel) for each in inside)
 
 
-def _kind(kind: typing.Any) -> str:
+def _kind(kind: Any) -> str:
     """A type as a reader of TOML has it."""
     inner = [each for each in typing.get_args(kind) if each is not type(None)]
     origin = typing.get_origin(kind)
@@ -120,18 +137,18 @@ def parameters() -> str:
     rows: dict[tuple[str, str], tuple[str, ...]] = {}
     for component, model in _models():
         for name, row in vgtjax.parameter_table(model).items():
-            shown = f'`{component}`' if component.split(" ")[0] == name.split(".")[0] else ""
+            shown = f"`{component}`" if component.split(" ")[0] == name.split(".")[0] else ""
             rows.setdefault((name, row.symbol), (f"`{name}`", *_described(row), shown))
     return as_table(("name", "symbol", "unit", "value", "source", "held by default", "only with"), rows.values())
 
 
-def _models() -> Iterable[tuple[str, vgtjax.AbstractModel]]:
-    """The actuator, and one with each other variant of a component, with what a study says for it."""
-    fields = ("friction", "vane_force", "line", "magnetic_force", "chamber")
+def _models() -> Iterable[tuple[str, Any]]:
+    """The actuator, and one with each other variant of a component, with what a study says for it; shapes only."""
     yield "", vgtjax.Actuator()
-    for field, variants in zip(fields, PARTS, strict=True):
+    for field, variants in PARTS.items():
         for name in list(variants)[1:]:
-            yield f'{field} = "{name}"', components.FullComponents(**{field: name}).build()
+            chosen = components.FullComponents(**{field: name})  # type: ignore[arg-type]
+            yield f'{field} = "{name}"', eqx.filter_eval_shape(chosen.build)  # a table of forces takes long to make
 
 
 def _described(row: vgtjax.Parameter) -> tuple[str, ...]:

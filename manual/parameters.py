@@ -1,3 +1,0 @@
-import griffe
-class Extension(griffe.Extension):
-    pass
