@@ -57,7 +57,7 @@ def example(model: vgtjax.AbstractModel) -> Figure:
     position.set(xlabel="time, s", ylabel="position, mm")
     position.legend()
     residual.plot(time, 1e6 * (left - left.mean()), ".", color="0.6", markersize=2)
-    residual.set(xlabel="time, s", ylabel="sensor less model and offset, um")
+    residual.set(xlabel="time, s", ylabel="what is left, um")
     return figure
 
 

@@ -81,14 +81,18 @@ def keys(name: str) -> str:
     for key, field in model.model_fields.items():
         if key == "model" or not _is_table(field.annotation):
             rows.append((f"`{key}`", _kind(field.annotation), _default(field), texts.get(key, "")))
-    return as_table(("key", "what", "default", ""), rows)
+    return as_table(("key", "what", "default", "meaning"), rows)
 
 
 def _attributes(model: type) -> dict[str, str]:
-    """What stands below the fields of a class."""
-    module = _package("calibrate")[model.__module__.removeprefix("calibrate.")]
-    members = module[model.__name__].members
-    return {key: " ".join(each.docstring.value.split()) for key, each in members.items() if each.docstring}
+    """What stands below the fields of a class and of those that it is made from."""
+    found: dict[str, str] = {}
+    for each in reversed(model.__mro__):
+        if each.__module__.startswith("calibrate."):
+            members = _package("calibrate")[each.__module__.removeprefix("calibrate.")][each.__name__].members
+            texts = {key: member.docstring.value for key, member in members.items() if member.docstring}
+            found |= {key: " ".join(text.split()) for key, text in texts.items()}
+    return found
 
 
 @functools.cache
