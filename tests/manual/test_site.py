@@ -4,6 +4,7 @@ import html.parser
 import json
 import os
 import pathlib
+import re
 import shutil
 import subprocess
 import sys
@@ -150,7 +151,7 @@ def test_each_equation_is_found_with_its_file_its_test_and_its_errata(site):
         (section,) = [item for item in sections if item["title"] == heading(row)]
         shown = section["title"] + section["text"]
         assert all(f"({number})" in shown for number in row.numbers)
-        assert all(part.strip() in shown for part in row.test.replace("`", "").split(","))
+        assert all(file in shown for file in re.findall(r"test_\w+\.py", row.test))
         assert "Code:" in shown
         assert shown.count("Erratum") == len(row.errata)
     everything = " ".join(item["text"] for item in sections)
