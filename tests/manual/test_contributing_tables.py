@@ -5,6 +5,8 @@ import re
 import pytest
 from markdown_pages import ROOT
 
+pytest.importorskip("griffe", reason="the extra docs is not installed")
+
 from manual.contributing import equations, errata, numbers_in
 from manual.equations import index, other_errata
 from manual.reference import as_table
