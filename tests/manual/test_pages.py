@@ -8,7 +8,6 @@ import types
 import numpy as np
 import pytest
 from markdown_pages import DOCS, FENCE, PAGES, README, ROOT, blocks, commands, name_of
-from support import EXAMPLE
 
 import vgtjax
 import vgtjax.traces.files._open as readers
@@ -65,10 +64,17 @@ def test_commands_have_the_options_that_are_shown(page, words):
 @pytest.mark.parametrize(("page", "words"), OTHERS, ids=shown)
 def test_what_else_a_shell_is_told(page, words):
     """CI runs the README's two lines; the others install an extra, write a study, or copy the example."""
-    known = {"python3": page == README, "cat": words[1:] == [">", "study.toml"]}
-    known["cp"] = words[1:] == ["-r", "calibrate/example", "campaign"] and EXAMPLE.is_dir()
-    known["pip"] = words[1] == "install" and set(re.findall(r"[a-z]+", words[2].partition("[")[2])) <= extras()
-    assert known[words[0]]
+    match words:
+        case ["python3", *_]:
+            assert page == README
+        case ["pip", "install", package]:
+            assert set(re.findall(r"[a-z]+", package.partition("[")[2])) <= extras()
+        case ["printf", text, ">", _]:
+            assert AnyStudy.validate_python(tomllib.loads(text.replace("\\n", "\n")))
+        case ["cp", "-r", source, "campaign"]:
+            assert (ROOT / source / "study.toml").is_file()
+        case _:
+            assert words == ["cat", ">", "study.toml"]  # what it writes is read below
 
 
 def extras() -> set[str]:
