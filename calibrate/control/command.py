@@ -6,7 +6,7 @@ import time
 from vgtjax import SimulationError
 from vgtjax.tuning import close_loops
 
-from ..output.console import console, say
+from ..output.console import console
 from ..output.files import REPORT, SUMMARY, read_json, write_json, write_text
 from ..resumable import run_once
 from .job import ControlJob, prepare_control
@@ -47,7 +47,7 @@ def _compute(job: ControlJob, out: pathlib.Path) -> None:
     rows, summary = tabulate(outcome), summarise(job, outcome)
     took = f"{1e6 * sample_seconds:.3g} us a sample"
     console.print(f"{table_of.design} knows {job.belief}; it measures {', '.join(summary['measures'])}; {took} here")
-    say(table(rows))
+    console.print(table(rows))
     write_json(out / SUMMARY, summary)
     _write_traces(outcome, out / TRACES)
     with console.status("writing the report"):
