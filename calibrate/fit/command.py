@@ -9,7 +9,7 @@ from vgtjax.assurance import Information, certifying
 from vgtjax.estimation import Calibrator, Progress, Steps, run_alone, run_together
 from vgtjax.identification import starting_fit
 
-from ..output.console import console
+from ..output.console import console, say
 from ..output.files import REPORT, SUMMARY, finite, read_json, write_json, write_text
 from ..output.sections import sensor_summary, trace_summary
 from ..resumable import Folders, ProgressFile, run_units
@@ -22,7 +22,7 @@ from .decisions import decisions
 from .outcome import Fitted
 from .plan import plan
 from .report import found_besides, render, render_overview
-from .terminal import say, verdict
+from .terminal import last_words, verdict
 
 
 def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathlib.Path) -> None:
@@ -132,8 +132,8 @@ def _write(job: Job, unit: Unit, folder: pathlib.Path, outcome: Fitted | Simulat
     write_text(folder / REPORT, page)
     ProgressFile.remove_from(folder)
     who = "" if unit.name is None else f"{unit.name}: "
-    for part in say(outcome, table) if unit.name is None else [f"{who}{verdict(outcome, table)}"]:
-        console.print(part)
+    for part in last_words(outcome, table) if unit.name is None else [f"{who}{verdict(outcome, table)}"]:
+        say(part)
 
 
 def _population(job: Job, out: pathlib.Path) -> dict[str, dict[str, Any]]:

@@ -13,7 +13,7 @@ from .decisions import MEETS, noise_ratios
 from .outcome import Fitted
 
 
-def say(fitted: Fitted, entries: Sequence[Entry]) -> list[rich.table.Table | str]:
+def last_words(fitted: Fitted, entries: Sequence[Entry]) -> list[rich.table.Table | str]:
     """Tables of traces and free parameters, and the verdict."""
     free = [entry for entry in entries if entry.free]
     return [_traces(fitted.calibration), _parameters(free), verdict(fitted, entries)]

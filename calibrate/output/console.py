@@ -3,10 +3,18 @@
 from collections.abc import Iterable
 
 import rich.console
+import rich.table
 
 from vgtjax import Trace
 
 console = rich.console.Console(highlight=False, markup=False, soft_wrap=True)
+WIDE = 120
+"""Width that a table may have: in a narrower terminal its rows go on in the next line, but no digit is cut off."""
+
+
+def say(part: rich.table.Table | str) -> None:
+    """A sentence, or a table with all of its digits."""
+    rich.console.Console(highlight=False, markup=False, soft_wrap=True, width=max(console.width, WIDE)).print(part)
 
 
 def say_notes(traces: Iterable[Trace]) -> None:

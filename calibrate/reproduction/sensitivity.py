@@ -41,7 +41,7 @@ Response = Callable[[vgtjax.Diaphragm, float, Array], Array]
 
 @functools.cache
 def diaphragm() -> vgtjax.Diaphragm:
-    """The printed diaphragm with `b_d + sigma_2` as its damping (erratum 11)."""
+    """The printed diaphragm with `b_d + sigma_2` as its damping (erratum)."""
     return frictionless_diaphragm(vgtjax.Diaphragm(), vgtjax.LuGre())
 
 

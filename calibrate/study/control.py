@@ -51,14 +51,23 @@ class ControlTable(Table):
     """What the controller knows of its plant: the printed actuator, the middle of the population, or the plant itself.
     Without it the population's middle, or the plant where the study states no population."""
     free: list[str] | None = None
+    """Gains that are tuned; else all of the design."""
     fixed: list[str] = []
+    """Gains that are not."""
     gains: dict[str, StartValue] = {}
+    """Start values and bounds of gains."""
     reference: list[Reference] = TUNED_ON
+    """What the position has to follow."""
     turbine_pressure: Annotated[list[Gauge], pydantic.Field(min_length=1)] = [0.0]
+    """Pa gauge; a loop at each."""
     plants: Count = 8
+    """How many of the population the gains are tuned on."""
     duration: Positive = 8.0
+    """s of each run."""
     settled: NotNegative = 2.0
+    """s from which on errors count."""
     period: Positive = 1e-3
+    """s from one sample of the controller to the next."""
     sensors: Literal["bench", "ideal"] = "bench"
     sensor: dict[LoopSensor, SensorTable] = {}
     """Sensors that are not as the others."""

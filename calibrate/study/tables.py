@@ -19,12 +19,17 @@ class TraceEntry(Table):
     """One `[[trace]]`: a file or glob pattern, and what it is for."""
 
     file: str
+    """Relative to the study file; patterns such as `step_*.csv` are allowed."""
     use: Literal["fit", "validate"] = "fit"
+    """`validate`: only compared with the result."""
     name: str | None = None
+    """What the trace is called; else the stem of its file."""
     unit: str | None = None
+    """Which actuator it is of; `{stem:7}` stands for the first seven letters of the file's stem."""
     atmosphere: Annotated[float, pydantic.Field(ge=3e4, le=1.2e5)] | None = None
     """Pa; between the highest peaks and the deepest mines, so that 1013 is found out to be mbar."""
     window: Annotated[tuple[float, float], pydantic.Strict(False)] | None = None
+    """s; the part of the trace that counts."""
     duty_delay: Annotated[float, pydantic.Field(ge=-0.05, le=0.05)] | None = None
     """s by which the duty is known to reach the valve later than the file says; then it is not looked for."""
     duty_hold: Literal["zero-order", "linear"] | None = None
@@ -46,9 +51,13 @@ class UnknownTable(Table):
     """What a fit may find out besides the parameters; `evidence` lets the traces decide."""
 
     duty_delay: Literal["evidence"] | bool = "evidence"
+    """Whether the duty reaches the valve later than the file says; `true` always looks for a delay."""
     duty_hold: Literal["evidence", False] = "evidence"
+    """Whether the duty was held between samples or went in a line; `false`: it was held."""
     noise: Literal["evidence", "white", "coloured"] = "evidence"
+    """Whether the noise of a sensor has a memory."""
     numerics: bool = True
+    """Whether the numerical errors of the smooth model are corrected."""
     gain: list[Fitted] = []
     """Sensors whose gain is free, one for all traces of a unit; `relative_uncertainty` under `[[report.sensor]]` says
     how well it is known beforehand."""
@@ -61,8 +70,11 @@ class Fit(Table):
     """Which parameters move: names or patterns; and what else is unknown."""
 
     free: list[str] | None = None
+    """Names or patterns of what moves; else all that is not held by default."""
     fixed: list[str] = []
+    """Names or patterns of what does not; it goes before `free`."""
     loss: Literal["evidence", "gaussian", "huber", "student"] = "evidence"
+    """How outliers count; `evidence` lets the residuals decide."""
     profiles: Literal["flagged", "all", "none"] = "flagged"
     """Which parameters get a profile likelihood: those of directions whose misfit is no parabola, all, or none."""
     starts: Annotated[int, pydantic.Field(ge=1, le=4096)] = 1
@@ -96,9 +108,12 @@ class PopulationTable(Table):
     """How actuators of one type differ: fitted units, or tolerances."""
 
     units: str | None = None
+    """The folder of a fit with several units, whose population it is."""
     vary: list[str] | None = None
+    """Names or patterns of what varies; else all but the properties of the air, and what is zero or infinite."""
     fixed: list[str] = []
     relative: Positive = 0.02
+    """Standard deviation of what is not stated, as a part of its value."""
     parameters: dict[str, Spread] = {}
     correlation: list[Correlation] = []
     passive: bool = True
@@ -109,10 +124,15 @@ class ExperimentsTable(Table):
     """What every actuator goes through."""
 
     turbine_pressure: list[Gauge] | None = None
+    """Pa gauge; a slow loop at each."""
     loop_seconds: float = 30.0
+    """s, up and down together."""
     loop_duty: float = 100.0
+    """%, at the top."""
     steps: list[float] = [50.0, 80.0]
+    """% of duty."""
     step_seconds: float = 2.4
+    """s for which each is held."""
 
 
 class Limit(Table):
@@ -136,23 +156,31 @@ class ToleranceTable(Table):
     """The Monte Carlo study."""
 
     samples: Count = 1024
+    """How many actuators."""
     sampler: Literal["sobol", "latin-hypercube"] = "sobol"
     seed: Seed = 0
     lanes: Count = 1024
+    """How many are simulated side by side."""
     precision: Literal["double", "single"] = "double"
     limits: dict[str, Limit] = {}
+    """By output, `{lower = ..., upper = ...}` in the unit of the report: mbar, ms, mm."""
 
 
 class SensitivityTable(Table):
     """The sensitivity study."""
 
     base: Annotated[int, pydantic.Field(ge=16)] = 512
+    """Base points; with k quantities there are some k + 1 simulations for each."""
     seed: Seed = 0
     lanes: Count = 1024
     gradient_points: Count = 16
+    """At how many of them exact gradients are taken."""
     replicates: Annotated[int, pydantic.Field(ge=20)] = 200
+    """Of the bootstrap, for intervals."""
     confidence: Share = 0.95
+    """Of the intervals."""
     threshold: Share = 0.05
+    """Share of the variance from which on a quantity is among the leading ones."""
 
 
 class ReportSensor(Table):
@@ -200,9 +228,11 @@ class Study(Table):
     """A whole study file; a class a model."""
 
     name: str = "study"
+    """What reports call it."""
     data: str | None = None
     """Where the traces come from, e.g. that they are simulated: in the head of every report."""
     model: str
+    """What is simulated: `full`, `mechanical`, `plunger-map` or `static-map`."""
     components: Components
     channels: Channels = {}
     """Where the signals are in the files of all traces."""

@@ -150,9 +150,9 @@ class Recovery:
 
     @property
     def spread(self) -> Float[np.ndarray, " entries"]:
-        """Standard deviation of the estimates in units of the table."""
-        deviation = np.sqrt(_mean(np.square(self._missed - _mean(self._missed))) * self.known / (self.known - 1))
-        return self.scale * deviation
+        """Standard deviation of the estimates in units of the table; NaN for an entry that one campaign determined."""
+        more = np.where(self.known > 1, self.known - 1, np.nan)
+        return self.scale * np.sqrt(_mean(np.square(self._missed - _mean(self._missed))) * self.known / more)
 
     @property
     def claimed(self) -> Float[np.ndarray, " entries"]:

@@ -89,8 +89,7 @@ def diaphragm_motion(model: Actuator, trace: Trace, pressure: Smooth) -> Smooth:
 
 
 def read_chamber(model: Actuator, trace: Trace) -> ChamberRecord:
-    """Flow and temperature in the chamber along a trace, from its measured pressure and position [2.33, errata 3 and
-    9]."""
+    """Flow and temperature in the chamber along a trace, from its measured pressure and position [2.33, errata]."""
     assert trace.p_act is not None
     offset = sensor_offset(model, trace, "p_act")
     pressure = smooth(trace.time, trace.p_act, noise_level(trace.p_act, "p_act"))

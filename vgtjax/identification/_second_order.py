@@ -24,7 +24,7 @@ REPORTED = ("diaphragm.mass", "friction.viscous_damping", "friction.excess_dampi
 
 @bench_test("mass and damping", "2.37, 2.38", METHOD)
 def identify_mass_and_damping(model: AbstractModel, traces: Sequence[Trace]) -> Identified:
-    """Mass and damping from the response of `x_d` to the measured drive [2.37, 2.38, errata 10 and 11].
+    """Mass and damping from the response of `x_d` to the measured drive [2.37, 2.38, errata].
 
     **Arguments:** `model`: with start values, and spring and preload found before; `traces`: with `x_d` in m, and
     `p_act` in Pa or `f_drive` in N.

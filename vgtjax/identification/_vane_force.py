@@ -49,7 +49,7 @@ class SlowSamples:
     "are the reference.",
 )
 def identify_vane_map(model: Model, traces: Sequence[Trace]) -> Identified:
-    """Both tables of a [`HysteresisMap`][] or a [`SpeedMap`][] from slow loops [3.16, erratum 14], one of them without
+    """Both tables of a [`HysteresisMap`][] or a [`SpeedMap`][] from slow loops [3.16, erratum], one of them without
     exhaust gas, or from a force sensor.
 
     **Arguments:** `model`: with the spring and the diaphragm's area; `traces`: with `x_d` in m, `p_act` in Pa or

@@ -120,7 +120,7 @@ class Converter(Part):
     ) -> Values:
         """Acceleration of the plunger in m/s2 [2.7] under the magnet's pull in N.
 
-        The return spring acts only above zero (erratum 6).
+        The return spring acts only above zero (erratum).
         """
         position = plunger.position
         force = (

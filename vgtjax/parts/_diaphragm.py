@@ -31,7 +31,7 @@ class Diaphragm(Part):
     area: Scalar = parameter(2.9224e-3, symbol="A_d", unit="m2", source="B.2", held=True)
     preload: Scalar = parameter(49.46, symbol="F_0", unit="N", source="B.2", positive=False)
     stiffness: Scalar = parameter(12000.0, symbol="k_sm", unit="N/m", source="B.2")
-    damping: Scalar = parameter(0.0, symbol="b_d", unit="N s/m", source="erratum 11", lower=0.0, held=True)
+    damping: Scalar = parameter(0.0, symbol="b_d", unit="N s/m", source="B.2, erratum", lower=0.0, held=True)
     travel: Scalar = parameter(10.13e-3, symbol="x_max", unit="m", source="3.6", infinite=True)
     stop_stiffness: Scalar = parameter(1e6, symbol="k_stop", unit="N/m", source="assumed")
     stop_damping: Scalar = parameter(20.0, symbol="d", unit="s/m", source="assumed")

@@ -57,7 +57,7 @@ class Evaluator:
         - `model`, `factors`: the actuator, and the entries whose values vary.
         - `lanes`: rows a chunk, rounded up to a multiple of the devices.
         - `stepping`: as in [`simulate`][].
-        - `dtype`: `float32` takes a third of the time; README says what it costs in accuracy.
+        - `dtype`: `float32` takes a third of the time; the manual says what it costs in accuracy.
 
         **Raises:** `InputError` for no experiment, fewer than one lane, or a model that the experiments can't drive.
         """

@@ -19,7 +19,7 @@ TERMS = 10
 
 
 def frictionless_diaphragm(diaphragm: Diaphragm, friction: LuGre) -> Diaphragm:
-    """The diaphragm with all viscous damping in its own, `b_d + sigma_2`, which is what [4.5] needs (erratum 11)."""
+    """The diaphragm with all viscous damping in its own, `b_d + sigma_2`, which is what [4.5] needs (erratum)."""
     return eqx.tree_at(lambda part: part.damping, diaphragm, diaphragm.damping + friction.viscous_damping)
 
 

@@ -21,7 +21,9 @@ CUT = 1 / 8
 SLACK = 2e-2
 """Part of the cost that a step may lose: chance makes some places cheaper than all around them, and a step that must
 gain would stay there."""
-STALL, STALLED = 3, 2e-2
+STALL = 3
+"""Steps after which a search that gained little is at an end."""
+STALLED = 2e-2
 """Steps that together gained less than this part are no progress: another noise changes as much."""
 MAX_ITERATIONS = 60
 

@@ -16,8 +16,10 @@ from ._steady import Flow
 
 SHARES = (16, 32, 12, 44, 8)
 """Of the cells in volute, vanes, gap, wheel and duct."""
-VANES, WHEEL = 1, 2
-"""Numbers of the rows."""
+VANES = 1
+"""Number of the row of vanes."""
+WHEEL = 2
+"""Number of the wheel's row."""
 LEAST_COSINE, MOST_COSINE = 1e-3, 0.999
 """Of the flow angle behind the vanes, whatever geometry a fit tries."""
 

@@ -50,6 +50,13 @@ def test_errors_that_are_too_small_and_biases_are_named(task):
     assert entries[0] not in said
 
 
+def test_one_campaign_alone_has_no_spread(task):
+    nothing = Recovery.of(task, [])
+    blind = Refit(1, True, "", tuple(nothing.truth.tolist()), (None, 0.01, 0.01))
+    found = Recovery.of(task, [*refits(nothing, [np.zeros(3)], 0.01), blind])
+    assert np.isnan(found.spread).tolist() == [True, False, False]
+
+
 def test_what_was_not_determined_or_failed_does_not_count(task):
     nothing = Recovery.of(task, [])
     good = refits(nothing, RNG.normal(0, 0.01, (6, 3)), 0.01)
@@ -57,6 +64,7 @@ def test_what_was_not_determined_or_failed_does_not_count(task):
     found = Recovery.of(task, [*good, blind, Refit(7, False, "it ran away")])
     assert found.known.tolist() == [6, 7, 7]
     assert found.failed == ["campaign 7: it ran away"]
+    assert np.all(np.isfinite(found.spread))
     assert f"{task.selection.entries[0]}: determined in 6 of 7 campaigns" in found.sentences
 
 

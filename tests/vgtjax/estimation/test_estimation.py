@@ -107,7 +107,7 @@ def test_a_null_direction_leaves_the_errors_of_the_others_as_they_are():
 
 
 def test_an_engineer_is_told_before_the_fit_what_the_traces_do_not_determine():
-    """Of the two dampings only the sum acts (erratum 11), and the closed stop is never touched."""
+    """Of the two dampings only the sum acts (erratum), and the closed stop is never touched."""
     free = ["diaphragm.stiffness", "diaphragm.damping", "friction.viscous_damping", "diaphragm.travel"]
     values = {"diaphragm.damping": 1.0}  # off its bound, which alone would hold it
     calibrator = start_calibration(plan_task(vgtjax.Actuator(), [bench(0)], free=free, values=values))

@@ -12,7 +12,7 @@ GAMMA = 1.396
 
 
 def textbook_flow_function(ratio):
-    """[2.15] with 2/(gamma-1) under the root (erratum 2)."""
+    """[2.15] with 2/(gamma-1) under the root (erratum)."""
     critical = (2 / (GAMMA + 1)) ** (GAMMA / (GAMMA - 1))
     ratio = np.maximum(ratio, critical)
     return np.sqrt(2 / (GAMMA - 1) * (ratio ** (2 / GAMMA) - ratio ** ((GAMMA + 1) / GAMMA)))

@@ -119,7 +119,7 @@ def test_isothermal_pressure_moves_by_gamma_less():
         )
         assert adiabatic.pressure == pytest.approx(1.396 * float(isothermal.pressure))
         assert isothermal.temperature == 0
-        assert (isothermal.pressure > 0) == (flow + displacement > 0), "erratum 4"
+        assert (isothermal.pressure > 0) == (flow + displacement > 0), "erratum"
 
 
 def test_isothermal_is_slower_unless_its_orifices_are_gamma_larger():

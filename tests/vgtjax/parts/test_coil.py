@@ -29,7 +29,7 @@ def quartic():
 
 @pytest.mark.parametrize("position", POSITIONS)
 def test_inductance_and_its_slope(position):
-    """[2.2-2.4] with `x_t + x_p` (erratum 1)."""
+    """[2.2-2.4] with `x_t + x_p` (erratum)."""
     inductance, slope = COIL.inductance(jnp.asarray(position))
     path = 0.05 + 1000 * (0.025 + position)
     assert inductance == pytest.approx(7500**2 * 2e-4 * 1000 * 4e-7 * np.pi / path)

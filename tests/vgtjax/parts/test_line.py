@@ -48,7 +48,7 @@ def reynolds(mass_flow):
 
 
 def test_resistance_is_the_larger_of_laminar_and_blasius():
-    """[2.31] and erratum 8."""
+    """[2.31] and erratum."""
     slow, fast = 500 / reynolds(1.0), 8000 / reynolds(1.0)
     assert resistance(slow, BORE, VISCOSITY) == pytest.approx(32 * VISCOSITY / BORE**2)
     assert resistance(fast, BORE, VISCOSITY) == pytest.approx(0.158 * VISCOSITY / BORE**2 * 8000**0.75)

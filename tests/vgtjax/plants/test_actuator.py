@@ -94,7 +94,7 @@ def test_travel_ends_at_the_stop(actuator):
 
 
 def test_preload_holds_until_169_mbar(actuator):
-    """`F_0 / A_d` (erratum 17)."""
+    """`F_0 / A_d` (erratum)."""
     time = np.arange(0, 6.0, 1e-3)
     run = simulate(actuator, vgtjax.Trace(time=time, pwm=10 * time, p_res=np.full_like(time, 2.0e4)))
     vacuum = 101013 - np.asarray(run.p_act)

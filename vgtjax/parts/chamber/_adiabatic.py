@@ -10,7 +10,7 @@ from ._base import AbstractChamber, Gas
 def adiabatic_rates(air: Air, gas: Gas, inflow: Flow, volume: Values, displacement_rate: Values) -> Gas:
     """Time derivatives of pressure (Pa/s) and temperature (K/s) without heat exchange.
 
-    [2.57] with the volume term `+ gamma p A_d v / V` (erratum 3), and `T' = T (p'/p + V'/V - m'/m)` with
+    [2.57] with the volume term `+ gamma p A_d v / V` (erratum), and `T' = T (p'/p + V'/V - m'/m)` with
     `m = p V / (R T)`; the two are written over the common denominators `V` and `p V`.
 
     **Arguments:** `volume` of the gas in m3, which the diaphragm takes at `displacement_rate` in m3/s.

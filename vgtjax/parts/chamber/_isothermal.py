@@ -17,7 +17,7 @@ class IsothermalChamber(AbstractChamber):
     def rates(self, air: Air, gas: Gas, inflow: Flow, displaced: Values, displacement_rate: Values) -> Gas:
         """Time derivatives of pressure (Pa/s) and temperature (zero).
 
-        `p' = (R T_atm m' + p A_d v) / V` [5.2]. [3.13] has inflow and outflow swapped (erratum 4), and its equation
+        `p' = (R T_atm m' + p A_d v) / V` [5.2]. [3.13] has inflow and outflow swapped (erratum), and its equation
         carries no gamma: that belongs to the adiabatic chamber.
         """
         flow = air.gas_constant * air.temperature * inflow.mass_flow

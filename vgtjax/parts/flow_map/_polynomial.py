@@ -54,7 +54,7 @@ class PolynomialFlow(AbstractFlowMap):
         """The root `u = -2 q / (-b1 + sqrt(b1^2 + 4 b2 q))` with `q = f - a0 - a1 p - a2 p^2`, clipped.
 
         It lies on the branch with `df/du = b1 + 2 b2 u < 0`, and is exact for `b2 -> 0` too. The print takes the other
-        branch after (5.35) (erratum 27).
+        branch after (5.35) (erratum).
         """
         b1, b2 = self.duty[0], self.duty[1]
         missing = flow - self._without_duty(pressure, ambient)

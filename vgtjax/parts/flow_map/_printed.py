@@ -14,7 +14,7 @@ MBAR = 100.0
 
 
 class PrintedFlow(AbstractFlowMap):
-    """`f = phi(dp) + psi(dp) u` [B.4] with `dp = p - p_eq(u)` in mbar and `u` as a fraction from 0 to 1 (erratum 25).
+    """`f = phi(dp) + psi(dp) u` [B.4] with `dp = p - p_eq(u)` in mbar and `u` as a fraction from 0 to 1 (erratum).
 
     As printed, with its faults, of which the manual's page on physics tells. The default `p_eq(u)` [2.8, B.1] is that
     at 20 kPa of reservoir pressure.

@@ -15,7 +15,7 @@ class SteadyPlungerFlow(AbstractFlowMap):
     """The table of flow over plunger position, with the plunger where duty and pressure balance it [5.3].
 
     `x_p = c (p_eq(u) - p)` with one compliance for each direction, since the return spring acts on one side only
-    (erratum 6). Where the orifice to the reservoir is saturated, flow does not depend on duty.
+    (erratum). Where the orifice to the reservoir is saturated, flow does not depend on duty.
     """
 
     equilibrium: Float[Array, " 5"] = equilibrium_pressure()

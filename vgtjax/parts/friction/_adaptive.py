@@ -20,7 +20,7 @@ ANGLES = (4.0, 12.0, 20.0, 28.0, 36.0)
 
 
 class AdaptiveLuGre(AbstractLuGre, AbstractGasTables):
-    """`F_f = theta F_LuGre` with `theta = 1 + load(p_trb, C_r) / F_c` [3.18-3.20, erratum 14].
+    """`F_f = theta F_LuGre` with `theta = 1 + load(p_trb, C_r) / F_c` [3.18-3.20, erratum].
 
     `load` is what exhaust gas adds to Coulomb friction: linear between knots, held beyond them, zero at zero gauge
     pressure and linear from there to the first knot. While it does not change, friction is passive where that of

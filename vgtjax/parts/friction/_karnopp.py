@@ -12,7 +12,7 @@ from ._coulomb import sticking_damping, sticking_force
 
 
 class Karnopp(Stateless, AbstractFriction):
-    """A rod at rest holds up to `F_s`, one that slides feels `F_c sign(v) + sigma_2 v` [3.1, erratum 12].
+    """A rod at rest holds up to `F_s`, one that slides feels `F_c sign(v) + sigma_2 v` [3.1, erratum].
 
     The dry force may reach `F_s` up to `velocity_band`, then the limit falls linearly to `F_c` at twice the band, so
     that nothing jumps. Sticking is that of [`Coulomb`][], and so is what is approximated. The viscous part is [2.35]'s.

@@ -26,7 +26,7 @@ class DelayLine(AbstractLine):
     """Flow that arrives after `tau = L / c`, less by the factor `exp(-R_t R T / (2 p) L / c)` [2.29], either way.
 
     The converter sees the chamber's pressure, and what leaves has the chamber's temperature. The speed of sound is that
-    of ambient air; `p` and `T` of the factor are the chamber's [2.25]. The factor loses steady flow too (erratum 8);
+    of ambient air; `p` and `T` of the factor are the chamber's [2.25]. The factor loses steady flow too (erratum);
     where that matters, use [`WaveLine`][]. Lags side by side stand for the dead time: the manual's page on physics says
     how well.
     """

@@ -29,7 +29,7 @@ def cross_section(bore: Values) -> Values:
 def resistance(mass_flow: Values, bore: Values, viscosity: Values) -> Values:
     """Pressure drop per length and mean velocity, `R_t` in Pa s/m2 [2.30].
 
-    The larger of Blasius's [2.31] and the laminar `32 mu / D^2` (erratum 8): of the two Reynolds numbers rather than of
+    The larger of Blasius's [2.31] and the laminar `32 mu / D^2` (erratum): of the two Reynolds numbers rather than of
     their powers, so that the slope stays finite when nothing flows.
 
     **Arguments:** `mass_flow` in kg/s either way, `bore` in m, `viscosity` in Pa s.

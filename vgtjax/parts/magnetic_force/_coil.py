@@ -25,7 +25,7 @@ class Coil(AbstractMagneticForce):
     """Coil on a core with an air gap: `U = R i + d(L i)/dt` [2.1], `F = i^2 |dL/dx_p| / 2` [2.5, 2.6].
 
     `L = N^2 A mu_r mu_0 / x_eq` [2.2] with `x_eq = x_0 + mu_r (x_t + x_p)`: the print has `x_t - x_p` [2.3], which
-    counts `x_p` downwards (erratum 1). Put it in with `Converter(magnetic_force=Coil())`. The manual's page on physics
+    counts `x_p` downwards (erratum). Put it in with `Converter(magnetic_force=Coil())`. The manual's page on physics
     says where the numbers are from.
     """
 

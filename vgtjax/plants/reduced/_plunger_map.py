@@ -40,7 +40,7 @@ class LiftMapState(eqx.Module):
 class LiftMapPath(AbstractAirPath):
     """Plunger, a map of flow over its position, and an isothermal chamber [5.2, with the signs of 2.7].
 
-    [5.2] counts the plunger's position the other way (erratum 7). Of the converter only the plunger and the magnetic
+    [5.2] counts the plunger's position the other way (erratum). Of the converter only the plunger and the magnetic
     force count: the map takes the place of both orifices, whose parameters then do nothing.
     """
 
