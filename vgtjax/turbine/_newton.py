@@ -8,9 +8,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from .._types import Values
+from .._types import Scalar, Values
 from ._balance import Balance
-from ._blocks import band_of, solve_band
+from ._blocks import Band, band_of, solve_band
 from ._riemann import States, densities, unpack
 
 GROWTH, CAREFUL_GROWTH = (1.5, 10.0), (1.3, 1.6)
@@ -20,6 +20,9 @@ HASTY_STEPS = 30
 LONGEST_MOVE = 0.3
 """How far a step may go in any variable, in its usual size."""
 MOST_STEPS = 120
+LAST_CFL, LAST_MOVE = 1e12, 1e-6
+"""Length of the step that carries derivatives, and how far it may go: where gas is at rest nothing brings it, so that
+only time says how dense it is."""
 LEAST_ADVANCE, MOST_ATTEMPTS = 1e-3, 40
 """Of continuation: the share of a problem by which it goes on at least, and how often it is tried."""
 EXACT, GOOD = 50.0, 0.7
@@ -62,9 +65,10 @@ def solve(
         _continue(*jax.lax.stop_gradient((problem, start)), first_cfl, careful_cfl)
     )
     # One more step, whose right side carries all derivatives.
-    band = jax.lax.stop_gradient(band_of(jax.lax.stop_gradient(problem), states))
-    moved = states - solve_band(band, problem(states))
-    return jnp.where(converged, moved, states), converged
+    band = jax.lax.stop_gradient(_band(jax.lax.stop_gradient(problem), states, LAST_CFL))
+    move, most = -solve_band(band, problem(states)), LAST_MOVE * jax.lax.stop_gradient(problem.balance.scale[None])
+    too_far = jax.lax.stop_gradient(move - jnp.clip(move, -most, most))
+    return jnp.where(converged, states + move - too_far, states), converged
 
 
 def imbalance_of(problem: AbstractProblem, states: States) -> Values:
@@ -150,10 +154,14 @@ def _search(problem: AbstractProblem, start: States, first_cfl: Values) -> tuple
 
 def _step(problem: AbstractProblem, states: States, cfl: Values) -> States:
     """A step of implicit Euler over a time that each cell has for itself."""
+    return -solve_band(_band(problem, states, cfl), problem(states))
+
+
+def _band(problem: AbstractProblem, states: States, cfl: Scalar) -> Band:
+    """Of the linear problem of a step in pseudo-time."""
     passage, gas = problem.balance.passage, problem.balance.gas
     density, velocity, _, pressure = unpack(states)
     fastest = jnp.abs(velocity) + jnp.sqrt(gas.gamma * pressure / density)
     rate = fastest / (cfl * jnp.diff(passage.m)) * passage.volume
     stored = jax.vmap(jax.jacfwd(lambda state, radius: densities(gas, state, radius)))(states, passage.centre_radius)
-    band = band_of(problem, states).at[:, 2].add(stored * rate[:, None, None])
-    return -solve_band(band, problem(states))
+    return band_of(problem, states).at[:, 2].add(stored * rate[:, None, None])

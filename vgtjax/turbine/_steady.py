@@ -94,8 +94,8 @@ class _Steady(AbstractProblem):
         """Velocities go with the root of a pressure difference."""
         root = jnp.sqrt(share)
         density = self.inlet.density(self.balance.gas)
-        rest = pack(density, jnp.zeros_like(density), jnp.zeros_like(density), self.inlet.total_pressure)
-        return rest + (start - rest) * jnp.stack([share, root, root, share])
+        rest = pack(density, jnp.zeros_like(density), jnp.zeros_like(density), self.inlet.total_pressure)[None]
+        return rest + (start - rest) * jnp.stack([share, root, root, share])[None]
 
 
 def flow_of(balance: Balance, states: States, converged: Bool[Array, "..."]) -> Flow:

@@ -1,0 +1,96 @@
+"""Steady flow through a nozzle as one would write it with SciPy: ordinary differential equations between two ends."""
+
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from scipy.integrate import solve_bvp
+
+from vgtjax.turbine import Gas, Inlet, Passage
+
+Nodes = Float[np.ndarray, " nodes"]
+States = Float[np.ndarray, "3 nodes"]
+"""Meridional velocity in m/s, temperature in K, `r V_u` in m2/s."""
+MOST_NODES = 20_000
+
+
+class BoundaryValueNozzle:
+    """Subsonic flow between a plenum and an outlet: its balances, solved for the slopes of velocity and temperature."""
+
+    def __init__(self, passage: Passage, inlet: Inlet, outlet_pressure: float, gas: Gas):
+        self.passage = Passage(*[np.asarray(getattr(passage, name)) for name in passage.__dataclass_fields__])
+        self.total_pressure, self.total_temperature, self.tangent = (
+            float(value) for value in (inlet.total_pressure, inlet.total_temperature, inlet.tangent)
+        )
+        self.outlet_pressure, self.gamma, self.constant = outlet_pressure, float(gas.gamma), float(gas.constant)
+        self.heat_capacity = float(gas.heat_capacity)
+
+    def solve(self, tolerance: float) -> float:
+        """Mass flow in kg/s.
+
+        **Raises:** `RuntimeError` when SciPy finds none.
+        """
+        m = np.asarray(self.passage.m)
+        area, radius = np.asarray(self.passage.area), np.asarray(self.passage.radius)
+        # A small flow that keeps its swirl: blades turn it as the mesh is refined.
+        guess = 0.05 * self.total_pressure / (self.constant * self.total_temperature) * 400.0 * np.min(area)
+        velocity = guess * self.constant * self.total_temperature / (self.total_pressure * area)
+        swirl = np.full(m.shape, radius[0] * velocity[0] * self.tangent)
+        start = np.stack([velocity, np.full(m.shape, self.total_temperature), swirl])
+        found = solve_bvp(self.slopes, self.missing, m, start, [guess], tol=tolerance, max_nodes=MOST_NODES)
+        if not found.success:
+            raise RuntimeError(found.message)
+        return float(found.p[0])
+
+    def slopes(self, m: Nodes, states: States, unknown: Nodes) -> States:
+        """Over the distance along the passage."""
+        velocity, temperature, swirl = states
+        area, radius, d_area, d_radius, speed, f_u, f_m = self._at(m, states)
+        d_swirl = radius * f_u / velocity
+        around = swirl / radius
+        d_around = (d_swirl - around * d_radius) / radius
+        # Momentum with p = rho R T and rho = q / (V S), energy with h = c_p T: two equations for two slopes.
+        pushed = around**2 / radius * d_radius + f_m
+        gained = speed * d_swirl - around * d_around
+        pressure_term = self.constant * temperature
+        a, b = velocity - pressure_term / velocity, self.constant
+        right = pushed + pressure_term * d_area / area
+        d_velocity = (right - b * gained / self.heat_capacity) / (a - b * velocity / self.heat_capacity)
+        return np.stack([d_velocity, (gained - velocity * d_velocity) / self.heat_capacity, d_swirl])
+
+    def missing(self, first: Nodes, last: Nodes, unknown: Nodes) -> Nodes:
+        """What the ends lack: no loss from the plenum, its direction, its enthalpy; the outlet's pressure."""
+        velocity, temperature, swirl = first
+        passage = self.passage
+        pressure = self._pressure(unknown[0], first, float(passage.area[0]))
+        expanded = self.total_pressure * (temperature / self.total_temperature) ** (self.gamma / (self.gamma - 1))
+        kinetic = 0.5 * velocity**2 * (1 + self.tangent**2)
+        behind = self._pressure(unknown[0], last, float(passage.area[-1]))
+        return np.array(
+            [
+                pressure / expanded - 1,
+                (temperature + kinetic / self.heat_capacity) / self.total_temperature - 1,
+                swirl / (float(passage.radius[0]) * 400.0) - velocity * self.tangent / 400.0,
+                behind / self.outlet_pressure - 1,
+            ]
+        )
+
+    def _pressure(self, mass_flow: float, state: Nodes, area: float) -> Any:
+        return mass_flow * self.constant * state[1] / (state[0] * area)
+
+    def _at(self, m: Nodes, states: States) -> tuple[Nodes, ...]:
+        """Area and radius with their slopes, the row's speed, and the forces on the gas in N/kg."""
+        passage = self.passage
+        cell = np.clip(np.searchsorted(passage.m, m, side="right") - 1, 0, passage.cells - 1)
+        length = np.diff(passage.m)[cell]
+        area, radius = np.interp(m, passage.m, passage.area), np.interp(m, passage.m, passage.radius)
+        d_area, d_radius = np.diff(passage.area)[cell] / length, np.diff(passage.radius)[cell] / length
+        velocity, _, swirl = states
+        row, tangent, turning, speed, friction = (
+            np.asarray(getattr(passage, name))[cell] for name in ("row", "tangent", "length", "speed", "friction")
+        )
+        relative = swirl / radius - radius * speed
+        turned = np.where(row > 0, (velocity * tangent - relative) / turning, 0.0)
+        drag = 0.5 * friction * np.hypot(velocity, relative)
+        around, along = turned * velocity - drag * relative, -turned * relative - drag * velocity
+        return area, radius, d_area, d_radius, speed, around, along
