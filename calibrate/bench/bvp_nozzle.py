@@ -5,8 +5,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 from scipy.integrate import solve_bvp
+from scipy.interpolate import PchipInterpolator
 
-from vgtjax.turbine import Gas, Inlet, Passage
+from vgtjax.turbine import Gas, Inlet, Passage, first_guess
 
 Nodes = Float[np.ndarray, " nodes"]
 States = Float[np.ndarray, "3 nodes"]
@@ -24,20 +25,27 @@ class BoundaryValueNozzle:
         )
         self.outlet_pressure, self.gamma, self.constant = outlet_pressure, float(gas.gamma), float(gas.constant)
         self.heat_capacity = float(gas.heat_capacity)
+        self.guess = first_guess(passage, inlet, gas)
+        inside = np.asarray(passage.row) > 0
+        # Ramps over a cell where rows begin and end, as the solver refines at a jump until it has no nodes left; beyond
+        # the ends of a row its angle and speed go on.
+        centres = np.asarray(self.passage.centres)
+        nearest = np.flatnonzero(inside)[np.abs(centres[:, None] - centres[inside]).argmin(axis=1)]
+        turning = np.where(inside, 1 / self.passage.length, 0.0)
+        self.at_cells = self.passage.tangent[nearest], turning, self.passage.speed[nearest], self.passage.friction
+        self.at_faces = PchipInterpolator(self.passage.m, np.stack([self.passage.area, self.passage.radius], axis=-1))
 
     def solve(self, tolerance: float) -> float:
         """Mass flow in kg/s.
 
         **Raises:** `RuntimeError` when SciPy finds none.
         """
-        m = np.asarray(self.passage.m)
-        area, radius = np.asarray(self.passage.area), np.asarray(self.passage.radius)
-        # A small flow that keeps its swirl: blades turn it as the mesh is refined.
-        guess = 0.05 * self.total_pressure / (self.constant * self.total_temperature) * 400.0 * np.min(area)
-        velocity = guess * self.constant * self.total_temperature / (self.total_pressure * area)
-        swirl = np.full(m.shape, radius[0] * velocity[0] * self.tangent)
-        start = np.stack([velocity, np.full(m.shape, self.total_temperature), swirl])
-        found = solve_bvp(self.slopes, self.missing, m, start, [guess], tol=tolerance, max_nodes=MOST_NODES)
+        m, centres = np.asarray(self.passage.m), self.passage.centres
+        density, velocity, swirl, pressure = np.moveaxis(np.asarray(self.guess), -1, 0)
+        columns = velocity, np.exp(pressure - density) / self.constant, swirl
+        start = np.stack([np.interp(m, centres, column) for column in columns])
+        mass_flow = float(np.exp(density[0]) * velocity[0] * self.passage.area[0])
+        found = solve_bvp(self.slopes, self.missing, m, start, [mass_flow], tol=tolerance, max_nodes=MOST_NODES)
         if not found.success:
             raise RuntimeError(found.message)
         return float(found.p[0])
@@ -80,17 +88,13 @@ class BoundaryValueNozzle:
 
     def _at(self, m: Nodes, states: States) -> tuple[Nodes, ...]:
         """Area and radius with their slopes, the row's speed, and the forces on the gas in N/kg."""
-        passage = self.passage
-        cell = np.clip(np.searchsorted(passage.m, m, side="right") - 1, 0, passage.cells - 1)
-        length = np.diff(passage.m)[cell]
-        area, radius = np.interp(m, passage.m, passage.area), np.interp(m, passage.m, passage.radius)
-        d_area, d_radius = np.diff(passage.area)[cell] / length, np.diff(passage.radius)[cell] / length
+        passage, at_cells, at_faces = self.passage, self.at_cells, self.at_faces
+        area, radius = at_faces(m).T
+        d_area, d_radius = at_faces(m, 1).T
         velocity, _, swirl = states
-        row, tangent, turning, speed, friction = (
-            np.asarray(getattr(passage, name))[cell] for name in ("row", "tangent", "length", "speed", "friction")
-        )
+        tangent, turning, speed, friction = (np.interp(m, passage.centres, values) for values in at_cells)
         relative = swirl / radius - radius * speed
-        turned = np.where(row > 0, (velocity * tangent - relative) / turning, 0.0)
+        turned = (velocity * tangent - relative) * turning
         drag = 0.5 * friction * np.hypot(velocity, relative)
         around, along = turned * velocity - drag * relative, -turned * relative - drag * velocity
         return area, radius, d_area, d_radius, speed, around, along
