@@ -7,7 +7,6 @@ from jaxtyping import Array, Float
 
 from .._types import Scalar, Values
 from ._gas import Gas
-from ._newton import AbstractBalance
 from ._passage import Inlet, Passage
 from ._reconstruction import at_faces
 from ._riemann import States, densities, flux, pack, riemann_flux, unpack
@@ -39,17 +38,20 @@ class Ends(eqx.Module):
         return jax.tree.map(lambda here, there: here + share * (there - here), self, other)
 
 
-class Balance(AbstractBalance):
+class Balance(eqx.Module):
     """The balances of all cells of a passage between its ends."""
 
     passage: Passage
     gas: Gas
     scale: Float[Array, " 4"]
+    """Usual sizes of `ln rho`, `V_m`, `r V_u` and `ln p`."""
     usual: Float[Array, " 4"]
+    """Of mass, momentum, moment of momentum and energy that pass in a second."""
     ends: Ends
 
     def __call__(self, states: States) -> Float[Array, "cells 4"]:
-        """See the base class [3.44, corrected]."""
+        """What each cell loses in a second: mass (kg), momentum (N), moment of momentum (N m), energy (W) [3.44,
+        corrected]."""
         passage = self.passage
         through = self.fluxes(states) * passage.area[:, None]
         density, _, swirl, pressure = unpack(states)
@@ -99,8 +101,11 @@ class Balance(AbstractBalance):
         return jnp.concatenate([entering[None], inside, riemann_flux(gas, last, leaving, radius[-1])[None]])
 
     def entering(self, inlet: Inlet, inside: States) -> States:
-        """Gas at the inlet, at the velocity that the passage takes it at."""
-        velocity = inside[1]
+        """Gas at the inlet, at the velocity that the passage takes it at, as far as to the speed of sound: in a passage
+        that widens at once more does not pass."""
+        gamma, constant = self.gas.gamma, self.gas.constant
+        share = 1 + 0.5 * (gamma - 1) * (1 + inlet.tangent**2)
+        velocity = jnp.minimum(inside[1], jnp.sqrt(gamma * constant * inlet.total_temperature / share))
         kinetic = 0.5 * velocity**2 * (1 + inlet.tangent**2)
         ratio = jnp.maximum(1 - kinetic / (self.gas.heat_capacity * inlet.total_temperature), LEAST_TEMPERATURE)
         pressure = self.gas.expanded_pressure(inlet.total_pressure, ratio)

@@ -8,10 +8,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from .._types import Values
-from ._blocks import band_of, solve_band
-from ._gas import Gas
-from ._passage import Passage
+from .._types import Scalar, Values
+from ._balance import Balance
+from ._blocks import Band, band_of, solve_band
 from ._riemann import States, densities, unpack
 
 GROWTH, CAREFUL_GROWTH = (1.5, 10.0), (1.3, 1.6)
@@ -21,6 +20,11 @@ HASTY_STEPS = 30
 LONGEST_MOVE = 0.3
 """How far a step may go in any variable, in its usual size."""
 MOST_STEPS = 120
+LAST_CFL, LAST_MOVE = 1e12, 1e-6
+"""Length of the step that carries derivatives, and how far it may go: where gas is at rest nothing brings it, so that
+only time says how dense it is."""
+LEAST_ADVANCE, MOST_ATTEMPTS = 1e-3, 40
+"""Of continuation: the share of a problem by which it goes on at least, and how often it is tried."""
 EXACT, GOOD = 50.0, 0.7
 """Imbalance over what the largest area could pass at which steps end, in units of rounding, and the power of rounding
 above which no flow is found: 1e-11 of double precision."""
@@ -28,41 +32,48 @@ PATIENCE = 3
 """Steps without a smaller imbalance, once it is good, after which it is rounding."""
 
 
-class AbstractBalance(eqx.Module):
-    """What the cells of a passage lose, as a function of their states, with what both are scaled by."""
+class AbstractProblem(eqx.Module):
+    """What is to vanish in every cell of a passage, as a function of the states of all of them."""
 
-    passage: eqx.AbstractVar[Passage]
-    gas: eqx.AbstractVar[Gas]
-    scale: eqx.AbstractVar[Float[Array, " 4"]]
-    """Usual sizes of `ln rho`, `V_m`, `r V_u` and `ln p`."""
-    usual: eqx.AbstractVar[Float[Array, " 4"]]
-    """Of mass, momentum, moment of momentum and energy that pass in a second."""
+    balance: eqx.AbstractVar[Balance]
+    """Of the cells, with its usual sizes."""
 
     @abc.abstractmethod
     def __call__(self, states: States) -> Float[Array, "cells 4"]:
-        """What each cell loses in a second: mass (kg), momentum (N), moment of momentum (N m), energy (W)."""
+        """Mass (kg/s), momentum (N), moment of momentum (N m) and energy (W) of each cell."""
+
+    @abc.abstractmethod
+    def eased(self, share: Values) -> "AbstractProblem":
+        """An easier problem on the way to this one: near a share of 0 hardly anything moves, at 1 it is this one."""
+
+    @abc.abstractmethod
+    def eased_start(self, start: States, share: Values) -> States:
+        """Where to look for the states of an easier problem, when this one's are looked for at `start`."""
 
 
-def solve(balance: AbstractBalance, start: States, *first_cfl: float) -> tuple[States, Bool[Array, ""]]:
-    """States in which nothing is lost, and whether they were found.
+def solve(
+    problem: AbstractProblem, start: States, first_cfl: float, careful_cfl: float
+) -> tuple[States, Bool[Array, ""]]:
+    """States that solve a problem, and whether they were found: from the start, or else by continuation.
 
-    Differentiable in both modes with respect to what is in the balance.
+    Differentiable in both modes with respect to what is in the problem.
 
-    **Arguments:** `first_cfl`: length of the first step in pseudo-time, in transits of a cell by sound; with several,
-    the search begins again with the next one when it has found nothing.
+    **Arguments:** lengths of the first step in pseudo-time, in transits of a cell by sound, from the start and on the
+    way that continuation goes.
     """
-    states, imbalance = _searches(*jax.lax.stop_gradient((balance, start)), first_cfl)
-    states = jax.lax.stop_gradient(states)
+    states, converged = jax.lax.stop_gradient(
+        _continue(*jax.lax.stop_gradient((problem, start)), first_cfl, careful_cfl)
+    )
     # One more step, whose right side carries all derivatives.
-    band = jax.lax.stop_gradient(band_of(jax.lax.stop_gradient(balance), states))
-    moved = states - solve_band(band, balance(states))
-    converged = jax.lax.stop_gradient(_is_good(imbalance, states))
-    return jnp.where(converged, moved, states), converged
+    band = jax.lax.stop_gradient(_band(jax.lax.stop_gradient(problem), states, LAST_CFL))
+    move, most = -solve_band(band, problem(states)), LAST_MOVE * jax.lax.stop_gradient(problem.balance.scale[None])
+    too_far = jax.lax.stop_gradient(move - jnp.clip(move, -most, most))
+    return jnp.where(converged, states + move - too_far, states), converged
 
 
-def imbalance_of(balance: AbstractBalance, states: States) -> Values:
+def imbalance_of(problem: AbstractProblem, states: States) -> Values:
     """Largest imbalance of a cell over what gas at rest would carry at its speed of sound."""
-    return jnp.max(jnp.abs(balance(states)) / balance.usual[None])
+    return jnp.max(jnp.abs(problem(states)) / problem.balance.usual[None])
 
 
 class _Search(eqx.Module):
@@ -81,26 +92,40 @@ def _is_good(imbalance: Values, states: States) -> Bool[Array, ""]:
     return imbalance < jnp.finfo(states.dtype).eps ** GOOD
 
 
-def _searches(balance: AbstractBalance, start: States, first_cfl: tuple[float, ...]) -> tuple[States, Values]:
-    """What the first search finds that finds something, or else the last one."""
-    lengths = jnp.asarray(first_cfl, start.dtype)
+class _Way(eqx.Module):
+    """Where continuation stands: the share of the problem whose states are known, and how much more is tried next."""
 
-    def again(carry: tuple[Array, States, Values]) -> tuple[Array, States, Values]:
-        attempt = carry[0]
-        return attempt + 1, *_search(balance, start, lengths[attempt])
-
-    def unfinished(carry: tuple[Array, States, Values]) -> Array:
-        attempt, _, imbalance = carry
-        return (attempt < len(first_cfl)) & ~_is_good(imbalance, start)
-
-    begin = jnp.zeros((), int), start, jnp.full((), jnp.inf, start.dtype)
-    _, states, imbalance = jax.lax.while_loop(unfinished, again, begin)
-    return states, imbalance
+    states: States
+    known: Values
+    advance: Values
+    attempts: Array
 
 
-def _search(balance: AbstractBalance, start: States, first_cfl: Values) -> tuple[States, Values]:
+def _continue(
+    problem: AbstractProblem, start: States, first_cfl: float, careful_cfl: float
+) -> tuple[States, Bool[Array, ""]]:
+    """States of the whole problem at once, or of ever larger shares of it, each searched from those of the last."""
+
+    def unfinished(at: _Way) -> Array:
+        return (at.known < 1) & (at.advance > LEAST_ADVANCE) & (at.attempts < MOST_ATTEMPTS)
+
+    def onward(at: _Way) -> _Way:
+        share = jnp.minimum(at.known + at.advance, 1.0)
+        near = jnp.where(at.known > 0, at.states, problem.eased_start(start, share))
+        cfl = jnp.where(at.attempts == 0, first_cfl, careful_cfl)
+        states, imbalance = _search(problem.eased(share), near, cfl)
+        found = _is_good(imbalance, start)
+        advance = at.advance * jnp.where(found, 2.0, 0.5)
+        return _Way(jnp.where(found, states, at.states), jnp.where(found, share, at.known), advance, at.attempts + 1)
+
+    zero, one = jnp.zeros((), start.dtype), jnp.ones((), start.dtype)
+    end = jax.lax.while_loop(unfinished, onward, _Way(start, zero, one, jnp.zeros((), int)))
+    return end.states, end.known >= 1
+
+
+def _search(problem: AbstractProblem, start: States, first_cfl: Values) -> tuple[States, Values]:
     """States of the least imbalance, and that."""
-    first = imbalance_of(balance, start)
+    first, scale = imbalance_of(problem, start), problem.balance.scale[None]
     zero, rounding = jnp.zeros((), int), jnp.finfo(start.dtype).eps
 
     def unfinished(at: _Search) -> Array:
@@ -110,9 +135,9 @@ def _search(balance: AbstractBalance, start: States, first_cfl: Values) -> tuple
     def onward(at: _Search) -> _Search:
         hasty = at.steps < HASTY_STEPS
         cfl = jnp.where(at.steps == HASTY_STEPS, first_cfl, at.cfl)
-        move = _step(balance, at.states, cfl) / balance.scale[None]
-        states = at.states + jnp.clip(move, -LONGEST_MOVE, LONGEST_MOVE) * balance.scale[None]
-        imbalance = imbalance_of(balance, states)
+        move = _step(problem, at.states, cfl) / scale
+        states = at.states + jnp.clip(move, -LONGEST_MOVE, LONGEST_MOVE) * scale
+        imbalance = imbalance_of(problem, states)
         least, most = (jnp.where(hasty, *each) for each in zip(GROWTH, CAREFUL_GROWTH, strict=True))
         growth = jnp.clip(at.imbalance / imbalance, least, most)
         better = imbalance < at.least
@@ -127,12 +152,16 @@ def _search(balance: AbstractBalance, start: States, first_cfl: Values) -> tuple
     return end.best, end.least
 
 
-def _step(balance: AbstractBalance, states: States, cfl: Values) -> States:
+def _step(problem: AbstractProblem, states: States, cfl: Values) -> States:
     """A step of implicit Euler over a time that each cell has for itself."""
-    passage, gas = balance.passage, balance.gas
+    return -solve_band(_band(problem, states, cfl), problem(states))
+
+
+def _band(problem: AbstractProblem, states: States, cfl: Scalar) -> Band:
+    """Of the linear problem of a step in pseudo-time."""
+    passage, gas = problem.balance.passage, problem.balance.gas
     density, velocity, _, pressure = unpack(states)
     fastest = jnp.abs(velocity) + jnp.sqrt(gas.gamma * pressure / density)
     rate = fastest / (cfl * jnp.diff(passage.m)) * passage.volume
     stored = jax.vmap(jax.jacfwd(lambda state, radius: densities(gas, state, radius)))(states, passage.centre_radius)
-    band = band_of(balance, states).at[:, 2].add(stored * rate[:, None, None])
-    return -solve_band(band, balance(states))
+    return band_of(problem, states).at[:, 2].add(stored * rate[:, None, None])

@@ -5,18 +5,18 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool
+from jaxtyping import Array, Bool, Float
 
 from .._types import Scalar, Values
 from ._balance import Balance, balance_from
 from ._gas import Gas
-from ._newton import solve
+from ._newton import AbstractProblem, solve
 from ._passage import Inlet, Passage
 from ._riemann import States, pack, unpack
 
-FIRST_CFL = 5.0, 0.5, 50.0, 0.1
-"""Lengths of the first step of the search in transits of a cell by sound, the next one where the one before finds
-nothing: closed vanes, and a wheel at twice its design speed, need it."""
+FIRST_CFL, CAREFUL_CFL = 5.0, 1.0
+"""Lengths of the first step of the search in transits of a cell by sound, from the first guess and by continuation,
+which a wheel at twice its design speed needs."""
 
 
 class Flow(eqx.Module):
@@ -59,10 +59,43 @@ def steady_near(
     passage: Passage, inlet: Inlet, outlet_pressure: Scalar, gas: Gas, near: States | None = None
 ) -> tuple[Flow, States]:
     """`steady`, searched from the states of a flow nearby, and the states that it ends at, without derivatives."""
-    balance = balance_from(passage, inlet, outlet_pressure, gas)
+    problem = _Steady(passage, inlet, outlet_pressure, gas)
     start = first_guess(passage, inlet, gas) if near is None else near
-    states, converged = solve(balance, start, *FIRST_CFL)
-    return flow_of(balance, states, converged), jax.lax.stop_gradient(states)
+    states, converged = solve(problem, start, FIRST_CFL, CAREFUL_CFL)
+    return flow_of(problem.balance, states, converged), jax.lax.stop_gradient(states)
+
+
+class _Steady(AbstractProblem):
+    """Flow between a plenum and an outlet in which nothing is lost."""
+
+    balance: Balance
+    inlet: Inlet
+    outlet_pressure: Scalar
+
+    def __init__(self, passage: Passage, inlet: Inlet, outlet_pressure: Scalar, gas: Gas):
+        self.balance = balance_from(passage, inlet, outlet_pressure, gas)
+        self.inlet, self.outlet_pressure = inlet, outlet_pressure
+
+    def __call__(self, states: States) -> Float[Array, "cells 4"]:
+        """See the base class."""
+        return self.balance(states)
+
+    def eased(self, share: Values) -> "_Steady":
+        """A share of the pressure difference, and a wheel so much slower that its speed ratio stays."""
+        passage, total = self.balance.passage, self.inlet.total_pressure
+        slower = eqx.tree_at(
+            lambda passage: (passage.speed, passage.heat),
+            passage,
+            (passage.speed * jnp.sqrt(share), passage.heat * share**1.5),
+        )
+        return _Steady(slower, self.inlet, total * (self.outlet_pressure / total) ** share, self.balance.gas)
+
+    def eased_start(self, start: States, share: Values) -> States:
+        """Velocities go with the root of a pressure difference."""
+        root = jnp.sqrt(share)
+        density = self.inlet.density(self.balance.gas)
+        rest = pack(density, jnp.zeros_like(density), jnp.zeros_like(density), self.inlet.total_pressure)[None]
+        return rest + (start - rest) * jnp.stack([share, root, root, share])[None]
 
 
 def flow_of(balance: Balance, states: States, converged: Bool[Array, "..."]) -> Flow:

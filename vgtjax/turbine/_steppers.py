@@ -11,16 +11,14 @@ from jaxtyping import Array, Bool, Float
 
 from .._types import Scalar, Values
 from ._balance import Balance, Ends
-from ._gas import Gas
-from ._newton import AbstractBalance, solve
-from ._passage import Passage
+from ._newton import AbstractProblem, solve
 from ._riemann import States, states_of, unpack
 
 DIAGONAL = 1 - 1 / np.sqrt(2)
 """Of Alexander's method (1977): the larger root has ten times the error."""
-FIRST_CFL = 1e4, 5.0
+FIRST_CFL, CAREFUL_CFL = 1e4, 5.0
 """Of the search for the end of a step: it begins near, where this is Newton's method. Gas that a plenum is opened to
-needs the second."""
+needs the second, over a shorter time."""
 
 NORM = 32
 """Of the cells' rates: that of 200 equal ones is 18 % above the largest."""
@@ -51,7 +49,9 @@ class Implicit(AbstractStepper):
 
         def stage(carry: tuple[States, Array], at: Array) -> tuple[tuple[States, Array], Bool[Array, ""]]:
             near, before = carry
-            after, found = solve(_Stage(balance.between(begin.towards(end, at)), before, share), near, *FIRST_CFL)
+            after, found = solve(
+                _Stage(balance.between(begin.towards(end, at)), before, share), near, FIRST_CFL, CAREFUL_CFL
+            )
             gained = (balance.stored(after) - here) * (1 - DIAGONAL) / DIAGONAL
             return (after, here + gained), found
 
@@ -60,24 +60,24 @@ class Implicit(AbstractStepper):
         return after, jnp.all(found)
 
 
-class _Stage(AbstractBalance):
-    """What a stage of an implicit step makes zero: a cell stores what it had and gains."""
+class _Stage(AbstractProblem):
+    """A stage of an implicit step: a cell stores what it had and gains."""
 
-    passage: Passage
-    gas: Gas
-    scale: Float[Array, " 4"]
-    usual: Float[Array, " 4"]
     balance: Balance
     before: Float[Array, "cells 4"]
     duration: Scalar
 
-    def __init__(self, balance: Balance, before: Float[Array, "cells 4"], duration: Scalar):
-        self.passage, self.gas, self.scale, self.usual = balance.passage, balance.gas, balance.scale, balance.usual
-        self.balance, self.before, self.duration = balance, before, duration
-
     def __call__(self, states: States) -> Float[Array, "cells 4"]:
         """See the base class."""
         return (self.balance.stored(states) - self.before) / self.duration + self.balance(states)
+
+    def eased(self, share: Values) -> "_Stage":
+        """The same over a share of the time."""
+        return _Stage(self.balance, self.before, share * self.duration)
+
+    def eased_start(self, start: States, share: Values) -> States:
+        """The same start."""
+        return start
 
 
 class Explicit(AbstractStepper):
