@@ -22,6 +22,9 @@ class CostTable(Table):
     largest_error: Positive = math.inf
     """m; beyond it every error costs ten times more."""
     worst: Annotated[float, pydantic.Field(ge=0, le=1)] = 0.5
+    """Share of the worst case beside the mean."""
+    quantile: Annotated[float, pydantic.Field(gt=0, le=1)] = 1.0
+    """Below one, the mean of what lies beyond this quantile of the closed loops stands for the worst case."""
 
 
 class UnseenTable(Table):

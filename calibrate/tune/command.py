@@ -11,6 +11,7 @@ from vgtjax.tuning import Tuner, TuningProgress, conditions
 from ..fmu.cost import SampleCost, sample_cost
 from ..output.console import console
 from ..output.files import REPORT, SUMMARY, read_json, write_json, write_text
+from ..output.margins import least_margins
 from ..resumable import ProgressFile, run_once
 from .gains_file import NAME, gains_json
 from .job import TuneJob, prepare_tuning
@@ -36,6 +37,7 @@ def _compute(job: TuneJob, out: pathlib.Path) -> None:
     progress, seconds = _tune(job, out)
     with console.status("simulating all closed loops"):
         outcome = compare(job, progress, seconds)
+    console.print(least_margins(outcome.margins))
     tuned = job.true.controller_at(outcome.coordinates)
     entries = gain_entries(job, outcome.coordinates)
     with console.status("writing the controller as C"):

@@ -7,10 +7,12 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from vgtjax.tuning import TERMS, CaseCosts, TuningProblem, TuningProgress, gain_names
+from vgtjax.control import Margins
+from vgtjax.tuning import TERMS, CaseCosts, TuningProblem, TuningProgress, gain_names, sliding_margins
 
 from ..fmu.cost import SampleCost
 from ..output.files import finite
+from ..output.margins import list_margins
 from ..study.parameter_file import Entry, Estimate, tabulate
 from .job import TuneJob
 
@@ -46,6 +48,8 @@ class Outcome:
     smooth: Comparison
     true: Comparison
     unseen: Comparison
+    margins: dict[str, dict[str, Margins]]
+    """Of every plant that was tuned on, with the tuned gains, where its rod slides up and down."""
     seconds: float
 
     @property
@@ -60,7 +64,10 @@ def compare(job: TuneJob, progress: TuningProgress, seconds: float) -> Outcome:
     smooth, true, unseen = (
         Comparison(problem, *[problem.evaluate(end) for end in ends]) for problem in (job.smooth, job.true, job.unseen)
     )
-    return Outcome(progress, smooth, true, unseen, seconds)
+    names = dict.fromkeys(label.plant for label in job.true.cases.labels)
+    tuned = dict.fromkeys(names, job.true.controller_at(ends[1]))
+    margins = sliding_margins(tuned, job.true.cases, lanes=job.true.lanes)
+    return Outcome(progress, smooth, true, unseen, margins, seconds)
 
 
 def summarise(
@@ -80,6 +87,7 @@ def summarise(
         "gap": finite(gap),  # by what part the true closed loops cost more than the smoothed ones, with tuned gains
         "history": list(progress.history),
         "conditions": conditions,
+        "margins": list_margins(outcome.margins),
         "sample": None if sample is None else dataclasses.asdict(sample),
         "cases": {name: _rows(comparison) for name, comparison in comparisons.items()},
         "failed": [str(true.problem.cases.labels[i]) for i in np.flatnonzero(true.tuned.failed)],

@@ -1,6 +1,8 @@
-"""A closed loop linearised at one of its samples, and cut where the duty enters the plant."""
+"""A closed loop linearised at some of its samples, and cut where the duty enters the plant."""
 
 import dataclasses
+from collections.abc import Sequence
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -12,8 +14,8 @@ from jaxtyping import Array, Complex, Float
 from .._errors import InputError
 from ..parts import tabulated
 from ..plants import AbstractModel
-from ..simulation import FixedStep
-from ._base import AbstractController, Measurement, Memory
+from ..simulation import FixedMarch, FixedStep
+from ._base import AbstractController, Memory
 from ._loop import ClosedLoop, close_loop
 from ._scenario import Scenario
 from ._sensors import Sensors
@@ -40,63 +42,71 @@ class LinearLoop(eqx.Module):
 
     @property
     def spectral_radius(self) -> float:
-        """Largest absolute eigenvalue of the closed loop, whose deviations die away where it is below one."""
+        """Largest absolute eigenvalue of the closed loop, whose deviations die away where it is below one; infinite
+        about a run that left the finite numbers."""
         closed = np.asarray(self.transition) + np.outer(self.entry, self.exit)
-        return float(np.max(np.abs(np.linalg.eigvals(closed))))
+        return float(np.max(np.abs(np.linalg.eigvals(closed)))) if np.all(np.isfinite(closed)) else np.inf
 
 
 def linearise_loop(
-    plant: AbstractModel, controller: AbstractController, scenario: Scenario, time: float, *, period: float = 1e-3
+    plant: AbstractModel,
+    controller: AbstractController,
+    scenario: Scenario,
+    times: Sequence[float],
+    *,
+    period: float = 1e-3,
 ) -> LinearLoop:
-    """The loop about where it is `time` seconds after the start of a run without noise.
+    """The loop about where it is at some `times` in s of a run without noise, which are the leading axis.
 
     Exact derivatives of one sample of plant and controller. A rod that sticks is a spring, one that slides is not, and
-    the plunger answers one way: choose a time at which it moves as the question wants it. The scenario's disturbances
+    the plunger answers one way: choose times at which they move as the question wants it. The scenario's disturbances
     are left out. Can be vmapped over plants, controllers and scenarios.
 
-    **Raises:** `InputError` for a time that is shorter than a period, and as [`close_loop`][].
+    **Raises:** `InputError` for a time before the first sample, and as [`close_loop`][].
     """
-    samples = round(time / period)
-    if samples < 1:
+    places = [round(time / period) for time in times]
+    if not places or min(places) < 0:
         raise InputError(
-            f"a loop is linearised at least one period after its start, but time is {time} s and period {period} s; "
-            "choose a later time",
-            "time",
+            f"a loop is linearised at one or more times of a run, but they are {list(times)} s; give times from 0 s on",
+            "times",
         )
     quiet = dataclasses.replace(scenario, sensors=Sensors.ideal(), disturbances=())
-    run = close_loop(plant, controller, quiet, samples * period, period=period, throw=False)
-    here, state_of = ravel_pytree(jax.tree.map(lambda leaf: leaf[-1], run.plant.states))
-    floating, rest = eqx.partition(_remembered(controller, run, period), eqx.is_inexact_array)
-    remembered, memory_of = ravel_pytree(floating)
-    reference = jax.tree.map(lambda leaf: leaf[-1], run.reference)
-    drive = jax.tree.map(lambda leaf: leaf[-2], quiet.drive(run.time, period))  # the last one has no duration
+    run = close_loop(plant, controller, quiet, (max(places) + 1) * period, period=period, throw=False)
+    drives = quiet.drive(run.time, period)
+    about = (run.plant.states, _remembered(controller, run, period), run.measured, run.reference, drives, run.duty)
+    chosen = jax.tree.map(lambda leaf: leaf[np.array(places)], about)
     plan, plant = FixedStep().plan_intervals(plant, period), tabulated(plant)
+    return jax.vmap(lambda at: _linearise(plant, controller, plan, at, period))(chosen)
+
+
+def _linearise(plant: AbstractModel, controller: AbstractController, plan: FixedMarch, at: Any, period: float) -> Any:
+    """The loop about one sample."""
+    here, memory, measured, reference, drive, duty = at
+    state, state_of = ravel_pytree(here)
+    floating, rest = eqx.partition(memory, eqx.is_inexact_array)
+    remembered, memory_of = ravel_pytree(floating)
 
     def answer(state: Array, memory: Array) -> tuple[Array, Array]:
         position, pressure = plant.observe(state_of(state), drive)
-        truth = Measurement(position, pressure, *_surroundings(run))
-        after, duty, _ = controller.update(eqx.combine(memory_of(memory), rest), truth, reference, period)
+        shown = dataclasses.replace(measured, position=position, pressure=pressure)
+        after, duty, _ = controller.update(eqx.combine(memory_of(memory), rest), shown, reference, period)
         return ravel_pytree(eqx.filter(after, eqx.is_inexact_array))[0], duty
 
     def advance(state: Array, duty: Array) -> Array:
         return ravel_pytree(plan.advance(plant, state_of(state), dataclasses.replace(drive, pwm=duty))[0])[0]
 
-    (by_state, by_memory), exits = jax.jacfwd(answer, (0, 1))(here, remembered)
-    onward, push = jax.jacfwd(advance, (0, 1))(here, run.duty[-1])
-    unmoved = jnp.zeros((here.size, remembered.size))
+    (by_state, by_memory), exits = jax.jacfwd(answer, (0, 1))(state, remembered)
+    onward, push = jax.jacfwd(advance, (0, 1))(state, duty)
+    unmoved = jnp.zeros((state.size, remembered.size))
     transition = jnp.block([[onward, unmoved], [by_state, by_memory]])
     return LinearLoop(transition, jnp.concatenate([push, unmoved[0]]), jnp.concatenate(exits), period)
 
 
 def _remembered(controller: AbstractController, run: ClosedLoop, period: float) -> Memory:
-    """What the controller remembers before the last sample of a run."""
+    """What the controller remembers before every sample of a run."""
     first = jax.tree.map(lambda leaf: leaf[0], run.measured)
-    before = jax.tree.map(lambda leaf: leaf[:-1], (run.measured, run.reference))
-    start = controller.initial_state(first, period)
-    return jax.lax.scan(lambda memory, given: (controller.update(memory, *given, period)[0], None), start, before)[0]
 
+    def sample(memory: Memory, given: Any) -> tuple[Memory, Memory]:
+        return controller.update(memory, *given, period)[0], memory
 
-def _surroundings(run: ClosedLoop) -> tuple[Array, Array, Array]:
-    """Pressures of reservoir, atmosphere and turbine at the last sample."""
-    measured = run.measured
-    return measured.reservoir[-1], measured.ambient[-1], measured.turbine[-1]
+    return jax.lax.scan(sample, controller.initial_state(first, period), (run.measured, run.reference))[1]
