@@ -13,6 +13,7 @@ from ..output.console import console
 from ..output.files import REPORT, SUMMARY, read_json, write_json, write_text
 from ..output.margins import least_margins
 from ..resumable import ProgressFile, run_once
+from .fallback import fallback_of, with_fallback
 from .gains_file import NAME, gains_json
 from .job import TuneJob, prepare_tuning
 from .outcome import compare, gain_entries, summarise
@@ -41,7 +42,7 @@ def _compute(job: TuneJob, out: pathlib.Path) -> None:
     tuned = job.true.controller_at(outcome.coordinates)
     entries = gain_entries(job, outcome.coordinates)
     with console.status("writing the controller as C"):
-        sample = _sample_cost(job, tuned)
+        sample = _sample_cost(job, with_fallback(fallback_of(job.study), job.believed, tuned))
     summary = summarise(job, outcome, {name: float(value) for name, value in conditions(tuned).items()}, sample)
     write_json(out / NAME, gains_json(job.study, entries, job.believed))
     write_json(out / SUMMARY, summary)
