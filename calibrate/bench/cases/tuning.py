@@ -74,11 +74,11 @@ class _Watched(_Record):
         spare = [float(np.min(self.problem.conditions(each), initial=0.0)) for each in inside]
         found = [REFUSED * (1 - each) for each in spare]
         admitted = [place for place, each in enumerate(spare) if each >= 0]
-        # Filled up, as each number of candidates would be compiled by itself.
-        asked = [inside[place] for place in admitted] + [self.problem.start] * (len(generation) - len(admitted))
-        for place, costs in zip(admitted, self.problem.evaluate_all(np.stack(asked)), strict=False):
-            found[place] = min(self.problem.combine(costs.costs), REFUSED)
-            self.add(found[place], inside[place])
+        if admitted:
+            costs = self.problem.evaluate_all(np.stack([inside[place] for place in admitted]))
+            for place, each in zip(admitted, costs, strict=True):
+                found[place] = min(self.problem.combine(each.costs), REFUSED)
+                self.add(found[place], inside[place])
         self.count += len(generation)
         return found
 
@@ -196,7 +196,8 @@ def _compared(record: _Record, first: _Record, cost: float) -> str:
 _ABOUT = (
     "16 closed loops on all cores, around a controller that knows the mean of twenty fits to simulated traces and not "
     "its plants; everything compiled before; the first row of each is the start. Gradients: steps "
-    f"and trials. The others step by {SPREAD:g} in the logarithm of a gain, pay for gains outside the conditions of "
+    "and trials. Times are those of all processors. CMA-ES simulates its generations side by side. The others step by "
+    f"{SPREAD:g} in the logarithm of a gain, pay for gains outside the conditions of "
     f"the design, and have {BUDGET} times the gradient's time, or end by themselves. 'Within': when each had come that "
     "close to the lowest cost that any of them found, in times of the gradient's."
 )
