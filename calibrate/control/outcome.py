@@ -101,6 +101,7 @@ def _numbers(group: ClosedLoops, index: int) -> dict[str, Any]:
         "plant": label.plant,
         "reference": label.reference,
         "turbine_pressure": label.turbine_pressure,
+        "variant": label.variant,
         **finite(figures),
         "settling_time": finite(_worst(answers, "settling_time")),
         "overshoot": finite(_worst(answers, "overshoot")),
@@ -139,8 +140,8 @@ def tabulate(outcome: Outcome) -> list[Row]:
     """A row for every reference and turbine pressure: the middle and the worst of the plants."""
     rows = []
     for group in outcome.groups:
-        for key in dict.fromkeys((label.reference, label.turbine_pressure) for label in group.labels):
-            mine = [i for i, label in enumerate(group.labels) if (label.reference, label.turbine_pressure) == key]
+        for key in dict.fromkeys((label.course, label.turbine_pressure) for label in group.labels):
+            mine = [i for i, label in enumerate(group.labels) if (label.course, label.turbine_pressure) == key]
             rows.append(_row(group, key, mine))
     return rows
 

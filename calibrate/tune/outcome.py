@@ -33,10 +33,9 @@ class Comparison:
     def worst(self) -> list[int]:
         """For each reference the case whose tuned cost is highest."""
         labels, costs = self.problem.cases.labels, np.nan_to_num(self.tuned.costs, nan=np.inf)
-        names = dict.fromkeys(label.reference for label in labels)
+        names = dict.fromkeys(label.course for label in labels)
         return [
-            max((i for i, each in enumerate(labels) if each.reference == name), key=lambda i: costs[i])
-            for name in names
+            max((i for i, each in enumerate(labels) if each.course == name), key=lambda i: costs[i]) for name in names
         ]
 
 
@@ -102,6 +101,7 @@ def _rows(comparison: Comparison) -> list[dict[str, Any]]:
             "plant": label.plant,
             "reference": label.reference,
             "turbine_pressure": label.turbine_pressure,
+            "variant": label.variant,
             "start": _numbers(comparison.start, i),
             "tuned": _numbers(comparison.tuned, i),
         }

@@ -1,7 +1,7 @@
 """Gains tuned through the gradient of the closed loop, over references, turbine pressures and plants."""
 
 from ._admissible import conditions as conditions, gain_names as gain_names
-from ._cases import Case as Case, Cases as Cases, cross_cases as cross_cases
+from ._cases import Case as Case, Cases as Cases, Variant as Variant, cross_cases as cross_cases
 from ._closed import ClosedLoops as ClosedLoops, Runs as Runs, close_loops as close_loops
 from ._objective import TERMS as TERMS, Objective as Objective, mean_beyond as mean_beyond
 from ._problem import (

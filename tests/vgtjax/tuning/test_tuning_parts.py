@@ -23,7 +23,7 @@ from vgtjax.control import (
     fade,
 )
 from vgtjax.parts import GENTLE_OPENING
-from vgtjax.tuning import Objective, conditions, cross_cases, gain_names, mean_beyond, soften, soften_cases
+from vgtjax.tuning import Objective, Variant, conditions, cross_cases, gain_names, mean_beyond, soften, soften_cases
 from vgtjax.tuning._objective import SHARPNESS
 
 REFERENCES = {"sine": Sine(0.003, 15.0, 0.005), "hold": Constant(0.004)}
@@ -138,6 +138,23 @@ def test_cases_cross_everything_and_begin_where_the_reference_does(actuator):
     np.testing.assert_array_equal(np.asarray(cases.scenarios.start.at_rest)[:6], [0, 0, 0, 0, 1, 1])
     assert len({tuple(row) for row in np.asarray(jax.random.key_data(cases.scenarios.key))}) == 12
     assert [str(label) for label in cases.take([3, 0]).labels] == ["a, hold, 3000 mbar", "a, sine, 0 mbar"]
+
+
+def test_variants_are_crossed_with_all_else(actuator):
+    noisy = control.Sensors(control.Sensor(2e-5), control.Sensor(), control.Sensor())
+    late = {
+        name: Variant(sensors, (control.LateDuty(delay),))
+        for name, sensors, delay in (("", control.Sensors.bench(), 0.0), ("late", noisy, 0.004))
+    }
+    cases = cross_cases({"a": actuator}, REFERENCES, duration=0.1, variants=late)
+    assert [str(label) for label in cases.labels[:2]] == ["a, sine, 0 mbar", "a, sine, 0 mbar, late"]
+    assert [label.course for label in cases.labels] == ["sine", "sine, late", "hold", "hold, late"]
+    np.testing.assert_array_equal(cases.scenarios.disturbances[0].delay, [0.0, 0.004] * 2)
+    np.testing.assert_array_equal(cases.scenarios.sensors.position.noise, [8e-6, 2e-5] * 2)
+    # Without a late duty in both, they are not of one structure.
+    late[""] = Variant()
+    with pytest.raises(vgtjax.InputError, match="variants must be models of one structure"):
+        cross_cases({"a": actuator}, REFERENCES, duration=0.1, variants=late)
 
 
 def test_cases_that_cannot_be_crossed_are_refused(actuator):
