@@ -129,7 +129,7 @@ for _name, _does, _given, *_options in (
     ),
     ("identify", f"Identifies part by part from STUDY, as its traces allow {SMALL}", START),
     ("control", f"Closes the loops of a controller with given gains: errors, effort, traces {FLEET}", KNOWN, GAINS),
-    ("tune", f"Tunes a controller's gains by the gradient of its closed loops {FLEET}", START),
+    ("tune", f"Tunes a controller's gains by the gradient of its closed loops {FLEET}", START, *PROCESSES),
     ("tolerance", f"Simulates a population of actuators: spread, yield, envelopes {FLEET}", POPULATION, *PROCESSES),
     ("sensitivity", f"Ranks what the spread of a population comes from {FLEET}", POPULATION, *PROCESSES),
 ):

@@ -4,10 +4,11 @@ import pathlib
 import time
 
 from vgtjax import SimulationError
-from vgtjax.tuning import close_loops
+from vgtjax.tuning import close_loops, sliding_margins
 
 from ..output.console import console
 from ..output.files import REPORT, SUMMARY, read_json, write_json, write_text
+from ..output.margins import least_margins
 from ..resumable import run_once
 from .job import ControlJob, prepare_control
 from .outcome import Outcome, look_at, summarise, tabulate
@@ -43,11 +44,14 @@ def _compute(job: ControlJob, out: pathlib.Path) -> None:
         with console.status(f"{len(cases)} closed loops of {cases.duration:.4g} s"):
             groups.append(close_loops(job.controllers, cases, settled=table_of.settled, lanes=table_of.lanes))
     used, sample_seconds = look_at(job.controllers[job.groups[0].labels[0].plant], job.groups[0])
-    outcome = Outcome(tuple(groups), used, sample_seconds, time.monotonic() - began)
+    with console.status("linearising the loops"):
+        margins = sliding_margins(job.controllers, job.groups[0], lanes=table_of.lanes)
+    outcome = Outcome(tuple(groups), margins, used, sample_seconds, time.monotonic() - began)
     rows, summary = tabulate(outcome), summarise(job, outcome)
     took = f"{1e6 * sample_seconds:.3g} us a sample"
     console.print(f"{table_of.design} knows {job.belief}; it measures {', '.join(summary['measures'])}; {took} here")
     console.print(table(rows))
+    console.print(least_margins(margins))
     write_json(out / SUMMARY, summary)
     _write_traces(outcome, out / TRACES)
     with console.status("writing the report"):

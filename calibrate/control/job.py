@@ -1,22 +1,21 @@
 """From a study to closed loops of a controller whose gains are given."""
 
 import dataclasses
-import math
 import pathlib
 from typing import Any
 
 import vgtjax
 from vgtjax import InputError
-from vgtjax.control import AbstractController, AbstractSignal, WithFallback, check
+from vgtjax.control import AbstractController, AbstractSignal, check
 from vgtjax.tuning import Cases
 
 from ..population import Actuators, read_actuators
-from ..study.loop_disturbances import build_sensors
 from ..study.places import OF_A_CONTROLLER, stated
 from ..study.read import expand_traces, fingerprint, load_study
 from ..study.references import build_references, cycle
 from ..study.tables import Study
 from ..study.units import StudyJob
+from ..tune.fallback import fallback_of, with_fallback
 from ..tune.gains_file import read_gains
 from ..tune.job import EXAMPLE, cases_of, gas_notes, reference_files, start_controller
 from ..tune.plants import BELIEFS, Plants, all_plants, belief_of, believed_model, is_alone
@@ -70,17 +69,14 @@ def _controllers(
     controllers = {name: vgtjax.replace_parameters(controller, given) for name, controller in started.items()}
     for controller in controllers.values():
         check(controller)
-    if table.fallback == "static-balance":
-        controllers = {name: _guarded(study, actuators, plants[name], each) for name, each in controllers.items()}
+    controllers = {name: _guarded(study, actuators, plants[name], each) for name, each in controllers.items()}
     return controllers, given
 
 
 def _guarded(study: Study, actuators: Actuators, plant: Any, controller: AbstractController) -> AbstractController:
-    """A controller with a fallback that knows of the plant what the controller does."""
+    """A controller with the study's fallback, which knows of the plant what the controller does."""
     believed = plant if belief_of(study, actuators) == "plant" else believed_model(study, actuators)
-    noisy = build_sensors(study.control.sensors, study.control.sensor).position.noise > 0
-    patience = {} if noisy else {"patience": math.inf}  # without noise, standing still is no sign of a fault
-    return WithFallback.for_plant(believed, controller=controller, **patience)
+    return with_fallback(fallback_of(study), believed, controller)
 
 
 def _groups(study: Study, plants: Plants, folder: pathlib.Path) -> tuple[Cases, ...]:

@@ -8,11 +8,12 @@ from typing import Any
 import jax
 import numpy as np
 
-from vgtjax.control import AbstractController, Scenario, StepAnswer, channels_used, close_loop, replay
+from vgtjax.control import AbstractController, Margins, Scenario, StepAnswer, channels_used, close_loop, replay
 from vgtjax.plants import AbstractModel
 from vgtjax.tuning import Cases, ClosedLoops
 
 from ..output.files import finite
+from ..output.margins import list_margins
 from .job import ControlJob
 
 CHANNELS = {
@@ -30,9 +31,13 @@ REPEATS = 5
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Outcome:
-    """Closed loops, those that ran for one time together, and what the controller measures and takes."""
+    """Closed loops, those that ran for one time together, and what the controller measures and takes.
+
+    `margins` are those of each plant's loop where its rod slides up and down.
+    """
 
     groups: tuple[ClosedLoops, ...]
+    margins: dict[str, dict[str, Margins]]
     measures: tuple[str, ...]
     sample_seconds: float
     seconds: float
@@ -74,6 +79,7 @@ def summarise(job: ControlJob, outcome: Outcome) -> dict[str, Any]:
         "seconds_per_sample": outcome.sample_seconds,
         "worst": {name: finite(_largest(outcome, name)) for name in ("rms", "peak", "pressure_rms")},
         "loops": [_numbers(group, index) for group, index in outcome.loops],
+        "margins": list_margins(outcome.margins),
         "failed": [str(group.labels[index]) for group, index in outcome.loops if group.failed[index]],
         "notes": list(job.notes),
         **job.account(outcome.seconds),
@@ -95,6 +101,7 @@ def _numbers(group: ClosedLoops, index: int) -> dict[str, Any]:
         "plant": label.plant,
         "reference": label.reference,
         "turbine_pressure": label.turbine_pressure,
+        "variant": label.variant,
         **finite(figures),
         "settling_time": finite(_worst(answers, "settling_time")),
         "overshoot": finite(_worst(answers, "overshoot")),
@@ -133,8 +140,8 @@ def tabulate(outcome: Outcome) -> list[Row]:
     """A row for every reference and turbine pressure: the middle and the worst of the plants."""
     rows = []
     for group in outcome.groups:
-        for key in dict.fromkeys((label.reference, label.turbine_pressure) for label in group.labels):
-            mine = [i for i, label in enumerate(group.labels) if (label.reference, label.turbine_pressure) == key]
+        for key in dict.fromkeys((label.course, label.turbine_pressure) for label in group.labels):
+            mine = [i for i, label in enumerate(group.labels) if (label.course, label.turbine_pressure) == key]
             rows.append(_row(group, key, mine))
     return rows
 

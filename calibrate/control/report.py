@@ -33,7 +33,7 @@ def _worst(outcome: Outcome) -> list[tuple[ClosedLoops, int]]:
     """The closed loop of each reference with the largest RMS error; one that failed before all others."""
     worst: dict[str, tuple[ClosedLoops, int]] = {}
     for group, index in sorted(outcome.loops, key=_rms):
-        worst[group.labels[index].reference] = group, index
+        worst[group.labels[index].course] = group, index
     return list(worst.values())
 
 

@@ -12,7 +12,7 @@ ROWS = 10_000
 
 def trace_name(number: int, label: Case) -> str:
     """The file of a closed loop; its number tells apart what letters of file names can't."""
-    text = re.sub(r"[^\w-]+", "_", f"{label.plant}_{label.reference}")
+    text = re.sub(r"[^\w-]+", "_", f"{label.plant}_{label.course}")
     return f"{number:03d}_{text}_{label.turbine_pressure / 100:g}mbar.csv"
 
 

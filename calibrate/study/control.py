@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 import pydantic
 
 from .base import Count, Gauge, NotNegative, Positive, Seed, StartValue, Table
-from .loop_disturbances import LoopDisturbance, LoopSensor, ReservoirTable, SensorTable
+from .loop_disturbances import Delay, LoopDisturbance, LoopSensor, ReservoirTable, SensorTable, VariantTable
 from .references import TRIED_ON, TUNED_ON, Reference
 
 
@@ -22,6 +22,9 @@ class CostTable(Table):
     largest_error: Positive = math.inf
     """m; beyond it every error costs ten times more."""
     worst: Annotated[float, pydantic.Field(ge=0, le=1)] = 0.5
+    """Share of the worst case beside the mean."""
+    quantile: Annotated[float, pydantic.Field(gt=0, le=1)] = 1.0
+    """Below one, the mean of what lies beyond this quantile of the closed loops stands for the worst case."""
 
 
 class UnseenTable(Table):
@@ -71,10 +74,11 @@ class ControlTable(Table):
     sensors: Literal["bench", "ideal"] = "bench"
     sensor: dict[LoopSensor, SensorTable] = {}
     """Sensors that are not as the others."""
-    duty_delay: Annotated[float, pydantic.Field(ge=0, le=0.02)] = 0.0
-    """s by which the duty arrives late."""
+    duty_delay: Delay = 0.0
     reservoir: ReservoirTable = ReservoirTable()
     disturbance: list[LoopDisturbance] = []
+    variant: list[VariantTable] = []
+    """All closed loops once more, each time with something else."""
     fallback: Literal["none", "static-balance"] = "none"
     """What takes over while the position can't be believed."""
     seed: Seed = 0
@@ -94,6 +98,15 @@ class ControlTable(Table):
             raise ValueError("settled must stand once, but it is under [control] and [control.cost]; drop one")
         cost = dict(raw["cost"])
         return {**raw, "settled": cost.pop("settled"), "cost": cost}
+
+    @pydantic.field_validator("variant")
+    @classmethod
+    def _told_apart(cls, variants: list[VariantTable]) -> list[VariantTable]:
+        names = [each.name for each in variants]
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"two variants are named '{name}'; give each a name of its own")
+        return variants
 
     @pydantic.model_validator(mode="after")
     def _long_enough(self) -> "ControlTable":

@@ -88,6 +88,9 @@ LoopDisturbance = Annotated[
     CoilSupplyTable | PulsationAt | StuckSensorTable | LostSensorTable, pydantic.Field(discriminator="kind")
 ]
 
+Delay = Annotated[float, pydantic.Field(ge=0, le=0.02)]
+"""s by which the duty arrives late."""
+
 
 class ReservoirTable(Table):
     """The vacuum: `level + drift t`, and `depth` more at each of `times`, which recovers with a time constant."""
@@ -123,12 +126,25 @@ def build_sensors(kind: str, tables: Mapping[LoopSensor, SensorTable]) -> Sensor
     return dataclasses.replace(sensors, **changed)
 
 
-def build_disturbances(
-    entries: Sequence[AbstractLoopDisturbance], duty_delay: float = 0.0
-) -> tuple[AbstractDisturbance, ...]:
-    """Disturbances of closed loops in the order in which they act, a duty that arrives late by so many s the last."""
-    built = tuple(_build(entry) for entry in entries)
-    return (*built, LateDuty(duty_delay)) if duty_delay > 0 else built
+class VariantTable(Table):
+    """Closed loops beside the others, as they are but for what is stated."""
+
+    name: Annotated[str, pydantic.Field(min_length=1)]
+    duty_delay: Delay | None = None
+    """s; that of the others if it is not given."""
+    sensor: dict[LoopSensor, SensorTable] = {}
+
+
+def build_disturbances(entries: Sequence[AbstractLoopDisturbance]) -> tuple[AbstractDisturbance, ...]:
+    """Disturbances of closed loops in the order in which they act, but for a duty that arrives late."""
+    return tuple(_build(entry) for entry in entries)
+
+
+def build_delays(delays: Mapping[str, float]) -> dict[str, tuple[AbstractDisturbance, ...]]:
+    """A duty that arrives late by so many s for every variant by its name; nothing where none does."""
+    if not any(delays.values()):
+        return dict.fromkeys(delays, ())
+    return {name: (LateDuty(delay),) for name, delay in delays.items()}
 
 
 def _build(entry: AbstractLoopDisturbance) -> AbstractDisturbance:

@@ -11,22 +11,30 @@ from vgtjax.tuning import Tuner, TuningProgress, conditions
 from ..fmu.cost import SampleCost, sample_cost
 from ..output.console import console
 from ..output.files import REPORT, SUMMARY, read_json, write_json, write_text
+from ..output.margins import least_margins
+from ..processes import leads, meet, together
 from ..resumable import ProgressFile, run_once
+from ..study.parameter_file import Entry
+from .fallback import fallback_of, with_fallback
 from .gains_file import NAME, gains_json
 from .job import TuneJob, prepare_tuning
-from .outcome import compare, gain_entries, summarise
+from .outcome import Outcome, compare, gain_entries, summarise
 from .report import render
 
 
 def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathlib.Path) -> None:
     """Writes `gains.json`, `summary.json` and `report.html`; goes on where an earlier run was interrupted.
 
+    Several processes share the closed loops, and the folder.
+
     **Raises:** `SimulationError` when the start's closed loops fail, and, after everything is written, when tuning did
     not converge or tuned gains fail in a true closed loop.
     """
-    job = prepare_tuning(study, parameters)
+    job = together(lambda: prepare_tuning(study, parameters))
     run_once(out, "tune", job.fingerprint, lambda: _compute(job, out))
-    _verdict(read_json(out / SUMMARY))
+    meet()
+    if leads():
+        _verdict(read_json(out / SUMMARY))
 
 
 def _compute(job: TuneJob, out: pathlib.Path) -> None:
@@ -36,10 +44,17 @@ def _compute(job: TuneJob, out: pathlib.Path) -> None:
     progress, seconds = _tune(job, out)
     with console.status("simulating all closed loops"):
         outcome = compare(job, progress, seconds)
-    tuned = job.true.controller_at(outcome.coordinates)
+    console.print(least_margins(outcome.margins))
     entries = gain_entries(job, outcome.coordinates)
+    if leads():
+        _write(job, out, outcome, entries)
+
+
+def _write(job: TuneJob, out: pathlib.Path, outcome: Outcome, entries: list[Entry]) -> None:
+    """The files, the report last."""
+    tuned = job.true.controller_at(outcome.coordinates)
     with console.status("writing the controller as C"):
-        sample = _sample_cost(job, tuned)
+        sample = _sample_cost(job, with_fallback(fallback_of(job.study), job.believed, tuned))
     summary = summarise(job, outcome, {name: float(value) for name, value in conditions(tuned).items()}, sample)
     write_json(out / NAME, gains_json(job.study, entries, job.believed))
     write_json(out / SUMMARY, summary)
@@ -68,7 +83,8 @@ def _tune(job: TuneJob, folder: pathlib.Path) -> tuple[TuningProgress, float]:
         before = tuner.progress.iteration
         with console.status(f"step {before + 1}"):
             progress = tuner.step()
-        saved.save(progress)
+        if leads():
+            saved.save(progress)
         if progress.iteration > before:
             _show(tuner, saved.seconds)
     console.print(tuner.progress.verdict)

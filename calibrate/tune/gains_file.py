@@ -17,13 +17,14 @@ from ..study.parameter_file import Entry, tabulate, to_json
 from ..study.start_file import load_model, value_in
 from ..study.tables import Study
 from .designs import DESIGNS
+from .fallback import FALLBACK, fallback_of, with_fallback
 
 NAME = "gains.json"
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class TunedController:
-    """A controller with its gains, by the name of its design; `period` in s is its sampling time."""
+    """A controller with its gains and its fallback, by the name of its design; `period` in s is its sampling time."""
 
     design: str
     controller: AbstractController
@@ -35,7 +36,8 @@ def gains_json(study: Study, entries: Sequence[Entry], believed: vgtjax.Abstract
     control = study.control
     plant = to_json(study, tabulate(believed, believed, {}, {}))["parameters"]
     known = {name: {key: fields[key] for key in ("value", "unit")} for name, fields in plant.items()}
-    return {"design": control.design, "period": control.period, **to_json(study, list(entries), plant=known)}
+    head = {"design": control.design, "period": control.period, "fallback": fallback_of(study)}
+    return {**head, **to_json(study, list(entries), plant=known)}
 
 
 def find_gains(place: pathlib.Path) -> pathlib.Path | None:
@@ -67,7 +69,21 @@ def load_controller(path: pathlib.Path) -> TunedController:
     values = {name: value_in(path, name, fields) for name, fields in dict(content.get("parameters") or {}).items()}
     controller = vgtjax.replace_parameters(controller, values)
     check(controller)
-    return TunedController(design, controller, period)
+    return TunedController(design, with_fallback(_fallback(path, content), believed, controller), period)
+
+
+def _fallback(path: pathlib.Path, content: dict[str, Any]) -> dict[str, Any] | None:
+    """What the file says of it; nothing in files of before there was one."""
+    said = content.get("fallback")
+    if said is None:
+        return None
+    patience = said.get("patience", math.nan) if isinstance(said, dict) and said.get("kind") == FALLBACK else math.nan
+    if patience is not None and not (isinstance(patience, int | float) and patience > 0):
+        raise InputError(
+            f"{path.name}: its fallback must be of kind '{FALLBACK}' with a patience in s, or null for ever, but it is "
+            f"{said!r}; tune again"
+        )
+    return said
 
 
 def read_gains(path: pathlib.Path, design: str, controller: AbstractController) -> dict[str, Any]:

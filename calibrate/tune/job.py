@@ -11,14 +11,24 @@ import jax
 
 import vgtjax
 from vgtjax import InputError
-from vgtjax.control import AbstractController, AbstractDisturbance, AbstractSignal, TurbinePulsation
+from vgtjax.control import AbstractController, AbstractSignal, TurbinePulsation
 from vgtjax.parameters import Bounds, check_bounds
 from vgtjax.parts import feels_gas
-from vgtjax.tuning import MEMORIES, Cases, Objective, TuningProblem, cross_cases, plan_tuning, soften, soften_cases
+from vgtjax.tuning import (
+    MEMORIES,
+    Cases,
+    Objective,
+    TuningProblem,
+    Variant,
+    cross_cases,
+    plan_tuning,
+    soften,
+    soften_cases,
+)
 
 from ..population import read_actuators
 from ..study.control import ControlTable
-from ..study.loop_disturbances import build_disturbances, build_sensors
+from ..study.loop_disturbances import build_delays, build_disturbances, build_sensors
 from ..study.models import start_values
 from ..study.places import OF_A_CONTROLLER, stated
 from ..study.read import expand_traces, fingerprint, load_study
@@ -116,7 +126,7 @@ def cases_of(
     seed: int,
     duration: float | None = None,
 ) -> Cases:
-    """Plants, references and turbine pressures crossed, disturbed as the study says; `duration` in s beats its own."""
+    """Plants, references, turbine pressures and variants crossed, as the study says; `duration` in s beats its own."""
     table = study.control
     return cross_cases(
         plants,
@@ -124,17 +134,21 @@ def cases_of(
         pressures,
         duration=table.duration if duration is None else duration,
         period=table.period,
-        sensors=build_sensors(table.sensors, table.sensor),
         seed=seed,
         reservoir=table.reservoir.build(),
-        disturbances=disturbances_of(study),
+        variants=variants_of(study),
     )
 
 
-def disturbances_of(study: Study) -> tuple[AbstractDisturbance, ...]:
-    """What disturbs the closed loops of a study, its engine's pulsation included."""
-    engines = (TurbinePulsation.of(table.build()) for table in (study.pulsation,) if table is not None)
-    return (*engines, *build_disturbances(study.control.disturbance, study.control.duty_delay))
+def variants_of(study: Study) -> dict[str, Variant]:
+    """Sensors and disturbances of the closed loops as the study has them, and of each of its variants."""
+    table = study.control
+    engines = (TurbinePulsation.of(engine.build()) for engine in (study.pulsation,) if engine is not None)
+    shared = (*engines, *build_disturbances(table.disturbance))
+    sensors = {"": table.sensor} | {each.name: table.sensor | each.sensor for each in table.variant}
+    stated = {each.name: each.duty_delay for each in table.variant if each.duty_delay is not None}
+    delays = build_delays(dict.fromkeys(sensors, table.duty_delay) | stated)
+    return {name: Variant(build_sensors(table.sensors, sensors[name]), (*shared, *delays[name])) for name in sensors}
 
 
 def _between(pressures: Sequence[float]) -> list[float]:

@@ -7,10 +7,12 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from vgtjax.tuning import TERMS, CaseCosts, TuningProblem, TuningProgress, gain_names
+from vgtjax.control import Margins
+from vgtjax.tuning import TERMS, CaseCosts, TuningProblem, TuningProgress, gain_names, sliding_margins
 
 from ..fmu.cost import SampleCost
 from ..output.files import finite
+from ..output.margins import list_margins
 from ..study.parameter_file import Entry, Estimate, tabulate
 from .job import TuneJob
 
@@ -31,10 +33,9 @@ class Comparison:
     def worst(self) -> list[int]:
         """For each reference the case whose tuned cost is highest."""
         labels, costs = self.problem.cases.labels, np.nan_to_num(self.tuned.costs, nan=np.inf)
-        names = dict.fromkeys(label.reference for label in labels)
+        names = dict.fromkeys(label.course for label in labels)
         return [
-            max((i for i, each in enumerate(labels) if each.reference == name), key=lambda i: costs[i])
-            for name in names
+            max((i for i, each in enumerate(labels) if each.course == name), key=lambda i: costs[i]) for name in names
         ]
 
 
@@ -46,6 +47,8 @@ class Outcome:
     smooth: Comparison
     true: Comparison
     unseen: Comparison
+    margins: dict[str, dict[str, Margins]]
+    """Of every plant that was tuned on, with the tuned gains, where its rod slides up and down."""
     seconds: float
 
     @property
@@ -60,7 +63,10 @@ def compare(job: TuneJob, progress: TuningProgress, seconds: float) -> Outcome:
     smooth, true, unseen = (
         Comparison(problem, *[problem.evaluate(end) for end in ends]) for problem in (job.smooth, job.true, job.unseen)
     )
-    return Outcome(progress, smooth, true, unseen, seconds)
+    names = dict.fromkeys(label.plant for label in job.true.cases.labels)
+    tuned = dict.fromkeys(names, job.true.controller_at(ends[1]))
+    margins = sliding_margins(tuned, job.true.cases, lanes=job.true.lanes)
+    return Outcome(progress, smooth, true, unseen, margins, seconds)
 
 
 def summarise(
@@ -80,6 +86,7 @@ def summarise(
         "gap": finite(gap),  # by what part the true closed loops cost more than the smoothed ones, with tuned gains
         "history": list(progress.history),
         "conditions": conditions,
+        "margins": list_margins(outcome.margins),
         "sample": None if sample is None else dataclasses.asdict(sample),
         "cases": {name: _rows(comparison) for name, comparison in comparisons.items()},
         "failed": [str(true.problem.cases.labels[i]) for i in np.flatnonzero(true.tuned.failed)],
@@ -94,6 +101,7 @@ def _rows(comparison: Comparison) -> list[dict[str, Any]]:
             "plant": label.plant,
             "reference": label.reference,
             "turbine_pressure": label.turbine_pressure,
+            "variant": label.variant,
             "start": _numbers(comparison.start, i),
             "tuned": _numbers(comparison.tuned, i),
         }

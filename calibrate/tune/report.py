@@ -59,10 +59,10 @@ def _smoothed(job: TuneJob) -> list[tuple[str, float, float]]:
 def _table(comparison: Comparison) -> list[dict[str, Any]]:
     """A row for every reference and turbine pressure: the middle and the worst of the plants."""
     labels = comparison.problem.cases.labels
-    keys = dict.fromkeys((label.reference, label.turbine_pressure) for label in labels)
+    keys = dict.fromkeys((label.course, label.turbine_pressure) for label in labels)
     table = []
     for key in keys:
-        mine = [i for i, label in enumerate(labels) if (label.reference, label.turbine_pressure) == key]
+        mine = [i for i, label in enumerate(labels) if (label.course, label.turbine_pressure) == key]
         cells: list[dict[str, Any]] = []
         for costs in (comparison.start, comparison.tuned):
             good = [i for i in mine if not costs.failed[i]]

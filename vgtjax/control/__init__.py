@@ -49,10 +49,12 @@ from ._friction_observer import (
     slide as slide,
 )
 from ._knocker import Knocker as Knocker
+from ._linear_loop import LinearLoop as LinearLoop, linearise_loop as linearise_loop
 from ._load_backstepping import LoadBackstepping as LoadBackstepping
 from ._load_observer import LoadEstimate as LoadEstimate, LoadObserver as LoadObserver
 from ._loop import ClosedLoop as ClosedLoop, close_loop as close_loop, fade as fade
 from ._lqg import LQG as LQG
+from ._margins import Margins as Margins, margins as margins
 from ._measures import (
     BAND as BAND,
     StepAnswer as StepAnswer,

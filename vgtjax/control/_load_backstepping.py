@@ -48,7 +48,7 @@ class LoadBackstepping(AbstractController):
     **Raises:** `InputError` for gains with which errors do not die away.
     """
 
-    position_gain: Scalar = parameter(40.0, symbol="lambda", unit="1/s", source="5.22, value assumed")
+    position_gain: Scalar = parameter(50.0, symbol="lambda", unit="1/s", source="5.22, value assumed")
     velocity_gain: Scalar = parameter(300.0, symbol="K_d", unit="1/s", source="5.34, value assumed", lower=0.0)
     pressure_gain: Scalar = parameter(60.0, symbol="K_U", unit="1/s", source="5.34, value assumed")
     flow_share: Scalar = parameter(0.4, symbol="kappa", unit="1", source="assumed", lower=0.0, held=True)

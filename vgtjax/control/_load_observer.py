@@ -68,8 +68,9 @@ class LoadObserver(AbstractDesign):
 
     The pressure is what the flow map makes of the duty, through a plunger that lags; the position corrects it where
     the pressure moves fast. What is unknown is a process that keeps to its deviation and is forgotten within its
-    memory, so that nothing grows where nothing excites it. On the open stop the flow map alone goes on. The manual's
-    page on control has the equations and the Lyapunov function.
+    memory, so that nothing grows where nothing excites it; along the travel the load becomes another one, as springs
+    and gas are not as believed. On the open stop the flow map alone goes on. The manual's page on control has the
+    equations and the Lyapunov function.
 
     **Raises:** `InputError` for a deviation or a memory that is zero.
     """
@@ -78,11 +79,13 @@ class LoadObserver(AbstractDesign):
     position_noise: Scalar = parameter(8e-6, symbol="s_x", unit="m", source="assumed", held=True)
     velocity_drift: Scalar = parameter(5e-3, symbol="q_v", unit="m/s^1.5", source="assumed", lower=0.0)
     pressure_drift: Scalar = parameter(50.0, symbol="q_p", unit="Pa/s^0.5", source="assumed", lower=0.0)
-    flow_error: Scalar = parameter(0.05, symbol="q_f", unit="s^0.5", source="assumed", lower=0.0)
+    flow_error: Scalar = parameter(0.2, symbol="q_f", unit="s^0.5", source="assumed", lower=0.0)
     """Of a pressure rate, the part that the flow map may be wrong by for a second."""
     load_deviation: Scalar = parameter(10.0, symbol="s_w", unit="N", source="assumed")
+    load_variation: Scalar = parameter(120.0, symbol="q_w", unit="N/m^0.5", source="assumed", lower=0.0)
+    """By how much the load changes within a metre of travel, as a walk at random."""
     load_memory: Scalar = parameter(10.0, symbol="T_w", unit="s", source="assumed", held=True)
-    level_deviation: Scalar = parameter(0.5, symbol="s_a", unit="1", source="assumed")
+    level_deviation: Scalar = parameter(1.0, symbol="s_a", unit="1", source="assumed")
     level_memory: Scalar = parameter(300.0, symbol="T_a", unit="s", source="assumed", held=True)
     largest_load: Scalar = parameter(40.0, symbol="w_max", unit="N", source="assumed", held=True)
     largest_level: Scalar = parameter(5.0, symbol="a_max", unit="1", source="assumed", held=True)
@@ -139,7 +142,7 @@ class LoadObserver(AbstractDesign):
         """One linearly implicit step of Euler of mean and covariance."""
         rates, onward = self.rates(state, ambient), transition(self, state, ambient, period)
         mean = state.mean + period * onward @ rates
-        noise = jnp.diag(period * self._drifts(rates[2]))
+        noise = jnp.diag(period * self._drifts(rates))
         covariance = onward @ (state.covariance + noise) @ onward.T
         return eqx.tree_at(lambda s: (s.mean, s.covariance), state, (mean, covariance))
 
@@ -167,15 +170,16 @@ class LoadObserver(AbstractDesign):
             elastic + law.bristle_damping * state.deflection_rate + law.viscous_damping * velocity
         )
 
-    def _drifts(self, pressure_rate: Scalar) -> Mean:
-        """Variance that each second adds."""
+    def _drifts(self, rates: Mean) -> Mean:
+        """Variance that each second adds, at some rates of the mean."""
+        pressure_rate = rates[2]
         nothing = jnp.zeros_like(pressure_rate)
         return jnp.stack(
             [
                 nothing,
                 nothing + self.velocity_drift**2,
                 self.pressure_drift**2 + (self.flow_error * pressure_rate) ** 2,
-                nothing + 2 * self.load_deviation**2 / self.load_memory,
+                2 * self.load_deviation**2 / self.load_memory + self.load_variation**2 * jnp.abs(rates[0]),
                 nothing + 2 * self.level_deviation**2 / self.level_memory,
             ]
         )

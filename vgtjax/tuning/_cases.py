@@ -30,14 +30,28 @@ from ..traces import ASSUMED_RESERVOIR
 
 
 class Case(eqx.Module):
-    """Names of one closed loop; the turbine pressure in Pa gauge."""
+    """Names of one closed loop; the turbine pressure in Pa gauge. A `variant` has other sensors and disturbances."""
 
     plant: str = eqx.field(static=True)
     reference: str = eqx.field(static=True)
     turbine_pressure: float = eqx.field(static=True)
+    variant: str = eqx.field(static=True, default="")
+
+    @property
+    def course(self) -> str:
+        """The reference, and the variant if it has a name."""
+        return f"{self.reference}, {self.variant}" if self.variant else self.reference
 
     def __str__(self) -> str:
-        return f"{self.plant}, {self.reference}, {self.turbine_pressure / 100:g} mbar"
+        said = f"{self.plant}, {self.reference}, {self.turbine_pressure / 100:g} mbar"
+        return f"{said}, {self.variant}" if self.variant else said
+
+
+class Variant(eqx.Module):
+    """What a closed loop is put through beside its reference and its gas; all variants of one structure."""
+
+    sensors: Sensors = eqx.field(default_factory=Sensors.bench)
+    disturbances: tuple[AbstractDisturbance, ...] = ()
 
 
 class Cases(eqx.Module):
@@ -70,8 +84,9 @@ def cross_cases(
     seed: int = 0,
     reservoir: AbstractSignal | None = None,
     disturbances: Sequence[AbstractDisturbance] = (),
+    variants: Mapping[str, Variant] | None = None,
 ) -> Cases:
-    """Every plant with every reference at every turbine pressure.
+    """Every plant with every reference at every turbine pressure, in every variant.
 
     A run begins at rest where the reference does: in balance there, or with the chamber at atmosphere where the
     reference begins at zero. Every case has noise of its own.
@@ -85,36 +100,37 @@ def cross_cases(
     - `sensors`: [`Sensors.bench`][] by default.
     - `reservoir`: in Pa absolute; by default what is assumed of one that nobody measured.
     - `disturbances`: of every case.
+    - `variants`: by name, in place of `sensors` and `disturbances`; e.g. two with a [`LateDuty`][], of 0 s and of 4 ms.
 
-    **Raises:** `InputError` where nothing is to be crossed, or plants differ in structure.
+    **Raises:** `InputError` where nothing is to be crossed, or plants or variants differ in structure.
     """
     if not plants or not references or not turbine_pressures:
         raise InputError("cases need at least one plant, one reference and one turbine pressure; give each")
     time = jnp.arange(round(duration / period) + 1) * period
     sensors = Sensors.bench() if sensors is None else sensors
+    variants = {"": Variant(sensors, tuple(disturbances))} if variants is None else variants
     vacuum = Constant(ASSUMED_RESERVOIR) if reservoir is None else reservoir
     prepared = {name: _sample(signal, time) for name, signal in references.items()}
-    keys = jax.random.split(jax.random.key(seed), len(plants) * len(references) * len(turbine_pressures))
+    crossed = list(itertools.product(plants, references, turbine_pressures, variants))
+    keys = jax.random.split(jax.random.key(seed), len(crossed))
     labels, models, scenarios = [], [], []
-    for (plant, reference, pressure), key in zip(
-        itertools.product(plants, references, turbine_pressures), keys, strict=True
-    ):
+    for (plant, reference, pressure, variant), key in zip(crossed, keys, strict=True):
         begin = float(prepared[reference].position[0])
-        labels.append(Case(plant, reference, float(pressure)))
+        labels.append(Case(plant, reference, float(pressure), variant))
         models.append(plants[plant])
         scenarios.append(
             Scenario(
                 prepared[reference],
                 turbine=Constant(pressure),
                 reservoir=vacuum,
-                sensors=sensors,
+                sensors=variants[variant].sensors,
                 start=balanced_at(begin) if begin > 0 else at_rest(),
                 duty_before=_duty_at(plants[plant], begin, vacuum(jnp.zeros(()))) if begin > 0 else 0.0,
                 key=key,
-                disturbances=tuple(disturbances),
+                disturbances=variants[variant].disturbances,
             )
         )
-    return Cases(tuple(labels), stack_trees(models), stack_trees(scenarios), float(duration), float(period))
+    return Cases(tuple(labels), stack_trees(models), stack_trees(scenarios, "variants"), float(duration), float(period))
 
 
 @eqx.filter_jit

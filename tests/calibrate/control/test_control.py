@@ -92,6 +92,18 @@ def test_every_loop_has_its_row(summary):
     assert summary["worst"]["peak"] == max(loop["peak"] for loop in loops)
 
 
+def test_margins_of_every_plant_are_those_of_its_linear_loop(summary):
+    """Three plants, up and down; a PI of this kind bears a factor of ten of its gain."""
+    rows = summary["margins"]
+    assert [row["rod"] for row in rows] == ["falling", "rising"] * 3
+    assert len({row["plant"] for row in rows}) == 3
+    for row in rows:
+        assert row["stable"]
+        # Of any stable loop (Astrom and Murray).
+        assert row["gain"] >= row["sensitivity"] / (row["sensitivity"] - 1) * (1 - 1e-3)
+        assert row["delay"] * row["crossover"] <= np.radians(row["phase"]) * (1 + 1e-9)
+
+
 def test_it_says_what_the_controller_knew(summary, outcome):
     assert summary["belief"] == BELIEFS["population"]
     assert summary["measures"] == ["position", "reservoir pressure"]

@@ -18,7 +18,7 @@ from calibrate.study.start_file import load_model, read_parameters
 from calibrate.study.tables import AnyStudy
 from calibrate.tune.designs import DESIGNS
 from calibrate.tune.gains_file import gains_json, load_controller
-from vgtjax.control import ClosedLoop, Scenario, Sine, close_loop
+from vgtjax.control import ClosedLoop, Scenario, Sine, WithFallback, close_loop
 
 from .opened import Unit, own_only
 
@@ -202,6 +202,11 @@ def test_a_file_of_gains_is_its_controller(results, controller):
     [
         ({"design": "mpc"}, "its design must be one of {designs}, but it is 'mpc'; tune again"),
         ({"plant": None}, "it does not state the plant that its controller believes in and its period; tune again"),
+        (
+            {"fallback": {"kind": "prayer", "patience": 0.1}},
+            "its fallback must be of kind 'static-balance' with a patience in s, or null for ever, but it is "
+            "{{'kind': 'prayer', 'patience': 0.1}}; tune again",
+        ),
         ({"period": -1.0}, "it does not state the plant that its controller believes in and its period; tune again"),
         (
             {"parameters": {"derivative_gain": {"value": "high"}}},
@@ -213,6 +218,16 @@ def test_gains_that_are_not_as_tune_writes_them_are_refused(results, tmp_path, c
     (tmp_path / "gains.json").write_text(json.dumps(read(results / "gains.json") | change))
     outcome = run_command("export", tmp_path, "--format", "fmu", "--out", tmp_path / "a.fmu")
     assert_refused(outcome, f"gains.json: {sentence.format(designs=', '.join(DESIGNS))}", tmp_path / "a.fmu")
+
+
+@pytest.mark.parametrize(("patience", "expected"), [(0.05, 0.05), (None, np.inf)])
+def test_a_fallback_is_a_part_of_what_is_exported(results, tmp_path, patience, expected):
+    said = {"kind": "static-balance", "patience": patience}
+    (tmp_path / "gains.json").write_text(json.dumps(read(results / "gains.json") | {"fallback": said}))
+    tuned = load_controller(tmp_path / "gains.json")
+    assert isinstance(tuned.controller, WithFallback)
+    assert float(tuned.controller.patience) == expected
+    assert type(tuned.controller.controller) is DESIGNS[DESIGN]
 
 
 def test_a_controller_is_no_data_set(results, tmp_path):

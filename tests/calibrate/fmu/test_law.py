@@ -10,7 +10,7 @@ from calibrate.fmu.entries import values_of, with_values
 from calibrate.fmu.law import MEASURED, WANTED, Law
 from calibrate.study.start_file import load_model, read_parameters
 from calibrate.tune.designs import DESIGNS
-from vgtjax.control import Scenario, Sensors, Sine, close_loop
+from vgtjax.control import PI, Scenario, Sensors, Sine, WithFallback, close_loop
 
 UNIT = EXAMPLE / "fleet" / "units" / "unit_01" / "parameters.json"
 PERIOD = 2e-3
@@ -35,6 +35,32 @@ def columns(law: Law, run: vgtjax.control.ClosedLoop) -> np.ndarray:
     found = {name: getattr(run.measured, field) for name, field in MEASURED.items()}
     found |= {name: getattr(run.reference, field) for name, field in WANTED.items()}
     return np.array(np.broadcast_arrays(*(found[name] for name in law.inputs))).T
+
+
+def test_a_lost_position_is_answered_by_the_fallback_in_c_as_well(load, plant):
+    """Not a number for some samples, and standing still for longer than the patience after them."""
+    law = Law(WithFallback.for_plant(plant, controller=PI.for_plant(plant), patience=0.01), PERIOD)
+    steps, times = 40, np.arange(40)
+    position = 0.004 + 1e-5 * np.cos(times)
+    position[10:13], position[20:35] = np.nan, 0.004
+    given = {"x_d": position, "p_res": 2e4, "atmosphere": 101_013.0, "reference.position": 0.005}
+    us = np.array(np.broadcast_arrays(*(given.get(name, 0.0) * np.ones(steps) for name in law.inputs))).T
+    call, p = load(law.to_c()), values_of(law.controller)
+    x, found = call("vg_start", len(law.memory), p, us[0]), []
+    expected, memory = [], np.array(law.start(p, us[0]))
+    update = jax.jit(law.update)
+    for u in us:
+        result = call("vg_update", len(law.outputs) + len(x), p, u, x)
+        found.append(result[: len(law.outputs)])
+        x = result[len(law.outputs) :]
+        numbers = np.array(update(p, u, memory))
+        expected.append(numbers[: len(law.outputs)])
+        memory = numbers[len(law.outputs) :]
+    # Rounding.
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
+    answered = np.array(found)[:, law.outputs.index("log.fallback")]
+    # It shows 4 mm at 20 first: five more samples of 2 ms are within the patience.
+    assert answered.tolist() == [0.0] * 10 + [1.0] * 3 + [0.0] * 13 + [1.0] * 9 + [0.0] * 5
 
 
 @pytest.mark.parametrize("name", DESIGNS)

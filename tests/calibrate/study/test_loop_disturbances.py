@@ -10,7 +10,8 @@ from commands import assert_refused, run_command
 
 from calibrate.control.job import prepare_control
 from calibrate.study.tables import AnyStudy
-from calibrate.tune.job import disturbances_of, prepare_tuning
+from calibrate.tune.job import prepare_tuning, variants_of
+from vgtjax import InputError
 from vgtjax.control import (
     CoilSupply,
     ConstantDuty,
@@ -78,7 +79,7 @@ def path(tmp_path):
 def test_the_manuals_study_is_one():
     (text,) = re.findall(r"```toml\n(.*?)```", MANUAL.read_text(encoding="utf-8"), flags=re.DOTALL)
     study = AnyStudy.validate_python(tomllib.loads(text))
-    kinds = [type(each) for each in disturbances_of(study)]
+    kinds = [type(each) for each in variants_of(study)[""].disturbances]
     assert kinds == [TurbinePulsation, CoilSupply, LostSensor, LateDuty]
 
 
@@ -94,6 +95,27 @@ def test_a_study_disturbs_every_loop(path):
     assert (stuck.channel, stuck.begin, stuck.end) == ("position", 0.1, 0.2)
     assert (lost.channel, lost.begin, lost.end, lost.value) == ("reservoir", 0.3, np.inf, 1000.0)
     assert late.delay == 0.004
+
+
+def test_variants_of_a_study_differ_by_what_they_state(path):
+    more = """
+[[control.variant]]
+name = "in time"
+duty_delay = 0.0
+[[control.variant]]
+name = "off"
+sensor = {position = {offset = 5e-5}}
+"""
+    path.write_text(STUDY + KINDS + more, encoding="utf-8")
+    (cases,) = prepare_control(path, None, None).groups
+    names = ["", "in time", "off"]
+    assert [label.variant for label in cases.labels] == names * (len(cases) // 3)
+    np.testing.assert_array_equal(cases.scenarios.disturbances[-1].delay[:3], [0.004, 0.0, 0.004])
+    np.testing.assert_array_equal(cases.scenarios.sensors.position.offset[:3], [1e-4, 1e-4, 5e-5])
+    twice = more.replace("off", "in time")
+    path.write_text(STUDY + KINDS + twice, encoding="utf-8")
+    with pytest.raises(InputError, match="two variants are named 'in time'; give each a name of its own"):
+        prepare_control(path, None, None)
 
 
 def test_a_study_has_its_reservoir_and_sensors(path):

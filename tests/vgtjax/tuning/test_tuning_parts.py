@@ -1,6 +1,7 @@
 """What tuning is made of: objective, cases, gains, conditions of the designs, smoothing, and derivatives that fade."""
 
 import dataclasses
+import math
 
 import equinox as eqx
 import jax
@@ -22,7 +23,8 @@ from vgtjax.control import (
     fade,
 )
 from vgtjax.parts import GENTLE_OPENING
-from vgtjax.tuning import Objective, conditions, cross_cases, gain_names, soften, soften_cases
+from vgtjax.tuning import Objective, Variant, conditions, cross_cases, gain_names, mean_beyond, soften, soften_cases
+from vgtjax.tuning._objective import SHARPNESS
 
 REFERENCES = {"sine": Sine(0.003, 15.0, 0.005), "hold": Constant(0.004)}
 OBJECTIVE = Objective(tracking=1e-4, effort=200.0, chatter=1.0, largest_error=2e-4)
@@ -39,15 +41,31 @@ def test_the_combination_of_large_costs_does_not_overflow():
     assert float(Objective().combine(jnp.asarray([1e60, 1.0]))) == pytest.approx(1e60 * (0.25 + 0.5 * 0.5**0.125))
 
 
-def test_derivatives_of_the_combination():
-    costs = np.array([1.0, 2.0, 5.0])
-    first, second = OBJECTIVE.derivatives(costs)
+@pytest.mark.parametrize("quantile", [0.5, 0.8, 0.9])
+def test_the_mean_beyond_a_quantile_is_that_of_the_sorted_costs(quantile):
+    costs = np.random.default_rng(0).permutation(np.geomspace(1.0, 100.0, 20))
+    beyond = np.sort(costs)[round(20 * quantile) :].mean()
+    found = float(mean_beyond(jnp.asarray(costs), quantile))
+    # It is above the sharp one, by the bound of its docstring at most.
+    assert beyond <= found <= beyond + SHARPNESS * costs.mean() * math.log(2) / (1 - quantile)
+    objective = Objective(worst=0.25, quantile=quantile)
+    assert float(objective.combine(jnp.asarray(costs))) == pytest.approx(0.75 * costs.mean() + 0.25 * found)
+    first, second = objective.derivatives(costs)
+    assert np.all(first > 0)
+    # Convex: no eigenvalue is negative but for the rounding of slopes of the order of one.
+    assert np.linalg.eigvalsh(second)[0] >= -1e-15
+
+
+@pytest.mark.parametrize(("worst", "quantile"), [(0.5, 1.0), (1.0, 0.4)])
+def test_derivatives_of_the_combination(worst, quantile):
+    costs, objective = np.array([1.0, 1.05, 1.1]), Objective(worst=worst, quantile=quantile)
+    first, second = objective.derivatives(costs)
     step = 1e-5 * np.eye(3)
-    slopes = [float(OBJECTIVE.combine(costs + d) - OBJECTIVE.combine(costs - d)) / 2e-5 for d in step]
-    # Central differences: 1e-10 of the third derivative, 1e-11 of rounding.
-    np.testing.assert_allclose(first, slopes, rtol=1e-8)
-    bends = [(OBJECTIVE.derivatives(costs + d)[0] - OBJECTIVE.derivatives(costs - d)[0]) / 2e-5 for d in step]
-    np.testing.assert_allclose(second, bends, rtol=1e-7, atol=1e-9)
+    slopes = [float(objective.combine(costs + d) - objective.combine(costs - d)) / 2e-5 for d in step]
+    # Central differences: 1e-10 of the third derivative, 2500 where a cost counts over 0.02; 1e-11 of rounding.
+    np.testing.assert_allclose(first, slopes, rtol=1e-6)
+    bends = [(objective.derivatives(costs + d)[0] - objective.derivatives(costs - d)[0]) / 2e-5 for d in step]
+    np.testing.assert_allclose(second, bends, rtol=1e-6, atol=1e-8)
     assert np.linalg.eigvalsh(second)[0] > -1e-12, "convex, or the model of a step has no minimum"
 
 
@@ -122,6 +140,23 @@ def test_cases_cross_everything_and_begin_where_the_reference_does(actuator):
     assert [str(label) for label in cases.take([3, 0]).labels] == ["a, hold, 3000 mbar", "a, sine, 0 mbar"]
 
 
+def test_variants_are_crossed_with_all_else(actuator):
+    noisy = control.Sensors(control.Sensor(2e-5), control.Sensor(), control.Sensor())
+    late = {
+        name: Variant(sensors, (control.LateDuty(delay),))
+        for name, sensors, delay in (("", control.Sensors.bench(), 0.0), ("late", noisy, 0.004))
+    }
+    cases = cross_cases({"a": actuator}, REFERENCES, duration=0.1, variants=late)
+    assert [str(label) for label in cases.labels[:2]] == ["a, sine, 0 mbar", "a, sine, 0 mbar, late"]
+    assert [label.course for label in cases.labels] == ["sine", "sine, late", "hold", "hold, late"]
+    np.testing.assert_array_equal(cases.scenarios.disturbances[0].delay, [0.0, 0.004] * 2)
+    np.testing.assert_array_equal(cases.scenarios.sensors.position.noise, [8e-6, 2e-5] * 2)
+    # Without a late duty in both, they are not of one structure.
+    late[""] = Variant()
+    with pytest.raises(vgtjax.InputError, match="variants must be models of one structure"):
+        cross_cases({"a": actuator}, REFERENCES, duration=0.1, variants=late)
+
+
 def test_cases_that_cannot_be_crossed_are_refused(actuator):
     with pytest.raises(vgtjax.InputError, match="at least one plant, one reference and one turbine pressure"):
         cross_cases({"a": actuator}, {}, duration=1.0)
@@ -136,6 +171,7 @@ def test_cases_that_cannot_be_crossed_are_refused(actuator):
         ({"tracking": 0.0}, "tracking of an objective must be positive, but it is 0.0; correct it"),
         ({"worst": 1.5}, "worst of an objective must be within 0 and 1"),
         ({"power": 0.5}, "power of an objective must be one or more"),
+        ({"quantile": 0.0}, "quantile of an objective must be above 0 and at most 1, but it is 0.0; correct it"),
     ],
 )
 def test_an_objective_without_sense_is_refused(settings, sentence):

@@ -1,0 +1,76 @@
+"""Margins of many closed loops where the rod slides, up and down."""
+
+import functools
+from collections.abc import Mapping
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from .._lanes import map_rows
+from ..control import (
+    AbstractController,
+    LinearLoop,
+    Margins,
+    Scenario,
+    Sine,
+    balanced_at,
+    linearise_loop,
+    margins,
+)
+from ._cases import Cases, stack_trees
+
+SHARE, RATE = 0.3, 2.0
+"""Of the travel to either side of its middle, and rad/s: a sine along which the rod never rests in between."""
+TIMES = {"falling": np.pi / RATE, "rising": 2 * np.pi / RATE}
+"""s; when the rod passes the middle of its travel."""
+
+
+def sliding_margins(
+    controllers: Mapping[str, AbstractController], cases: Cases, *, lanes: int
+) -> dict[str, dict[str, Margins]]:
+    """Margins of every plant's loop, by the plant's name and whether the rod is `rising` or `falling`.
+
+    The loop is linearised where the rod passes the middle of its travel along a slow sine, at the turbine and reservoir
+    pressures of the plant's last case, without noise and disturbances.
+
+    **Arguments:** as those of [`close_loops`][], with a controller for each plant.
+    """
+    last = {label.plant: place for place, label in enumerate(cases.labels)}
+    names, places = list(last), np.array(list(last.values()))
+    stacked = stack_trees([controllers[name] for name in names], "controllers")
+
+    def at(rows: np.ndarray) -> tuple[Any, ...]:
+        chosen = cases.take(places[rows].tolist())
+        return jax.tree.map(lambda leaf: leaf[rows], stacked), chosen.plants, chosen.scenarios
+
+    found = map_rows(functools.partial(_linearise, cases.period), at, len(names), min(lanes, len(names)))
+    return {
+        name: {
+            way: margins(LinearLoop(*(leaf[row, place] for leaf in found), cases.period))
+            for place, way in enumerate(TIMES)
+        }
+        for row, name in enumerate(names)
+    }
+
+
+@eqx.filter_jit
+def _linearise(period: float, rows: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Matrices of every lane's loops; the first axis is that of lanes, the second that of times."""
+
+    def lane(controller: AbstractController, plant: Any, scenario: Scenario) -> tuple[Any, ...]:
+        loops = linearise_loop(plant, controller, _slide(plant, scenario), list(TIMES.values()), period=period)
+        return loops.transition, loops.entry, loops.exit
+
+    return jax.vmap(lane)(*rows)
+
+
+def _slide(plant: Any, scenario: Scenario) -> Scenario:
+    """Along the sine, from its middle."""
+    travel = plant.diaphragm.travel
+    start = eqx.tree_at(lambda s: s.position, balanced_at(0.0), 0.5 * travel)
+    return eqx.tree_at(
+        lambda s: (s.reference, s.start), scenario, (Sine(SHARE * travel, jnp.asarray(RATE), 0.5 * travel), start)
+    )
