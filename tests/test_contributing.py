@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from manual.contributing import ROOT, table
+from calibrate.manual.contributing import ROOT, table
 
 EQUATIONS, ERRATA = table("equation"), table("erratum of the print")
 

@@ -4,7 +4,7 @@ import dataclasses
 import pathlib
 import re
 
-ROOT = pathlib.Path(__file__).parents[1]
+ROOT = pathlib.Path(__file__).parents[2]
 CONTRIBUTING = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
 NUMBER = re.compile(r"(?<![\w.])(?<!Table )(?<!section )([A-C]|\d)\.(\d+)(?:-(?:\1\.)?(\d+))?\b(?!\.\d)")
 """A number of the thesis, or the first and the last of several."""

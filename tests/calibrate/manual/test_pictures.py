@@ -9,7 +9,7 @@ import pytest
 from markdown_pages import PAGES, ROOT
 
 import vgtjax
-from manual import pictures
+from calibrate.manual import pictures
 
 
 @pytest.fixture(autouse=True)
@@ -38,7 +38,9 @@ def test_friction_stays_between_coulomb_and_stiction():
 
 
 def test_pages_show_what_is_drawn():
-    drawn = set(re.findall(r'save\("(\w+)"', (ROOT / "manual" / "pictures.py").read_text(encoding="utf-8")))
+    drawn = set(
+        re.findall(r'save\("(\w+)"', (ROOT / "calibrate" / "manual" / "pictures.py").read_text(encoding="utf-8"))
+    )
     shown = {name for page in PAGES for name in re.findall(r"images/(\w+)\.svg", page.read_text(encoding="utf-8"))}
     assert shown == drawn == {path.stem for path in pictures.IMAGES.iterdir()}
 

@@ -7,9 +7,9 @@ from markdown_pages import ROOT
 
 pytest.importorskip("griffe", reason="the extra docs is not installed")
 
-from manual.contributing import equations, errata, numbers_in
-from manual.equations import index, other_errata
-from manual.reference import as_table
+from calibrate.manual.contributing import equations, errata, numbers_in
+from calibrate.manual.equations import index, other_errata
+from calibrate.manual.reference import as_table
 
 BRACKETS = re.compile(r"\[((?:[A-C2-5]\.[1-9]\d*(?:-\d+)?(?:, )?)+)\]")
 """Numbers as docstrings have them, e.g. [2.13-2.15, A.29]."""

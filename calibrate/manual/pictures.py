@@ -1,4 +1,4 @@
-"""The pictures of README and manual, drawn from the model: `python -m manual.pictures out/example`.
+"""The pictures of README and manual, drawn from the model: `python -m calibrate.manual.pictures out/example`.
 
 The argument is the folder of the README's main job, whose parameters the first picture shows. All data are simulated.
 """

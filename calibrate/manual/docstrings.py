@@ -10,7 +10,7 @@ from typing import Any
 
 import griffe
 
-from manual.reference import ROOMS, as_table, public_names
+from calibrate.manual.reference import ROOMS, as_table, public_names
 from vgtjax.parameters import Parameter
 
 REFERENCE = re.compile(r"\[(`[^`\]]+`)\]\[\]")

@@ -16,13 +16,13 @@ from markdown_pages import DOCS, PAGES, README, ROOT, name_of
 
 pytest.importorskip("zensical", reason="the extra docs is not installed")
 
-from manual import reference
-from manual.contributing import equations, errata
-from manual.equations import heading
+from calibrate.manual import reference
+from calibrate.manual.contributing import equations, errata
+from calibrate.manual.equations import heading
 
 LOADED = {"script": "src", "img": "src", "link": "href", "iframe": "src", "source": "src", "object": "data"}
 """What a page loads by itself."""
-NEEDED = ("manual", "vgtjax", "calibrate", "CONTRIBUTING.md", "zensical.toml")
+NEEDED = ("vgtjax", "calibrate", "CONTRIBUTING.md", "zensical.toml")
 
 
 class Page(html.parser.HTMLParser):

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from manual import equations, reference
+from calibrate.manual import equations, reference
 
 MACROS = {
     "api": reference.api,
