@@ -90,16 +90,16 @@ def _solver() -> ca.Function:
     numbers, duties = ca.MX.sym("numbers", len(names)), ca.MX.sym("duties", NODES)
     at = dict(zip(names, ca.vertsplit(numbers), strict=True))
     x, v, p, lagged, last = (at[name] for name in ("position", "velocity", "pressure", "duty", "before"))
-    cost = 0
+    cost: Any = 0
     for node in range(NODES):
         duty, when = duties[node], (node + 1) * STEP
         x, v, p, lagged = _onward(at, x, v, p, lagged, duty)
         wanted = sum(at[f"wanted {name}"] * when**k / math.factorial(k) for k, name in enumerate(WANTED))
         cost += ((x - wanted) / TRACKING) ** 2 + ((duty - last) / CHATTER) ** 2
         last = duty
-    problem = {"x": duties, "p": numbers, "f": cost / NODES}
-    quiet = {"ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes", "ipopt.max_iter": 30}
-    warm = {"ipopt.warm_start_init_point": "yes", "ipopt.mu_init": 1e-3, "ipopt.tol": 1e-4}
+    problem: Any = {"x": duties, "p": numbers, "f": cost / NODES}
+    quiet: dict[str, Any] = {"ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes", "ipopt.max_iter": 30}
+    warm: dict[str, Any] = {"ipopt.warm_start_init_point": "yes", "ipopt.mu_init": 1e-3, "ipopt.tol": 1e-4}
     return ca.nlpsol("mpc", "ipopt", problem, quiet | warm | {"error_on_fail": False, "expand": True})
 
 

@@ -107,6 +107,7 @@ def _remembered(controller: AbstractController, run: ClosedLoop, period: float) 
     first = jax.tree.map(lambda leaf: leaf[0], run.measured)
 
     def sample(memory: Memory, given: Any) -> tuple[Memory, Memory]:
-        return controller.update(memory, *given, period)[0], memory
+        measured, reference = given
+        return controller.update(memory, measured, reference, period)[0], memory
 
     return jax.lax.scan(sample, controller.initial_state(first, period), (run.measured, run.reference))[1]

@@ -50,7 +50,8 @@ def margins(loop: LinearLoop) -> Margins:
     """
     radius = loop.spectral_radius
     if not radius < 1:
-        return Margins(*[math.nan] * 6, radius=radius)
+        none = math.nan
+        return Margins(none, none, none, none, none, none, radius)
     rates = np.geomspace(LOWEST, 0.5, FREQUENCIES) * 2 * np.pi / loop.period
     response = loop.return_ratio(rates)
     # Both ends lie on the real axis, where no sign need change; but for loops that integrate at the first one.

@@ -101,7 +101,7 @@ def mean_beyond(costs: Float[Array | np.ndarray, " cases"], quantile: float) -> 
     `w log 2 / (1 - quantile)`.
     """
     width = SHARPNESS * jnp.maximum(jnp.mean(costs), jnp.finfo(costs.dtype).tiny)
-    scaled = costs / width
+    scaled = jnp.asarray(costs) / width
     level = _level(scaled, quantile)
     return width * (level + jnp.mean(jax.nn.softplus(scaled - level)) / (1 - quantile))
 

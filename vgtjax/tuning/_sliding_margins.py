@@ -47,9 +47,10 @@ def sliding_margins(
         return jax.tree.map(lambda leaf: leaf[rows], stacked), chosen.plants, chosen.scenarios
 
     found = map_rows(functools.partial(_linearise, cases.period), at, len(names), min(lanes, len(names)))
+    transition, entry, exit_ = found
     return {
         name: {
-            way: margins(LinearLoop(*(leaf[row, place] for leaf in found), cases.period))
+            way: margins(LinearLoop(transition[row, place], entry[row, place], exit_[row, place], cases.period))
             for place, way in enumerate(TIMES)
         }
         for row, name in enumerate(names)

@@ -112,7 +112,7 @@ sensor = {position = {offset = 5e-5}}
     assert [label.variant for label in cases.labels] == names * (len(cases) // 3)
     np.testing.assert_array_equal(cases.scenarios.disturbances[-1].delay[:3], [0.004, 0.0, 0.004])
     np.testing.assert_array_equal(cases.scenarios.sensors.position.offset[:3], [1e-4, 1e-4, 5e-5])
-    twice = more.replace("off", "in time")
+    twice = more.replace('"off"', '"in time"')
     path.write_text(STUDY + KINDS + twice, encoding="utf-8")
     with pytest.raises(InputError, match="two variants are named 'in time'; give each a name of its own"):
         prepare_control(path, None, None)
