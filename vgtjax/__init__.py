@@ -2,7 +2,7 @@
 
 import importlib
 import importlib.metadata
-from typing import TYPE_CHECKING, Any
+import typing
 
 from . import (
     parameters as parameters,
@@ -85,7 +85,9 @@ from .traces import Channel as Channel, Source as Source, Trace as Trace, load_t
 
 __version__ = importlib.metadata.version("vgtjax")
 
-if TYPE_CHECKING:  # imported when first asked for, below: a simulation needs none of it, and half of the time it takes
+if (
+    typing.TYPE_CHECKING
+):  # imported when first asked for, below: a simulation needs none of it, and half of the time it takes
     from . import (
         assurance as assurance,
         control as control,
@@ -116,7 +118,7 @@ _ROOMS = (
 _ROOM_OF = {"Calibration": "estimation", "jacobian": "estimation", "fit": "identification"}
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     """A room, or a name of one, that is imported when it is first asked for."""
     if name in _ROOMS:
         return importlib.import_module(f".{name}", __name__)
