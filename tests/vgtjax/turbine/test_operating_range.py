@@ -150,10 +150,11 @@ def test_both_modes_agree():
     np.testing.assert_allclose(reverse, slopes(ones, state)[1], rtol=1e-9, atol=1e-12)  # rounding
 
 
-@pytest.mark.parametrize("vane_angle", [5.0, 8.0])
-def test_where_the_vanes_choke_the_outlet_is_hardly_felt(vane_angle):
-    """Gas takes their angle over a length, so a row chokes softly: at most 2 % of a change is passed on."""
-    passage = NOZZLE.passage(np.radians(vane_angle), 12000.0, 224, GAS)
+@pytest.mark.parametrize(("vane_angle", "speed"), [(5.0, 12000.0), (8.0, 12000.0), (45.0, 21790.0)])
+def test_where_a_row_chokes_the_outlet_is_hardly_felt(vane_angle, speed):
+    """Gas takes its angle over a length, so a row chokes softly: at most 2 % of a change is passed on. Closed vanes at
+    21 790 rad/s are left by gas at Mach 1.1 only, and pass on 7 %."""
+    passage = NOZZLE.passage(np.radians(vane_angle), speed, 224, GAS)
 
     def mass_flow(outlet_pressure):
         flow = steady(passage, NOZZLE.inlet(3e5, 900.0), outlet_pressure, GAS)
