@@ -77,9 +77,9 @@ def pytest_collection_finish() -> None:
     gc.freeze()
 
 
-def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Commands in processes of their own go without optimisation as well; notebooks run for longer."""
-    os.environ["JAX_DISABLE_MOST_OPTIMIZATIONS"] = str(item.path.suffix == ".py")
+def pytest_runtest_setup() -> None:
+    """Commands in processes of their own go without optimisation as well; of notebooks see their own conftest."""
+    os.environ["JAX_DISABLE_MOST_OPTIMIZATIONS"] = "True"
 
 
 @pytest.fixture(scope="session")

@@ -160,8 +160,8 @@ def test_every_row_of_a_closed_loop_says_what_its_controller_knew(reproduced):
         assert any(words in entry["reason"] for words in knew), entry["id"]
 
 
-def test_readme_counts_the_verdicts(reproduced):
-    said = (pathlib.Path(__file__).parents[3] / "README.md").read_text(encoding="utf-8")
+def test_the_manual_counts_the_verdicts(reproduced):
+    said = (pathlib.Path(__file__).parents[3] / "docs" / "thesis.md").read_text(encoding="utf-8")
     verdicts = [entry["verdict"] for entry in reproduced.table.values()]
     counts = [(verdict, verdicts.count(verdict)) for verdict in MEANING]
     assert "\n" + "".join(f"{count:4} {verdict}\n" for verdict, count in counts) in reproduced.outcome.out
