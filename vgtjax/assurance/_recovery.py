@@ -171,7 +171,7 @@ class Recovery:
         campaigns, known = len(self.estimates), self.known
         said = [f"{100 * self.total:.1f} % of {known.sum():.0f} intervals of 95 % hold the truth"]
         held = np.nan_to_num(self.coverage * known)
-        chance = scipy.special.bdtr(np.round(held), known, 0.95)
+        chance = scipy.stats.binom.cdf(np.round(held), known, 0.95)
         for at in np.flatnonzero((known > 0) & (chance < SIGNIFICANT)).tolist():
             part = f"{held[at]:.0f} of {known[at]:.0f}"
             said.append(f"{self.entries[at]}: only {part} intervals hold the truth, so its errors are too small")

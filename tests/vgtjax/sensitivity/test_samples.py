@@ -111,7 +111,7 @@ def test_one_slice_of_a_large_hypercube_takes_no_table_of_the_whole():
 def test_a_sobol_point_at_the_corner_is_moved_inside(monkeypatch):
     """Without scrambling, the first point is zero exactly."""
     corner = qmc.Sobol
-    monkeypatch.setattr(sampling.qmc, "Sobol", lambda d, scramble, bits, rng: corner(d, scramble=False, bits=bits))
+    monkeypatch.setattr(qmc, "Sobol", lambda d, scramble, bits, rng: corner(d, scramble=False, bits=bits))
     np.testing.assert_array_equal(sampling.sobol_points(3, 0, 0, 1), np.full((1, 3), 2.0**-31))
     assert (2**30 - 1) / 2**30 + 2.0**-31 < 1.0
 
