@@ -17,10 +17,10 @@ from ..table import Section, seconds
 from ..timing import interleave
 
 ROUNDS = 3
-LENGTHS = (1.0, 3.0, 10.0)
+LENGTHS = (1.0, 3.0, 10.0, 30.0, 100.0)
 """s of one trace."""
-PARAMETERS = (5, 80)
-LANES = (1, 10, 100, 1_000, 10_000)
+PARAMETERS = (5, 10, 20, 40, 80)
+LANES = (1, 10, 100, 1_000, 10_000, 100_000, 1_000_000)
 SHORT = 0.05
 """s that each of many actuators is simulated for, so that a million of them take seconds."""
 STEPS_A_SECOND = 2000
