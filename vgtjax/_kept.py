@@ -12,6 +12,7 @@ import pathlib
 import pickle
 import re
 import tempfile
+import threading
 from collections.abc import Callable, Hashable
 from typing import Any, Generic, ParamSpec, TypeVar
 
@@ -29,7 +30,8 @@ R = TypeVar("R")
 FOLDER: pathlib.Path | None = None
 """Where programs are kept, set by [`configure`][]; without it a function is compiled as `equinox.filter_jit` does."""
 
-
+_FINDING = threading.Lock()
+"""Fits that go on side by side want the same programs at the same time."""
 _KNOWN_CALLS = ("lapack", "Sharding", "SPMD")
 """Calls to the outside that mean the same in another process, unlike those to functions of Python."""
 
@@ -70,8 +72,9 @@ class Kept(Generic[P, R]):
             return self._compiled(*args, **kwargs)
         placed = tuple((leaf.shape, leaf.dtype, getattr(leaf, "sharding", None)) for leaf in leaves)
         key = (structure, jax.tree.structure(rest), *jax.tree.leaves(rest), placed)
-        if key not in self._programs:
-            self._programs[key] = self._find(FOLDER, args)
+        with _FINDING:
+            if key not in self._programs:
+                self._programs[key] = self._find(FOLDER, args)
         program = self._programs[key]
         return self._compiled(*args) if program is None else program(leaves)
 

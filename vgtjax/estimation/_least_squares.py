@@ -13,6 +13,8 @@ a true null direction to about 1e-13, and the weakest real direction of our simu
 IN_NULL = 1e-6
 """Part of a null direction, for columns of unit length, from which an unknown belongs to it and is not determined. Of
 our actuators the smallest real part is 7e-5 (the mass, where the area is free as well), rounding leaves 1e-12."""
+WORST_CONDITION = 1e6
+"""Of columns of unit length, up to which squaring them loses nothing that a second pass does not bring back."""
 HUBER = 2.0
 """Standard deviations beyond which a residual counts by its size instead of its square."""
 
@@ -108,8 +110,34 @@ def reduce_rows(
 
     A column that is not finite is of no use, and becomes zero.
     """
-    triangle = np.asarray(np.linalg.qr(np.column_stack([finite_columns(columns), residuals]), mode="r"))
+    triangle = triangular_factor(np.column_stack([finite_columns(columns), residuals]))
     return triangle[:, -1], triangle[:, :-1]
+
+
+def triangular_factor(columns: Columns) -> Float[np.ndarray, "few unknowns"]:
+    """The triangle of a QR factorisation of many rows, which takes a third of LAPACK's time.
+
+    By Cholesky's factors, twice, which is as exact as Householder's reflections while the columns, of unit length, have
+    a condition below 1e8 (Yamamoto et al., 2015); by reflections where it might not be.
+    """
+    try:
+        return _cholesky_factor(columns)
+    except np.linalg.LinAlgError:
+        return np.asarray(np.linalg.qr(columns, mode="r"))
+
+
+def _cholesky_factor(columns: Columns) -> Float[np.ndarray, "few unknowns"]:
+    with np.errstate(over="ignore", invalid="ignore"):  # squares of a value that ran away
+        gram = columns.T @ columns
+        lengths = np.sqrt(np.diag(gram))
+        safe = np.where(lengths > 0, lengths, 1.0)
+        unused = np.diag(np.where(lengths > 0, 0.0, 1.0))
+        first = np.linalg.cholesky(gram / np.outer(safe, safe) + unused).T
+    if not np.linalg.cond(first) < WORST_CONDITION:
+        raise np.linalg.LinAlgError
+    nearly = columns @ (np.linalg.inv(first) / safe[:, None])
+    second = np.linalg.cholesky(nearly.T @ nearly + unused).T
+    return second @ first * lengths
 
 
 def finite_columns(columns: Columns) -> Columns:

@@ -17,6 +17,8 @@ from ._evaluation import Evaluated, Steps, ask
 from ._least_squares import LeastSquares, estimate_uncertainty, finite_columns, reduce_rows
 from ._residuals import FitProblem
 
+WEAK = 1e-7
+"""Singular values below this part of the largest, for columns of unit length, that a secant leaves out of its basis."""
 _DESCENT: optx.DampedNewtonDescent = optx.DampedNewtonDescent()
 
 Coordinates = Float[np.ndarray, " coordinates"]
@@ -110,8 +112,17 @@ class Secant:
     def of(point: Point) -> "Secant":
         """Nothing learned yet."""
         everything = np.column_stack([finite_columns(point.columns), point.residuals])
-        basis, triangle = np.linalg.qr(everything)
-        return Secant(basis, Reduced(triangle[:, -1], triangle[:, :-1], len(point.residuals)))
+        few = np.column_stack([point.reduced.columns, point.reduced.residuals])
+        lengths = np.linalg.norm(few, axis=0)
+        lengths = np.where(lengths > 0, lengths, 1.0)
+        rotation, singular, directions = np.linalg.svd(few / lengths, full_matrices=False)
+        # What lies below is too weak for rounding to leave its rows orthogonal, and teaches nothing.
+        strong = singular > WEAK * singular[0]
+        basis = everything @ (
+            directions.T * np.where(strong, 1 / np.where(strong, singular, 1.0), 0.0) / lengths[:, None]
+        )
+        rotated = rotation.T @ few
+        return Secant(basis, Reduced(rotated[:, -1], rotated[:, :-1], len(point.residuals)))
 
     def moved(self, move: Coordinates, residuals: Float[np.ndarray, " residuals"]) -> "Secant":
         """The problem at the end of a move, where these are the residuals."""

@@ -1,8 +1,10 @@
 """Who drives fits: one alone on all devices, or many side by side in programs that they share."""
 
 import dataclasses
+import os
 from collections import deque
 from collections.abc import Callable, Hashable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Generic, NamedTuple, TypeVar
 
 import equinox as eqx
@@ -49,27 +51,39 @@ def run_together(computations: Mapping[Name, Steps[T]], finished: Callable[[Name
     What fails touches no other; where one ends the next begins. Neither changes the bits of those beside it.
     """
     waiting, running, board = deque(computations.items()), dict[Name, Steps[T]](), _Board[Name](_width_together())
+    with ThreadPoolExecutor(os.cpu_count()) as threads:
+        answered: list[tuple[Name, Answer | None]] = []
+        while waiting or running or answered:
+            while waiting and len(running) < WAVES * _fits_of_a_program():
+                name, computation = waiting.popleft()
+                running[name] = computation
+                answered.append((name, None))
+            # Between simulations they do linear algebra, on one core each.
+            onward = threads.map(_go_on, [running[name] for name, _ in answered], [answer for _, answer in answered])
+            for (name, _), came in zip(answered, onward, strict=True):
+                if isinstance(came, _Asked):
+                    board.ask(name, came.question)
+                else:
+                    del running[name]
+                    finished(name, came)
+            board.run()
+            answered = list(board.answered())
 
-    def go_on(name: Name, answers: Answer | None) -> None:
-        result: T | SimulationError
-        try:
-            board.ask(name, running[name].send(answers))
-            return
-        except StopIteration as end:
-            result = end.value
-        except SimulationError as error:
-            result = error
-        del running[name]
-        finished(name, result)
 
-    while waiting or running:
-        while waiting and len(running) < WAVES * _fits_of_a_program():
-            name, computation = waiting.popleft()
-            running[name] = computation
-            go_on(name, None)
-        board.run()
-        for answered, answers in board.answered():
-            go_on(answered, answers)
+def _go_on(computation: Steps[T], answers: Answer | None) -> "_Asked | T | SimulationError":
+    """What a computation asks for next, or what came of it."""
+    try:
+        return _Asked(computation.send(answers))
+    except StopIteration as end:
+        return end.value
+    except SimulationError as error:
+        return error
+
+
+class _Asked(NamedTuple):
+    """What a computation waits for."""
+
+    question: Question
 
 
 def _wide(question: Question) -> bool:

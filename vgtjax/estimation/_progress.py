@@ -73,27 +73,25 @@ class Progress:
 
     def holding(self, numbers: Iterable[int], coordinates: Iterable[float]) -> "Progress":
         """A search that goes on from these coordinates with more of them held."""
-        held = tuple(sorted({*self.held, *numbers}))
+        let_go = self.cost if self.let_go is None else min(self.let_go, self.cost)
         return dataclasses.replace(
-            self,
-            coordinates=tuple(coordinates),
-            step_size=1.0,
-            converged=False,
-            stalled=False,
-            stuck=False,
-            held=held,
-            let_go=self.cost if self.let_go is None else min(self.let_go, self.cost),
+            self.elsewhere(coordinates), held=tuple(sorted({*self.held, *numbers})), let_go=let_go
         )
+
+    def elsewhere(self, coordinates: Iterable[float]) -> "Progress":
+        """A search that goes on from these coordinates."""
+        again = dataclasses.replace(self, step_size=1.0, converged=False, stalled=False, stuck=False)
+        return dataclasses.replace(again, coordinates=tuple(coordinates))
 
     def freed(self) -> "Progress":
         """A search that goes on with nothing held."""
-        again = dataclasses.replace(self, step_size=1.0, converged=False, stalled=False, stuck=False)
-        return dataclasses.replace(again, held=(), let_go=None)
+        return dataclasses.replace(self.elsewhere(self.coordinates), held=(), let_go=None)
 
     def reading_duty(self, coordinates: Iterable[float], linear: Iterable[float]) -> "Progress":
         """A search that goes on with the duty of some traces read as linear between samples."""
-        again = dataclasses.replace(self, coordinates=tuple(coordinates), linear=tuple(linear), corrections=0, found=())
-        return dataclasses.replace(again, step_size=1.0, converged=False, stalled=False, stuck=False, linearised=())
+        return dataclasses.replace(
+            self.elsewhere(coordinates), linear=tuple(linear), corrections=0, found=(), linearised=()
+        )
 
     @property
     def cost(self) -> float:

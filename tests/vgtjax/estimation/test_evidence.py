@@ -132,6 +132,16 @@ def test_a_late_duty_is_found_with_its_error(late):
     assert late.uncertainty.scale == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.parametrize("sample", [-1.0, 1.0], ids=["early", "late"])
+def test_a_search_that_ended_a_sample_beside_the_delay_finds_it(late, sample):
+    """Where such a search ended it believes that it has converged; a fit that is resumed there looks beside it."""
+    found = np.array(late.progress.found)
+    ended = Progress((*found[:-1], found[-1] + sample), late=True, converged=True)
+    again = start_calibration(late.task, ended).run()
+    assert again.converged
+    assert abs(again.duty_delay - late.duty_delay) < 0.2 * late.duty_delay_error  # corrections settle within so much
+
+
 def test_a_duty_that_went_in_a_line_is_told_from_a_held_one(plain, late):
     """It would have to arrive half a sample early, had it been held; one that arrives late may have been either."""
     run = fit(recorded(4, linear=True))

@@ -1,0 +1,61 @@
+"""A triangle of many rows by Cholesky's factors, beside the one by reflections."""
+
+import numpy as np
+import pytest
+
+from vgtjax.estimation._least_squares import triangular_factor
+
+ROWS, UNKNOWNS = 500, 6
+
+
+def columns(condition, rng):
+    """Directions of all lengths, the weakest smaller than the strongest by the condition, in units far apart."""
+    rows = np.linalg.qr(rng.normal(size=(ROWS, UNKNOWNS)))[0]
+    ways = np.linalg.qr(rng.normal(size=(UNKNOWNS, UNKNOWNS)))[0]
+    return rows @ np.diag(np.geomspace(1, 1 / condition, UNKNOWNS)) @ ways * np.geomspace(1e-8, 1e8, UNKNOWNS)
+
+
+def of_positive_diagonal(triangle):
+    return triangle * np.where(np.diag(triangle) < 0, -1.0, 1.0)[:, None]
+
+
+@pytest.mark.parametrize("condition", [1.0, 1e4, 1e6, 1e9, 1e15])
+def test_it_is_that_of_reflections(condition):
+    matrix = columns(condition, np.random.default_rng(1))
+    expected = of_positive_diagonal(np.linalg.qr(matrix, mode="r"))
+    lengths = np.linalg.norm(expected, axis=0)
+    # Either is as far from the exact one as rounding times the condition.
+    np.testing.assert_allclose(
+        of_positive_diagonal(triangular_factor(matrix)) / lengths, expected / lengths, atol=1e-15 * condition + 1e-14
+    )
+
+
+def test_a_weak_direction_keeps_its_size():
+    """What decides whether a parameter is determined."""
+    matrix = columns(1e6, np.random.default_rng(2))
+    lengths = np.linalg.norm(matrix, axis=0)
+    weakest = np.linalg.svd(triangular_factor(matrix) / lengths, compute_uv=False)[-1]
+    assert weakest == pytest.approx(np.linalg.svd(matrix / lengths, compute_uv=False)[-1], rel=1e-8)
+
+
+def test_a_column_of_zeros_stays_one():
+    matrix = columns(10.0, np.random.default_rng(3))
+    matrix[:, 2] = 0.0
+    triangle = triangular_factor(matrix)
+    assert not np.any(triangle[:, 2])
+    np.testing.assert_allclose(triangle.T @ triangle, matrix.T @ matrix, rtol=1e-12)
+
+
+@pytest.mark.parametrize("rows", [UNKNOWNS - 2, UNKNOWNS])
+def test_few_rows(rows):
+    matrix = columns(10.0, np.random.default_rng(4))[:rows]
+    triangle = triangular_factor(matrix)
+    lengths = np.linalg.norm(matrix, axis=0)
+    np.testing.assert_allclose(
+        (triangle / lengths).T @ (triangle / lengths), (matrix / lengths).T @ (matrix / lengths), atol=1e-14
+    )
+
+
+def test_values_beyond_their_squares():
+    matrix = columns(10.0, np.random.default_rng(5)) * 1e200
+    assert np.all(np.isfinite(triangular_factor(matrix)))

@@ -1,0 +1,46 @@
+"""What traces tell of the duty where a search stands: whether it is late, and how it was held between samples."""
+
+import dataclasses
+
+import numpy as np
+
+from ._beginning import transform_of
+from ._evidence import EVIDENT
+from ._holds import Holds, read_holds
+from ._point import Point
+from ._search import LevenbergMarquardt
+from ._task import Task
+
+MEETS_NOISE = 1.05
+"""chi^2 per measurement up to which a model meets the noise; at 1.08 the levels of one unit were called linear that the
+plant had held."""
+
+
+def tells_of_delay(task: Task, search: LevenbergMarquardt) -> bool:
+    """Whether the traces tell of a delay where a search ended that took the duty for timely."""
+    found = _with_delay(task, search).uncertainty(search.problem.count)
+    return bool(found.determined[-1] and abs(found.values[-1]) > EVIDENT * found.std_errors[-1])
+
+
+def holds_of_duty(task: Task, search: LevenbergMarquardt) -> Holds | None:
+    """How duties were held by what the traces tell where a search ended; `None` where that is not to be asked."""
+    progress, problem = search.progress, search.problem
+    if not (task.unknown.duty_hold and progress.converged and progress.hold_decided is None) or progress.lost:
+        return None
+    scale, freedom = float(problem.transform.scale[-1]), problem.count - problem.offsets
+    delay = scale * progress.coordinates[-1]
+    searched = progress.history[: -1 if progress.corrections else None]
+    if 2 * searched[-1] > MEETS_NOISE:  # what a wrong model leaves over looks like a late duty, too
+        return Holds((), delay, False)
+    point = _with_delay(task, search)
+    holds = read_holds(point.residuals, point.columns, problem.owner, task.fit, delay, scale, freedom)
+    # No delay, and yet not held: neither is evident.
+    return holds if progress.late or not holds.linear else Holds((), delay, False)
+
+
+def _with_delay(task: Task, search: LevenbergMarquardt) -> Point:
+    """The linear problem where a search stands, with the delay of the duty free."""
+    here = np.asarray(search.progress.coordinates)
+    transform = transform_of(task, dataclasses.replace(search.progress, late=True))
+    problem = dataclasses.replace(search.problem, transform=transform)
+    return Point.of(problem, here, search.slopes.evaluated, search.slopes)
