@@ -5,7 +5,7 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-import scipy.optimize
+import scipy
 from jaxtyping import Complex, Float
 
 from ._linear_loop import LinearLoop
