@@ -4,6 +4,7 @@ import time
 
 import numpy as np
 import scipy.stats
+from jaxtyping import Float
 
 import vgtjax
 from vgtjax import SimulationError
@@ -13,21 +14,24 @@ from vgtjax.identification import plan_fit, starting_fit
 from ..campaigns import FAULTS, Fault, draw_unit, record
 from ..table import Section
 
-CAMPAIGNS = 25
-"""Of each fault."""
-SEED = 2012
+GROUPS, CAMPAIGNS = 4, 25
+"""Of each fault, and in a group: derivatives of as many fill a few gigabytes."""
+SEED = 5000
+LEAST, CHANCE = 0.90, 0.01
+"""An entry whose intervals hold the truth less often than the first by more than chance is named."""
 
 
 def measure() -> Section:
     """Fits every campaign as the command line would, without a word on what is wrong with it."""
     section = Section(
         "Do 95 % intervals hold the truth?",
-        f"{CAMPAIGNS} actuators for each fault, 31 s at 1 kHz each, simulated by the hard-switching plant of these "
-        "benchmarks (RK4, 10 us); all that a study frees by default is fitted, and nothing is said of the fault.",
+        f"{GROUPS * CAMPAIGNS} actuators for each fault, 31 s at 1 kHz each, simulated by the hard-switching plant of "
+        "these benchmarks (RK4, 10 us); all that a study frees by default is fitted, and nothing is said of the fault.",
         (
             "what is wrong",
             "hold the truth",
             "least of an entry",
+            "entries below 90 %",
             "has an interval",
             "largest mean error",
             "failed",
@@ -35,9 +39,10 @@ def measure() -> Section:
         ),
     )
     for number, fault in enumerate(FAULTS):
-        section.add(*_measure(fault, SEED + number))
+        section.add(*_measure(fault, SEED + 10 * number))
     section.notes.append(
-        "Least of an entry: the lowest share of one entry; of 25 intervals, honest ones rarely miss more than four. "
+        "Hold the truth: of the entries that have an interval, of fits that converged; others count as failed. "
+        f"Entries below 90 %: those that held it so rarely that chance does it less than once in {1 / CHANCE:g}. "
         "Largest mean error: the mean over campaigns, in standard errors, of the entry where it is largest. Each: wall "
         "time of a campaign and its fit, as many side by side as there are cores."
     )
@@ -46,30 +51,39 @@ def measure() -> Section:
 
 def _measure(fault: Fault, seed: int) -> tuple[str, ...]:
     """A row of the table."""
-    rng, scores, began = np.random.default_rng(seed), [], time.perf_counter()
+    began, errors = time.perf_counter(), []
+    for group in range(GROUPS):
+        errors += _errors_of_a_group(fault, seed + group)
+    seconds = (time.perf_counter() - began) / (GROUPS * CAMPAIGNS)
+    return (fault.name, *summary_of(np.array(errors)), str(GROUPS * CAMPAIGNS - len(errors)), f"{seconds:.1f} s")
+
+
+def _errors_of_a_group(fault: Fault, seed: int) -> list[np.ndarray]:
+    """Errors in standard errors of each campaign whose fit may be used."""
+    rng, errors = np.random.default_rng(seed), []
     units = [draw_unit(rng) for _ in range(CAMPAIGNS)]
-    fits = {number: fitting(record(unit, rng, fault)) for number, unit in enumerate(units)}
-    failures = []
 
     def finished(number: int, found: vgtjax.Calibration | SimulationError) -> None:
-        if isinstance(found, SimulationError):
-            failures.append(number)
-        else:
-            scores.append(scores_of(found, units[number]))
+        if not isinstance(found, SimulationError) and found.converged:
+            errors.append(scores_of(found, units[number]))
 
-    run_together(fits, finished)
-    seconds = (time.perf_counter() - began) / CAMPAIGNS
-    errors = np.array(scores)
+    run_together({number: fitting(record(unit, rng, fault)) for number, unit in enumerate(units)}, finished)
+    return errors
+
+
+def summary_of(errors: Float[np.ndarray, "campaigns entries"]) -> tuple[str, ...]:
+    """The share of intervals that hold the truth, its least over entries, how many entries are below what is asked for,
+    the share of entries with an interval, and the largest mean error."""
     known = np.isfinite(errors)
-    held = np.where(known, np.abs(errors) <= scipy.stats.norm.ppf(0.975), np.nan)
+    held = known & (np.abs(np.where(known, errors, np.inf)) <= scipy.stats.norm.ppf(0.975))
+    counts, tried = held.sum(axis=0), known.sum(axis=0)
+    rarely = scipy.stats.binom.cdf(counts, tried, LEAST) < CHANCE
     return (
-        fault.name,
-        f"{100 * np.nanmean(held):.1f} %",
-        f"{100 * np.min(np.nanmean(held, axis=0)):.0f} %",
+        f"{100 * held.sum() / known.sum():.1f} %",
+        f"{100 * np.min(counts / tried):.0f} %",
+        str(np.sum(rarely)),
         f"{100 * np.mean(known):.0f} %",
-        f"{np.max(np.abs(np.nanmean(errors, axis=0))):.2f}",
-        str(len(failures)),
-        f"{seconds:.1f} s",
+        f"{np.max(np.abs(np.nanmean(np.where(known, errors, np.nan), axis=0))):.2f}",
     )
 
 
