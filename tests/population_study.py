@@ -38,7 +38,7 @@ lanes = 8
 [sensitivity]
 base = 16
 lanes = 32
-gradient_points = 2
+gradient_points = 9
 replicates = 20
 """
 

@@ -50,11 +50,7 @@ class ChunkStore:
         """Writes a chunk whole or not at all; output by output, so that one of them can be read alone."""
         kept = results.select(self._kept(self.span(number)[0]))
         causes = [CAUSES.index(cause) for cause in results.causes]
-        content = np.vstack([causes, kept.matrix.T])
-        path = self._path(number)
-        path.parent.mkdir(exist_ok=True)
-        with replacing(path) as new, new.open("wb") as file:
-            np.save(file, content)
+        _write(self._path(number), np.vstack([causes, kept.matrix.T]))
 
     def failed(self) -> dict[int, str]:
         """Rows of which a simulation failed, with the cause."""
@@ -81,17 +77,42 @@ class ChunkStore:
             parts.append(np.array(content[places, max(begin - first, 0) : min(end, last) - first]).T)
         return np.concatenate(parts)
 
+    def has_slopes(self, number: int) -> bool:
+        """Whether a part of the derivatives is there."""
+        return _readable(self._slopes(number))
+
+    def save_slopes(self, number: int, matrix: np.ndarray) -> None:
+        """Writes a part of the derivatives, whole or not at all."""
+        _write(self._slopes(number), matrix)
+
+    def load_slopes(self, number: int) -> np.ndarray:
+        """A part of the derivatives."""
+        return np.asarray(np.load(self._slopes(number)))
+
+    def _slopes(self, number: int) -> pathlib.Path:
+        return self.folder / FOLDER / f"slopes_{number:06d}.npy"
+
     def _kept(self, row: int) -> tuple[Output, ...]:
         """What is kept in the chunk that begins at a row."""
         return self.outputs if row < self.curves else self.numbers
 
     def _readable(self, number: int) -> bool:
-        """Whether a chunk is there; one that a full disk has cut short is not."""
-        try:
-            np.load(self._path(number), mmap_mode="r")
-        except (OSError, ValueError, EOFError):
-            return False
-        return True
+        return _readable(self._path(number))
 
     def _path(self, number: int) -> pathlib.Path:
         return self.folder / FOLDER / f"{number:06d}.npy"
+
+
+def _write(path: pathlib.Path, content: np.ndarray) -> None:
+    path.parent.mkdir(exist_ok=True)
+    with replacing(path) as new, new.open("wb") as file:
+        np.save(file, content)
+
+
+def _readable(path: pathlib.Path) -> bool:
+    """Whether an array is there; one that a full disk has cut short is not."""
+    try:
+        np.load(path, mmap_mode="r")
+    except (OSError, ValueError, EOFError):
+        return False
+    return True

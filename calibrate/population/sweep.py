@@ -39,12 +39,16 @@ class Plan:
 
 
 def carry_out(
-    plan: Plan, out: pathlib.Path, command: str, derive: Callable[[], T], write: Callable[[ChunkStore, T, float], None]
+    plan: Plan,
+    out: pathlib.Path,
+    command: str,
+    derive: Callable[[ChunkStore], T],
+    write: Callable[[ChunkStore, T, float], None],
 ) -> None:
     """Simulates what is missing in `out`, then writes the results; does nothing where they are already.
 
-    **Arguments:** `derive`: simulates what is wanted beside the samples, in all processes; `write`: makes the files
-    of the samples, of that, and of the seconds that all took, in the first process.
+    **Arguments:** `derive`: simulates what is wanted beside the samples, which are in the store, in all processes;
+    `write`: makes the files of the samples, of that, and of the seconds that all took, in the first process.
     """
 
     def compute() -> None:
@@ -53,7 +57,7 @@ def carry_out(
         began = time.monotonic()
         store = ChunkStore(out, plan.outputs, plan.sample.rows, plan.lanes, plan.curves)
         _sweep(plan, store, command)
-        derived = derive()
+        derived = derive(store)
         if leads():
             write(store, derived, time.monotonic() - began)
 

@@ -3,10 +3,7 @@
 import pathlib
 from typing import Any
 
-import numpy as np
-
 from vgtjax import SimulationError
-from vgtjax.parts import without_chatter
 from vgtjax.population import Evaluator, OutputTable
 from vgtjax.sensitivity import RadialDesign
 
@@ -15,6 +12,7 @@ from ..output.files import REPORT, SUMMARY, read_json, write_json, write_text
 from ..population import ChunkStore, Plan, carry_out, prepare_population
 from ..processes import agree, leads, together
 from .analysis import analyse_all, chosen_outputs
+from .gradients import find_gradients
 from .report import render
 from .summary import summarise
 
@@ -26,14 +24,15 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
     """
     plan, design = together(lambda: _plan(study, parameters))
 
-    def write(store: ChunkStore, gradients: OutputTable, seconds: float) -> None:
+    def write(store: ChunkStore, gradients: OutputTable | None, seconds: float) -> None:
+        assert gradients is not None  # it is the first process that writes
         with console.status("indices"):
             analysis = analyse_all(plan.job, design, store, gradients)
         summary = summarise(plan.job, design, analysis, seconds)
         write_json(out / SUMMARY, summary)
         write_text(out / REPORT, render(plan.job, analysis, summary))
 
-    carry_out(plan, out, "sensitivity", lambda: _gradients(plan, design), write)
+    carry_out(plan, out, "sensitivity", lambda store: find_gradients(plan, design, store), write)
     if agree(leads() and not _has_indices(read_json(out / SUMMARY))):
         raise SimulationError(
             "too many simulations failed for any index; narrow the spreads, or raise base under [sensitivity]"
@@ -47,16 +46,6 @@ def _plan(study: pathlib.Path | None, parameters: pathlib.Path | None) -> tuple[
     lanes = min(table.lanes, design.rows)
     evaluator = Evaluator(population.model, population.factors, job.experiments, lanes=lanes)
     return Plan(job, evaluator, design, chosen_outputs(evaluator.outputs), design.rows, lanes), design
-
-
-def _gradients(plan: Plan, design: RadialDesign) -> OutputTable:
-    """Exact derivatives at the nominal actuator, and at the first base points, over which they are averaged."""
-    table, population = plan.job.study.sensitivity, plan.job.population
-    a, _ = design.base_points(0, min(table.gradient_points, design.base))
-    points = np.concatenate([population.nominal[None], population.values(a)])
-    model = without_chatter(population.model)
-    with console.status("exact gradients"):
-        return Evaluator(model, population.factors, plan.job.experiments, lanes=table.lanes).gradient(points)
 
 
 def _has_indices(summary: dict[str, Any]) -> bool:

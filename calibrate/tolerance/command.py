@@ -28,7 +28,7 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
         write_json(out / SUMMARY, summary)
         write_text(out / REPORT, render(plan.job, store, known, summary))
 
-    carry_out(plan, out, "tolerance", lambda: known_actuators(plan), write)
+    carry_out(plan, out, "tolerance", lambda _: known_actuators(plan), write)
     if agree(leads() and read_json(out / SUMMARY)["failed"]["count"] == plan.sample.rows):
         raise SimulationError("every sample's simulation failed; narrow the tolerances, or check the nominal values")
 

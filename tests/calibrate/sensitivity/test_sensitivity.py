@@ -111,6 +111,25 @@ def test_interrupted_run_goes_on_and_ends_the_same(done, summary, tmp_path, monk
     assert read(tmp_path / "out" / "summary.json")["outputs"] == summary["outputs"]
 
 
+def test_a_run_interrupted_among_its_gradients_goes_on_there(summary, tmp_path, monkeypatch):
+    study, saved = write_study(tmp_path), []
+
+    def save(self, number, matrix, original=ChunkStore.save_slopes):
+        if saved:
+            raise OSError(28, "No space left on device", "slopes")
+        saved.append(number)
+        original(self, number, matrix)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(ChunkStore, "save_slopes", save)
+        assert run_command("sensitivity", study, "--out", tmp_path / "out").status == 1
+    outcome = run_command("sensitivity", study, "--out", tmp_path / "out")
+    assert "resuming with 1 of" in outcome.out
+    assert "parts of the gradients done" in outcome.out
+    assert read(tmp_path / "out" / "summary.json")["outputs"] == summary["outputs"]
+    assert not (tmp_path / "out" / ".chunks").exists()
+
+
 def test_report_shows_every_output_and_verdict(done, summary):
     report = (done / "report.html").read_text(encoding="utf-8")
     for name, output in summary["outputs"].items():
