@@ -11,6 +11,6 @@ from ._polynomial import (
 )
 from ._speed_map import SpeedMap as SpeedMap
 from ._stage import CRANK_RANGE as CRANK_RANGE, Linkage as Linkage, Stage as Stage
-from ._stage_table import StageTable as StageTable
+from ._stage_table import StageTable as StageTable, solve_table as solve_table
 from ._tables import AbstractVaneMap as AbstractVaneMap
 from ._turbine import Turbine as Turbine

@@ -89,9 +89,8 @@ class Turbine(AbstractVaneForce, AbstractTabulated):
 
     def with_table(self, table: ForceTable) -> StageTable:
         """See the base class."""
-        forces, flows = (tuple(rows) for rows in table)
         around = self.total_temperature, self.ambient_pressure, self.outlet_pressure
-        return StageTable(forces, flows, self.crank, *around)
+        return StageTable(*table, self.crank, *around)
 
     def flow(self, total_pressure: Scalar, crank_angle: Scalar, cells: int = CELLS) -> Flow:
         """Steady flow through the nozzle at Pa absolute and deg; see `converged`."""
