@@ -30,7 +30,7 @@ def run(study: pathlib.Path | None, out: pathlib.Path) -> None:
     the point at which no steady state is found.
     """
     stage, text, digest = _prepare(study)
-    stage.require_range()
+    stage.require_working()
     run_once(out, "flow", digest, lambda: _compute(stage, text, out))
 
 

@@ -10,17 +10,15 @@ import numpy as np
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Bool, Float
 
-from ..._errors import InputError, SimulationError
 from ..._types import Scalar, Values
 from ...turbine import States, first_guess
 from .._vanes import Crank, Vanes
 from ._base import AbstractVaneForce
-from ._stage import CRANK_RANGE, Stage, flow_at
+from ._stage import CRANK_RANGE, HIGHEST_PRESSURE, Stage, flow_at, no_steady_flow
 
 PRESSURES, ANGLES = 25, 25
-"""Knots of the table: linear between them, the force is within 0.03 N of 47."""
-HIGHEST_PRESSURE = 4.5e5
-"""Pa absolute, of the table; held beyond. It begins at the outlet's pressure, where there is no flow."""
+"""Knots of the table, from the outlet's pressure, where nothing flows: linear between them, the force is within 0.03 N
+of 47."""
 
 ForceTable = Float[Array, "quantity pressures angles"]
 """Rod force in N and mass flow in kg/s over total pressure and crank angle."""
@@ -139,34 +137,14 @@ def make_table(stage: Stage) -> ForceTable:
 @functools.lru_cache(maxsize=16)
 def _remembered(values: tuple[float, ...], dtype: str, shape: Any) -> ForceTable:
     stage: Stage = jax.tree.unflatten(shape, [jnp.asarray(value, dtype) for value in values])
-    _require_working(stage)
+    stage.require_working()
     table, found = solve_table(stage)
     if not np.all(found):
         row, column = np.argwhere(~np.asarray(found))[0]
         outlet = float(stage.outlet_pressure)
         pressure = outlet + (HIGHEST_PRESSURE - outlet) * row / (PRESSURES - 1)
-        raise not_found(pressure, np.linspace(*CRANK_RANGE, ANGLES)[column])
+        raise no_steady_flow(pressure, np.linspace(*CRANK_RANGE, ANGLES)[column])
     return table
-
-
-def _require_working(stage: Stage) -> None:
-    """**Raises:** `InputError` for a stage that the whole table can't be made of."""
-    outlet = float(stage.outlet_pressure)
-    if outlet >= HIGHEST_PRESSURE:
-        raise InputError(
-            f"vane_force.outlet_pressure must be below {HIGHEST_PRESSURE / 1e5:g} bar absolute, where the table ends, "
-            f"but it is {outlet / 1e5:g} bar; correct it",
-            "values",
-        )
-    stage.require_range()
-
-
-def not_found(total_pressure: float, crank_angle: float) -> SimulationError:
-    """The error of a point without a steady state; Pa absolute and deg."""
-    return SimulationError(
-        f"no steady flow through the nozzle was found at {total_pressure / 1e5:.4g} bar absolute and a crank angle of "
-        f"{crank_angle:.4g} deg; check the nozzle's geometry, or give it less swirl or speed there"
-    )
 
 
 def _interval(share: Values, knots: int) -> tuple[Array, Values]:

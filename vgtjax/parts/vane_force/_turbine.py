@@ -12,8 +12,8 @@ from ...turbine import Flow, Gas, Nozzle
 from .._tabulated import AbstractTabulated
 from .._vanes import Crank, Vanes
 from ._base import AbstractVaneForce
-from ._stage import CELLS, OUTLET_PRESSURE, SPEED_RATIO, TOTAL_TEMPERATURE, Linkage, Stage, flow_at
-from ._stage_table import ForceTable, StageTable, checked_table, current_table, make_table, not_found
+from ._stage import CELLS, OUTLET_PRESSURE, SPEED_RATIO, TOTAL_TEMPERATURE, Linkage, Stage, flow_at, no_steady_flow
+from ._stage_table import ForceTable, StageTable, checked_table, current_table, make_table
 
 
 class Turbine(AbstractVaneForce, AbstractTabulated):
@@ -107,7 +107,7 @@ class Turbine(AbstractVaneForce, AbstractTabulated):
         # Where nothing flows another state is solved for, whose force is not taken.
         flow, values, _ = flow_at(self.stage, jnp.where(flowing, pressure, 2 * self.outlet_pressure), angle)
         if not is_traced(flow.converged) and not bool(flow.converged):
-            raise not_found(float(pressure), float(angle))
+            raise no_steady_flow(float(pressure), float(angle))
         return jnp.where(flow.converged, jnp.where(flowing, values[0], 0.0), jnp.nan)
 
     def mass_flow(self, total_pressure: Values, crank_angle: Values) -> Values:
