@@ -68,7 +68,7 @@ def _say(found: NozzleMap, along: list[Along]) -> None:
     console.print(f"note: {ASSUMED}")
     for name, row in found.summary()["quantities"].items():
         least, most = (
-            f"{row[kind]['value']:.4g} {row['unit']} at {row[kind]['total_pressure'] / 1e5:.3g} bar and "
+            f"{row[kind]['value']:.5g} {row['unit']} at {row[kind]['total_pressure'] / 1e5:.3g} bar and "
             f"{row[kind]['crank_angle']:.3g} deg"
             for kind in ("least", "most")
         )

@@ -61,7 +61,7 @@ class StageTable(AbstractVaneForce):
         return self.read(self.flows, total_pressure, crank_angle)
 
     def __call__(self, vanes: Vanes, velocity: Values, state: None) -> tuple[Values, None]:
-        """Force in N, the same in both directions: gas passes in a tenth of the time that the rod needs."""
+        """Force in N, the same in both directions: it follows the pressure within a tenth of a millisecond."""
         pressure = self.ambient_pressure + vanes.turbine_pressure
         return self.read(self.forces, pressure, self.crank.angle(vanes.opening)), None
 

@@ -19,10 +19,10 @@ from ._stage_table import ForceTable, StageTable, checked_table, current_table, 
 class Turbine(AbstractVaneForce, AbstractTabulated):
     """Force of one-dimensional flow through the nozzle on its vanes, at the rod (3.21-3.72, corrected; section 3.5).
 
-    Made of steady solutions, when it is built, as a table over total pressure and crank angle; gas passes the nozzle in
-    0.3 ms, so that an unsteady flow differs by no more than 0.15 N. With other parameters from [`replace_parameters`][]
-    the table is made anew, also inside of `jit`, and derivatives with respect to all of them are exact. A simulation
-    with parameters that were put in by other means inside of `jit` fails rather than read a table of old ones.
+    Made of steady solutions, when it is built, as a table over total pressure and crank angle; the force of an unsteady
+    flow follows within 0.1 ms. With other parameters from [`replace_parameters`][] the table is made anew, also inside
+    of `jit`, and derivatives with respect to all of them are exact. A simulation with parameters that were put in by
+    other means inside of `jit` fails rather than read a table of old ones.
 
     No measured vane force validates it: sizes and the state of the gas are assumed.
 
@@ -90,7 +90,8 @@ class Turbine(AbstractVaneForce, AbstractTabulated):
     def with_table(self, table: ForceTable) -> StageTable:
         """See the base class."""
         around = self.total_temperature, self.ambient_pressure, self.outlet_pressure
-        return StageTable(*table, self.crank, *around)
+        forces, flows = table
+        return StageTable(forces, flows, self.crank, *around)
 
     def flow(self, total_pressure: Scalar, crank_angle: Scalar, cells: int = CELLS) -> Flow:
         """Steady flow through the nozzle at Pa absolute and deg; see `converged`."""
