@@ -10,6 +10,10 @@ from . import _kept
 _NATIVE_LOOPS = "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=1000000000"
 # Twice the lanes a vector instruction, where the processor has them: a tenth to a quarter of a batch's time.
 _WIDE_VECTORS = "--xla_cpu_prefer_vector_width=512"
+# A device waits for the others where lanes come together; on a busy machine one that makes a turbine's table takes
+# longer than the 40 s after which XLA ends the process.
+_PATIENT = "--xla_cpu_collective_call_terminate_timeout_seconds=3600"
+_SILENT = "--xla_cpu_collective_call_warn_stuck_timeout_seconds=3600"
 _FORCED = "--xla_force_host_platform_device_count"
 
 
@@ -39,7 +43,7 @@ def configure(*, x64: bool = True, cpu_devices: int | None = None, cache: str | 
     **Raises:** `RuntimeError` when JAX has already started.
     """
     flags = os.environ.get("XLA_FLAGS", "")
-    for flag in (_NATIVE_LOOPS, _WIDE_VECTORS):
+    for flag in (_NATIVE_LOOPS, _WIDE_VECTORS, _PATIENT, _SILENT):
         if flag.split("=")[0] not in flags:
             flags = f"{flags} {flag}".strip()
     os.environ["XLA_FLAGS"] = flags

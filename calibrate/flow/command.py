@@ -30,7 +30,7 @@ def run(study: pathlib.Path | None, out: pathlib.Path) -> None:
     the point at which no steady state is found.
     """
     stage, text, digest = _prepare(study)
-    stage.require_range()
+    stage.require_working()
     run_once(out, "flow", digest, lambda: _compute(stage, text, out))
 
 
@@ -68,7 +68,7 @@ def _say(found: NozzleMap, along: list[Along]) -> None:
     console.print(f"note: {ASSUMED}")
     for name, row in found.summary()["quantities"].items():
         least, most = (
-            f"{row[kind]['value']:.4g} {row['unit']} at {row[kind]['total_pressure'] / 1e5:.3g} bar and "
+            f"{row[kind]['value']:.5g} {row['unit']} at {row[kind]['total_pressure'] / 1e5:.3g} bar and "
             f"{row[kind]['crank_angle']:.3g} deg"
             for kind in ("least", "most")
         )

@@ -11,12 +11,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from vgtjax import SimulationError
-from vgtjax.parts import CRANK_RANGE, Stage
+from vgtjax.parts import CRANK_RANGE, HIGHEST_PRESSURE, Stage, no_steady_flow
 from vgtjax.turbine import Flow, Passage, first_guess, steady_near
 
-HIGHEST_PRESSURE = 4.5e5
-"""Pa absolute before the turbine."""
 PRESSURES, ANGLES = 10, 10
 QUANTITIES = {
     "mass_flow": "kg/s",
@@ -96,10 +93,7 @@ def solve_map(stage: Stage) -> NozzleMap:
     values, found = _solve(stage, jnp.asarray(pressures), jnp.asarray(angles))
     if not np.all(found):
         column, row = np.argwhere(~np.asarray(found))[0]
-        raise SimulationError(
-            f"no steady flow through the nozzle was found at {pressures[row] / 1e5:.4g} bar absolute and a crank angle "
-            f"of {angles[column]:.4g} deg; check the nozzle's geometry, or give it less swirl or speed there"
-        )
+        raise no_steady_flow(pressures[row], angles[column])
     tables = {name: np.asarray(values[number]).T for number, name in enumerate(QUANTITIES)}
     return NozzleMap(stage, pressures, angles, tables)
 

@@ -8,8 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from vgtjax import SimulationError
-from vgtjax.parts import Stage
+from vgtjax.parts import Stage, no_steady_flow
 from vgtjax.turbine import VANES, Flow, Passage
 
 from .nozzle_map import solve_point
@@ -83,10 +82,7 @@ def along_passage(stage: Stage) -> list[Along]:
     for angle in CRANK_ANGLES:
         passage, flow = solve_point(stage, jnp.asarray(PRESSURE), jnp.asarray(angle))
         if not bool(flow.converged):
-            raise SimulationError(
-                f"no steady flow through the nozzle was found at {PRESSURE / 1e5:g} bar absolute and a crank angle of "
-                f"{angle:g} deg; check the nozzle's geometry"
-            )
+            raise no_steady_flow(PRESSURE, angle)
         found.append(Along(stage, angle, passage, flow))
     return found
 

@@ -46,7 +46,11 @@ def render(found: NozzleMap, along: list[Along], pulse: Pulse, summary: dict[str
 
 def map_figure(found: NozzleMap) -> go.Figure:
     """Contours of what the map says over pressure ratio and crank angle."""
-    figure = make_subplots(2, 2, subplot_titles=[title for title, _ in TITLES.values()], vertical_spacing=0.13)
+    titles = [title for title, _ in TITLES.values()]
+    # Axes are named at the margins only: on a narrow screen names between pictures lie over their neighbours.
+    figure = make_subplots(
+        2, 2, subplot_titles=titles, vertical_spacing=0.1, shared_xaxes=True, shared_yaxes=True, horizontal_spacing=0.05
+    )
     for number, (name, (_, scale)) in enumerate(TITLES.items()):
         row, column = divmod(number, 2)
         contours = go.Contour(
@@ -60,9 +64,9 @@ def map_figure(found: NozzleMap) -> go.Figure:
             showscale=False,
         )
         figure.add_trace(contours, row=row + 1, col=column + 1)
-    figure.update_xaxes(title_text="pressure ratio")
-    figure.update_yaxes(title_text="crank angle, deg")
-    return styled(figure, 760, hovermode="closest")
+    figure.update_xaxes(title_text="pressure ratio", row=2)
+    figure.update_yaxes(title_text="crank angle, deg", col=1)
+    return styled(figure, 760, hovermode="closest", margin={"t": 80})
 
 
 def along_figure(along: list[Along]) -> go.Figure:
@@ -86,7 +90,7 @@ def along_figure(along: list[Along]) -> go.Figure:
 
 def vane_figure(along: list[Along]) -> go.Figure:
     """Where the vanes stand, and the pressure difference over one of them along its chord."""
-    figure = make_subplots(1, 2, subplot_titles=("vanes, mm", "pressure difference over a vane, mbar"))
+    figure = make_subplots(1, 2, subplot_titles=("vanes, mm", "load, mbar"))
     for each, color in zip(along, PALETTE, strict=False):
         name = f"crank at {each.crank_angle:g} deg"
         for x, y in _vanes(each):

@@ -17,7 +17,7 @@ from .._kept import keep_compiled
 from .._lanes import replicate, spread
 from .._types import Scalar
 from ..parameters import Selection, select
-from ..parts import tables_of, tabulated, with_tables
+from ..parts import has_tables, tables_of, with_tables
 from ..plants import AbstractModel, State
 from ..simulation import FixedStep, march
 from ..traces import Drive, Trace
@@ -27,6 +27,10 @@ from ._bundle import CHANNELS, SEGMENT, Bundle, bundle_traces
 Lanes = Float[Array, "lanes sample channel"]
 TraceJacobian = Float[np.ndarray, "time 2 parameters"] | dict[str, Float[np.ndarray, "samples parameters"]]
 LaneJacobian = Float[Array, "lanes sample channel parameters"]
+Inputs = tuple[Drive, Array | None]
+Choose = Callable[[Any], AbstractModel]
+Pushed = tuple[Any, Any]
+"""Values, and tangents of them with a leading axis of parameters."""
 
 
 def jacobian(
@@ -94,7 +98,6 @@ def observe(model: AbstractModel, bundle: Bundle, delay: Scalar | None = None) -
     return replicate(_nominal(model, bundle)[1])
 
 
-@keep_compiled
 def observe_with_jacobian(
     model: AbstractModel, selection: Selection, bundle: Bundle, delay: Scalar | None = None
 ) -> tuple[Lanes, LaneJacobian]:
@@ -102,7 +105,22 @@ def observe_with_jacobian(
 
     With a `delay` in s of the duty, the derivative with respect to it comes last.
     """
-    return _linearise(model, selection, bundle, delay, spread)
+    # Tables are made before, in a program without lanes: where lanes are spread, devices would wait for each other at
+    # every step on the way to a table.
+    values = replicate(_values_of(model, selection)) if has_tables(model) else None
+    return _spread_jacobian(model, selection, bundle, delay, values)
+
+
+@keep_compiled
+def _values_of(model: AbstractModel, selection: Selection) -> Pushed:
+    return _push_values(model, selection)
+
+
+@keep_compiled
+def _spread_jacobian(
+    model: AbstractModel, selection: Selection, bundle: Bundle, delay: Scalar | None, values: Pushed | None
+) -> tuple[Lanes, LaneJacobian]:
+    return _linearise(model, selection, bundle, delay, spread, values)
 
 
 @keep_compiled
@@ -142,20 +160,37 @@ def _linearise(
     bundle: Bundle,
     delay: Scalar | None,
     place: Callable[[Any], Any],
+    values: Pushed | None = None,
 ) -> tuple[Lanes, LaneJacobian]:
-    """What is observed and its derivatives; `place` says on which devices the lanes are."""
+    """What is observed and its derivatives; `place` says on which devices the lanes are, `values` are those that
+    `_push_values` gives."""
     slope = None
     if delay is not None:
         bundle, slope = bundle.with_late_duty(delay)
     first, observed = _nominal(model, bundle)
     first, inputs = place((first, (bundle.lane_drive, slope)))
-    ends, by_start, by_parameter = _push_lanes(model, selection, first, inputs, bundle)
-    at_start = _chain(model, selection, bundle, ends)
+    # Tables are made once, not at every step.
+    values = _push_values(model, selection) if values is None else values
+
+    def choose(values: Any) -> AbstractModel:
+        theta, tables = values
+        return with_tables(selection.unpack(model, theta), tables)
+
+    ends, by_start, by_parameter = _push_lanes(choose, values, first, inputs, bundle)
+    at_start = _chain(choose, values, bundle, ends)
     # A sum of products over seven states, lanes innermost: one fused loop, where a dot would transpose everything.
     total = by_parameter
     for state in range(at_start.shape[1]):
         total = total + by_start[:, state, None] * at_start[:, state].T[None, :, None]
     return observed, jnp.transpose(total, (3, 0, 2, 1))
+
+
+def _push_values(model: AbstractModel, selection: Selection) -> Pushed:
+    """The parameters and the model's tables, and a tangent of both for each parameter."""
+    theta = selection.pack(model)
+    return _push_all(
+        lambda theta: (theta, tables_of(selection.unpack(model, theta))), theta, jnp.eye(len(theta), dtype=theta.dtype)
+    )
 
 
 def _nominal(model: AbstractModel, bundle: Bundle) -> tuple[State, Lanes]:
@@ -172,32 +207,26 @@ def _nominal(model: AbstractModel, bundle: Bundle) -> tuple[State, Lanes]:
 
 
 def _push_lanes(
-    model: AbstractModel, selection: Selection, first: State, inputs: tuple[Drive, Array | None], bundle: Bundle
+    choose: Choose, values_and_tangents: Pushed, first: State, inputs: Inputs, bundle: Bundle
 ) -> tuple[Array, Array, Array]:
     """Tangents through every lane for its start states and for the parameters.
 
-    `inputs` are those of every lane, and the slope of its duty by the delay, if that is one of the parameters.
+    `choose` makes the model of values, which come with a tangent for each parameter; `inputs` are those of every lane,
+    and the slope of its duty by the delay, if that is one of the parameters.
 
     **Returns:** tangents of the end states `(lanes, states, tangents)`, and those of what is observed, split into
     `(sample, states, channel, lanes)` and `(sample, parameters, channel, lanes)`.
     """
-    theta = selection.pack(model)
+    values, by_parameter = values_and_tangents
     leaves, shape = jax.tree.flatten(first)
     states, lanes = len(leaves), leaves[0].shape[0]
     late = inputs[1] is not None
-    identity = jnp.eye(states + len(theta) + late, dtype=theta.dtype)
+    identity = jnp.eye(states + len(jax.tree.leaves(by_parameter)[0]) + late, dtype=leaves[0].dtype)
     state_tangents = [jnp.broadcast_to(identity[i, :, None], (len(identity), lanes)) for i in range(states)]
-    # Tables are made once, not at every step.
-    values, values_tangents = _push_all(
-        lambda theta: (theta, tables_of(selection.unpack(model, theta))),
-        theta,
-        identity[:, states : states + len(theta)],
+    values_tangents = jax.tree.map(
+        lambda leaf: jnp.pad(leaf, [(states, int(late)), *[(0, 0)] * (leaf.ndim - 1)]), by_parameter
     )
     delay_tangents = identity[:, -1] if late else None
-
-    def choose(values):
-        theta, tables = values
-        return with_tables(selection.unpack(model, theta), tables)
 
     def interval(carry, inputs):
         state, tangents = carry
@@ -232,23 +261,26 @@ def _push_lanes(
     return end_tangents, observed[:, :states], observed[:, states:]
 
 
-def _push_all(function: Callable[[Any], Any], at: Any, tangents: Any) -> tuple[Any, Any]:
+def _push_all(function: Callable[[Any], Any], at: Any, tangents: Any) -> Pushed:
     """A function's value, and where it moves along every tangent."""
     return jax.vmap(lambda along: jax.jvp(function, (at,), (along,)), out_axes=(None, 0))(tangents)
 
 
 def _chain(
-    model: AbstractModel, selection: Selection, bundle: Bundle, tangents: Array
+    choose: Choose, values_and_tangents: Pushed, bundle: Bundle, tangents: Array
 ) -> Float[Array, "lanes states parameters"]:
-    """Derivatives of every lane's start state with respect to the parameters: segments chained along each trace."""
+    """Derivatives of every lane's start state with respect to the parameters: segments chained along each trace.
+
+    **Arguments:** as of `_push_lanes`, and the tangents of the end states that come out of it.
+    """
     traces = bundle.start.at_rest.shape[0]
     segments = jax.tree.leaves(bundle.drive)[0].shape[0] // SEGMENT
     table = jnp.zeros((segments, traces, *tangents.shape[1:]), tangents.dtype)
     table = table.at[bundle.lane_segment, bundle.lane_trace].set(tangents)
     states = tangents.shape[1]
 
-    def start_states(theta):
-        chosen = tabulated(selection.unpack(model, theta))
+    def start_states(values):
+        chosen = choose(values)
         begin = jax.tree.map(lambda leaf: leaf[0], bundle.drive)
         return jnp.stack(jax.tree.leaves(jax.vmap(chosen.start)(bundle.start, begin)), axis=1)
 
@@ -256,7 +288,7 @@ def _chain(
         following = transition[..., :states] @ sensitivity + transition[..., states:]
         return following, sensitivity
 
-    initial = jax.jacfwd(start_states)(selection.pack(model))
+    initial = jnp.moveaxis(_push_all(start_states, *values_and_tangents)[1], 0, -1)
     # The duty before the first sample is that of the first, so a delay does not move the start.
     initial = jnp.pad(initial, [(0, 0), (0, 0), (0, tangents.shape[-1] - states - initial.shape[-1])])
     return jax.lax.scan(segment, initial, table)[1][bundle.lane_segment, bundle.lane_trace]

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from .._errors import SimulationError
-from ..estimation import Calibration, Linearised, Steps, run_alone
+from ..estimation import VERDICTS, Calibration, Linearised, Steps, find_remains, run_alone
 from ..parameters import get_parameter, parameter_table
 from ._ranking import Outcome, Ranking, own_criterion, rank, unusable
 
@@ -125,11 +125,18 @@ class _Search:
         self._fits[key] = found
 
     def _values(self, structure: Structure) -> Values:
+        """Where another structure begins: at the end of this one's fit, unless that is nowhere near the traces. Its
+        values have gone to make up for what it lacks, and the right structure would not find back from there."""
         found = self._fits[_key(structure)]
-        if not isinstance(found, Linearised):
+        if not isinstance(found, Linearised) or _misses(found.calibration):
             return {}
         model = found.calibration.model
         return {name: np.asarray(get_parameter(model, name)).tolist() for name in parameter_table(model)}
+
+
+def _misses(calibration: Calibration) -> bool:
+    """Whether what remains is larger than the noise that the signals show."""
+    return any(each.over == "size" and each.verdict == VERDICTS[-1] for each in find_remains(calibration))
 
 
 def _of_two(first: Outcome, second: Outcome) -> Outcome:

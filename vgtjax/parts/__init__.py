@@ -23,6 +23,7 @@ from ._gas_table import AbstractGasTables as AbstractGasTables, bilinear as bili
 from ._stateless import Stateless as Stateless
 from ._tabulated import (
     AbstractTabulated as AbstractTabulated,
+    has_tables as has_tables,
     tables_of as tables_of,
     tabulated as tabulated,
     with_tables as with_tables,

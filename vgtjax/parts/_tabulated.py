@@ -22,6 +22,11 @@ class AbstractTabulated(AbstractDerived):
         """What is read off a table in the part's place."""
 
 
+def has_tables(model: Any) -> bool:
+    """Whether a model has such parts."""
+    return any(_is_tabulated(part) for part in jax.tree.leaves(model, is_leaf=_is_tabulated))
+
+
 def tables_of(model: Any) -> tuple[Array, ...]:
     """The tables of all such parts of a model; none of most models."""
     return tuple(part.table() for part in jax.tree.leaves(model, is_leaf=_is_tabulated) if _is_tabulated(part))

@@ -1,8 +1,9 @@
 """The exhaust gas: calorically perfect."""
 
 import jax.numpy as jnp
+import numpy as np
 
-from .._errors import require_positive
+from .._errors import InputError, is_traced, require_positive
 from .._types import Scalar, Values
 from ..parameters import Part, parameter
 
@@ -19,10 +20,17 @@ class Gas(Part):
     """Specific gas constant; the print calls it the universal one (erratum E6)."""
 
     def __check_init__(self) -> None:
+        self.require_working()
+
+    def require_working(self) -> None:
+        """**Raises:** `InputError` as above, for values that were put in later as well."""
         require_positive(
             "gas.constant", self.constant, "specific gas constant in J/(kg K)", "287 is that of exhaust gas"
         )
-        require_positive("gas.gamma - 1", self.gamma - 1, "number", "the ratio of heat capacities of a gas is above 1")
+        if not is_traced(self.gamma) and not np.all((np.asarray(self.gamma) > 1) & np.isfinite(self.gamma)):
+            raise InputError(
+                f"gas.gamma must be a ratio of heat capacities above 1, but it is {self.gamma}; correct it"
+            )
 
     @property
     def heat_capacity(self) -> Values:

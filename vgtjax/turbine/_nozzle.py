@@ -5,7 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .._errors import InputError, is_traced
+from .._errors import InputError, is_traced, require_positive
 from .._types import Scalar, Values
 from ..parameters import Part, nested, parameter
 from ._gas import Gas
@@ -20,6 +20,17 @@ VANES = 1
 """Number of the row of vanes."""
 WHEEL = 2
 """Number of the wheel's row."""
+SIZES = (
+    "pivot_radius",
+    "lead",
+    "trail",
+    "height",
+    "volute_radius",
+    "volute_ratio",
+    "loading_length",
+    "turning_share",
+)
+"""What must not be zero; vanes may be as thin as one likes."""
 LEAST_COSINE, MOST_COSINE = 1e-3, 0.999
 """Of the flow angle behind the vanes, whatever geometry a fit tries."""
 
@@ -61,12 +72,15 @@ class Nozzle(Part):
     losses: Losses = nested(default_factory=Losses)
 
     def __check_init__(self) -> None:
+        self.require_working()
+
+    def require_working(self) -> None:
+        """**Raises:** `InputError` as above, for values that were put in later as well."""
         if self.vanes < 3:
             raise InputError(f"nozzle.vanes must be at least 3, but it is {self.vanes}; give the number of vanes")
-        for name in ("pivot_radius", "lead", "trail", "height", "volute_radius", "volute_ratio"):
-            value = getattr(self, name)
-            if not is_traced(value) and np.any(np.asarray(value) == 0):
-                raise InputError(f"nozzle.{name} must be above zero, but it is 0; give its size in m")
+        for name in SIZES:
+            require_positive(f"nozzle.{name}", getattr(self, name), "size", "a nozzle without it lets no gas through")
+        self.rotor.require_working()
 
     @property
     def pitch(self) -> float:
@@ -107,8 +121,8 @@ class Nozzle(Part):
         return Inlet(total_pressure, total_temperature, 2 * jnp.pi * self.height / self.volute_ratio)
 
     def require_range(self, vane_angle: Values) -> None:
-        """**Raises:** `InputError` where vanes at an angle in rad close their throat, touch volute or wheel, or turn
-        the gas by more than their loss is known for."""
+        """**Raises:** `InputError` where vanes at an angle in rad stand across or beyond the tangent, close their
+        throat, touch volute or wheel, or turn the gas by more than their loss is known for."""
         if is_traced(self, vane_angle):
             return
         # A nozzle that is a constant of a function that is traced has values to look at all the same.
@@ -120,6 +134,7 @@ class Nozzle(Part):
         angle = float(vane_angle)
         said = f"vanes at {np.degrees(angle):.3g} deg"
         rules = {
+            "must stand between 0 and 90 deg from the tangent; open them by another angle": 0 < angle < np.pi / 2,
             f"have no throat, {float(self.throat(angle)) * 1e3:.3g} mm; make them thinner or shorter, or open them": (
                 self.throat(angle) > 0
             ),

@@ -1,13 +1,18 @@
 """The turbine's wheel."""
 
 import jax.numpy as jnp
+import numpy as np
 
+from .._errors import InputError, is_traced, require_positive
 from .._types import Scalar, Values
 from ..parameters import Part, parameter
 
 
 class Rotor(Part):
-    """A radial wheel: gas enters inwards and leaves along the axis. No source gives its sizes: all are assumed."""
+    """A radial wheel: gas enters inwards and leaves along the axis. No source gives its sizes: all are assumed.
+
+    **Raises:** `InputError` for sizes that are not positive, or an angle that is not below 90 deg.
+    """
 
     place = "rotor"
     inlet_radius: Scalar = parameter(19e-3, symbol="r_3", unit="m", source="assumed", held=True)
@@ -22,6 +27,19 @@ class Rotor(Part):
     """Of the duct behind the wheel."""
     loading_length: Scalar = parameter(0.12, symbol="l_3", unit="-", source="assumed", held=True)
     """Share of the path over which gas takes the blades' angle."""
+
+    def __check_init__(self) -> None:
+        self.require_working()
+
+    def require_working(self) -> None:
+        """**Raises:** `InputError` as above, for values that were put in later as well."""
+        for name in ("inlet_radius", "outlet_radius", "path", "outlet_area", "tail", "loading_length"):
+            require_positive(f"rotor.{name}", getattr(self, name), "size", "a wheel without it lets no gas through")
+        if not is_traced(self.outlet_angle) and not np.all(np.abs(self.outlet_angle) < 90.0):
+            raise InputError(
+                f"rotor.outlet_angle must be between -90 and 90 deg, but it is {self.outlet_angle}; count it from the "
+                "meridional direction"
+            )
 
     def radius(self, share: Values) -> Values:
         """In m, after a share of the path."""

@@ -10,7 +10,13 @@ from ._polynomial import (
     polynomial_terms as polynomial_terms,
 )
 from ._speed_map import SpeedMap as SpeedMap
-from ._stage import CRANK_RANGE as CRANK_RANGE, Linkage as Linkage, Stage as Stage
-from ._stage_table import StageTable as StageTable
+from ._stage import (
+    CRANK_RANGE as CRANK_RANGE,
+    HIGHEST_PRESSURE as HIGHEST_PRESSURE,
+    Linkage as Linkage,
+    Stage as Stage,
+    no_steady_flow as no_steady_flow,
+)
+from ._stage_table import StageTable as StageTable, solve_table as solve_table
 from ._tables import AbstractVaneMap as AbstractVaneMap
 from ._turbine import Turbine as Turbine

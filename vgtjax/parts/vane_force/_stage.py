@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..._errors import InputError, SimulationError, require_positive
 from ..._types import Scalar, Values
 from ...parameters import Part, as_float_array, parameter
 from ...turbine import Flow, Gas, Inlet, Nozzle, Passage, States, steady_near
@@ -12,8 +13,8 @@ from .._vanes import Crank
 
 CELLS = 224
 """Of a passage: the moment on a vane needs 64 in its row."""
-CRANK_RANGE = (4.0, 37.0)
-"""Degrees of the crank in which forces are known; those at its ends are held beyond."""
+CRANK_RANGE, HIGHEST_PRESSURE = (4.0, 37.0), 4.5e5
+"""Degrees of the crank in which forces are known, and Pa absolute up to which; those at the ends are held beyond."""
 TOTAL_TEMPERATURE, OUTLET_PRESSURE, SPEED_RATIO = 900.0, 1.05e5, 0.6
 """K before the turbine, Pa absolute behind it, speed of the wheel's blades over the spouting velocity: all assumed."""
 
@@ -51,8 +52,18 @@ class Stage(eqx.Module):
         """Of the vanes from the tangent, in rad, at a crank angle in deg."""
         return self.linkage.vane_angle(crank_angle)
 
-    def require_range(self) -> None:
-        """**Raises:** `InputError` for a geometry that does not work at some angle of the crank."""
+    def require_working(self) -> None:
+        """**Raises:** `InputError` for a gas, a state or a geometry that does not work at some angle of the crank."""
+        self.gas.require_working()
+        self.nozzle.require_working()
+        require_positive("vane_force.total_temperature", self.total_temperature, "temperature in K", "correct it")
+        require_positive("vane_force.outlet_pressure", self.outlet_pressure, "pressure in Pa absolute", "correct it")
+        if float(self.outlet_pressure) >= HIGHEST_PRESSURE:
+            raise InputError(
+                f"vane_force.outlet_pressure must be below {HIGHEST_PRESSURE / 1e5:g} bar absolute, where the table "
+                f"ends, but it is {float(self.outlet_pressure) / 1e5:g} bar; correct it",
+                "values",
+            )
         for crank_angle in np.linspace(*CRANK_RANGE, 25):
             self.nozzle.require_range(self.vane_angle(crank_angle))
 
@@ -88,3 +99,11 @@ def flow_at(
     flow, states = steady_near(passage, inlet, stage.outlet_pressure, stage.gas, near)
     moment, _ = stage.nozzle.vane_moment(passage, flow)
     return flow, jnp.stack([stage.force(moment), flow.mass_flow]), states
+
+
+def no_steady_flow(total_pressure: float, crank_angle: float) -> SimulationError:
+    """The error of a point without a steady state; Pa absolute and deg."""
+    return SimulationError(
+        f"no steady flow through the nozzle was found at {total_pressure / 1e5:.4g} bar absolute and a crank angle of "
+        f"{crank_angle:.4g} deg; check the nozzle's geometry, or give it less swirl or speed there"
+    )

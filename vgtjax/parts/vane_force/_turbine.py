@@ -12,17 +12,17 @@ from ...turbine import Flow, Gas, Nozzle
 from .._tabulated import AbstractTabulated
 from .._vanes import Crank, Vanes
 from ._base import AbstractVaneForce
-from ._stage import CELLS, OUTLET_PRESSURE, SPEED_RATIO, TOTAL_TEMPERATURE, Linkage, Stage, flow_at
-from ._stage_table import ForceTable, StageTable, checked_table, current_table, make_table, not_found
+from ._stage import CELLS, OUTLET_PRESSURE, SPEED_RATIO, TOTAL_TEMPERATURE, Linkage, Stage, flow_at, no_steady_flow
+from ._stage_table import ForceTable, StageTable, checked_table, current_table, make_table
 
 
 class Turbine(AbstractVaneForce, AbstractTabulated):
     """Force of one-dimensional flow through the nozzle on its vanes, at the rod (3.21-3.72, corrected; section 3.5).
 
-    Made of steady solutions, when it is built, as a table over total pressure and crank angle; gas passes the nozzle in
-    0.3 ms, so that an unsteady flow differs by no more than 0.15 N. With other parameters from [`replace_parameters`][]
-    the table is made anew, also inside of `jit`, and derivatives with respect to all of them are exact. A simulation
-    with parameters that were put in by other means inside of `jit` fails rather than read a table of old ones.
+    Made of steady solutions, when it is built, as a table over total pressure and crank angle; the force of an unsteady
+    flow follows within 0.1 ms. With other parameters from [`replace_parameters`][] the table is made anew, also inside
+    of `jit`, and derivatives with respect to all of them are exact. A simulation with parameters that were put in by
+    other means inside of `jit` fails rather than read a table of old ones.
 
     No measured vane force validates it: sizes and the state of the gas are assumed.
 
@@ -89,8 +89,8 @@ class Turbine(AbstractVaneForce, AbstractTabulated):
 
     def with_table(self, table: ForceTable) -> StageTable:
         """See the base class."""
-        forces, flows = (tuple(rows) for rows in table)
         around = self.total_temperature, self.ambient_pressure, self.outlet_pressure
+        forces, flows = table
         return StageTable(forces, flows, self.crank, *around)
 
     def flow(self, total_pressure: Scalar, crank_angle: Scalar, cells: int = CELLS) -> Flow:
@@ -108,7 +108,7 @@ class Turbine(AbstractVaneForce, AbstractTabulated):
         # Where nothing flows another state is solved for, whose force is not taken.
         flow, values, _ = flow_at(self.stage, jnp.where(flowing, pressure, 2 * self.outlet_pressure), angle)
         if not is_traced(flow.converged) and not bool(flow.converged):
-            raise not_found(float(pressure), float(angle))
+            raise no_steady_flow(float(pressure), float(angle))
         return jnp.where(flow.converged, jnp.where(flowing, values[0], 0.0), jnp.nan)
 
     def mass_flow(self, total_pressure: Values, crank_angle: Values) -> Values:
