@@ -81,7 +81,7 @@ def along_passage(stage: Stage) -> list[Along]:
     """
     found = []
     for angle in CRANK_ANGLES:
-        passage, flow = solve_point(stage, jnp.asarray(PRESSURE), jnp.asarray(angle))
+        passage, flow, _ = solve_point(stage, jnp.asarray(PRESSURE), jnp.asarray(angle))
         if not bool(flow.converged):
             raise SimulationError(
                 f"no steady flow through the nozzle was found at {PRESSURE / 1e5:g} bar absolute and a crank angle of "
