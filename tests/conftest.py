@@ -20,7 +20,7 @@ with install_import_hook("vgtjax", "typechecker.checked"):
 
 # Steps are compiled one by one, not two side by side: a third of the time for a march and its derivatives, and the same
 # arithmetic but for rounding. What is measured of speed is not measured here.
-vgtjax.simulation._stepping.UNROLL = vgtjax.control._loop.UNROLL = 1
+vgtjax.simulation._stepping.UNROLL = 1
 
 # MLIR's code of fused loops takes half of the compilation of gas flow, which LLVM's has no need of.
 os.environ["XLA_FLAGS"] = f"--xla_cpu_use_fusion_emitters=false {os.environ.get('XLA_FLAGS', '')}".strip()

@@ -6,13 +6,12 @@ import io
 from typing import Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from vgtjax.parts import CRANK_RANGE, HIGHEST_PRESSURE, Stage, no_steady_flow
-from vgtjax.turbine import Flow, Passage, first_guess, steady_near
+from vgtjax.turbine import Flow, Inlet, Passage, States, steady_near
 
 PRESSURES, ANGLES = 10, 10
 QUANTITIES = {
@@ -92,31 +91,43 @@ def solve_map(stage: Stage) -> NozzleMap:
     angles = np.linspace(*CRANK_RANGE, ANGLES)
     values, found = _solve(stage, jnp.asarray(pressures), jnp.asarray(angles))
     if not np.all(found):
-        column, row = np.argwhere(~np.asarray(found))[0]
+        column, row = np.argwhere(~found)[0]
         raise no_steady_flow(pressures[row], angles[column])
-    tables = {name: np.asarray(values[number]).T for number, name in enumerate(QUANTITIES)}
+    tables = {name: table.T for name, table in zip(QUANTITIES, values, strict=True)}
     return NozzleMap(stage, pressures, angles, tables)
 
 
-@eqx.filter_jit
-def solve_point(stage: Stage, total_pressure: Array, crank_angle: Array) -> tuple[Passage, Flow]:
-    """Steady flow at Pa absolute and deg, and what it flows through."""
-    passage, inlet = stage.passage(total_pressure, crank_angle)
-    return passage, steady_near(passage, inlet, stage.outlet_pressure, stage.gas)[0]
+def solve_point(
+    stage: Stage, total_pressure: Array, crank_angle: Array, near: States | None = None
+) -> tuple[Passage, Flow, States]:
+    """Steady flow at Pa absolute and deg, what it flows through, and states to search its neighbour from."""
+    passage, inlet = _passage(stage, total_pressure, crank_angle)
+    return passage, *steady_near(passage, inlet, stage.outlet_pressure, stage.gas, near)
 
 
-@eqx.filter_jit
-def _solve(stage: Stage, pressures: Array, angles: Array) -> tuple[tuple[Array, ...], Array]:
+def _solve(
+    stage: Stage, pressures: Array, angles: Array
+) -> tuple[list[Float[np.ndarray, "angles pressures"]], Bool[np.ndarray, "angles pressures"]]:
     """Quantities and whether they were found, angle by angle, each point searched from the one below it."""
+    values, found = [], []
+    for angle in angles:
+        near = None
+        for pressure in pressures:
+            passage, flow, states = solve_point(stage, pressure, angle, near)
+            values.append(_quantities(stage, passage, flow))
+            found.append(bool(flow.converged))
+            near = states if found[-1] else near
+    shape = len(angles), len(pressures)
+    return [np.reshape(each, shape) for each in zip(*values, strict=True)], np.reshape(found, shape)
 
-    def column(angle: Array) -> Any:
-        def rising(near: Array, pressure: Array) -> Any:
-            passage, inlet = stage.passage(pressure, angle)
-            flow, states = steady_near(passage, inlet, stage.outlet_pressure, stage.gas, near)
-            moment, normal = stage.nozzle.vane_moment(passage, flow)
-            values = flow.mass_flow, flow.power, moment, normal, stage.force(moment)
-            return jnp.where(flow.converged, states, near), (values, flow.converged)
 
-        return jax.lax.scan(rising, first_guess(*stage.passage(pressures[0], angle), stage.gas), pressures)[1]
+@eqx.filter_jit
+def _passage(stage: Stage, total_pressure: Array, crank_angle: Array) -> tuple[Passage, Inlet]:
+    return stage.passage(total_pressure, crank_angle)
 
-    return jax.lax.map(column, angles)
+
+@eqx.filter_jit
+def _quantities(stage: Stage, passage: Passage, flow: Flow) -> tuple[Array, ...]:
+    """In the order of [`QUANTITIES`][]."""
+    moment, normal = stage.nozzle.vane_moment(passage, flow)
+    return flow.mass_flow, flow.power, moment, normal, stage.force(moment)

@@ -80,7 +80,7 @@ def along_passage(stage: Stage) -> list[Along]:
     """
     found = []
     for angle in CRANK_ANGLES:
-        passage, flow = solve_point(stage, jnp.asarray(PRESSURE), jnp.asarray(angle))
+        passage, flow, _ = solve_point(stage, jnp.asarray(PRESSURE), jnp.asarray(angle))
         if not bool(flow.converged):
             raise no_steady_flow(PRESSURE, angle)
         found.append(Along(stage, angle, passage, flow))

@@ -19,6 +19,7 @@ from vgtjax.sensitivity import (
     step_response,
 )
 
+from . import experiments
 from .rows import Between, Found, Kind, Near, Rising, Row
 
 PARAMETERS = {"area": "A_d", "mass": "m_d", "stiffness": "k_sm", "damping": "b_d"}
@@ -36,6 +37,10 @@ SETTLED = 1.0
 MIDDLE = 5e-3
 """m; where the preload is weighed against the spring."""
 
+BEFORE = 0.01
+"""s that are simulated before a step."""
+
+Along = Float[np.ndarray, " time"]
 Response = Callable[[vgtjax.Diaphragm, float, Array], Array]
 
 
@@ -51,6 +56,17 @@ def printed_response(part: vgtjax.Diaphragm, pressure: float, time: Array) -> Ar
     root = jnp.sqrt(ratio**2 - 1)
     modes = [jnp.exp(-frequency * rate * time) / rate for rate in (ratio - root, ratio + root)]
     return pressure * part.area / part.stiffness * (1 + sum(modes) / (2 * root))
+
+
+def simulated_response(pressure: float) -> tuple[Along, Along]:
+    """Time in s after a step of pressure in Pa and position in m, of the mechanical model with its dry friction.
+
+    Before the step the pressure balances the preload.
+    """
+    time, part = np.arange(0, 0.11, 1e-4), diaphragm()
+    applied = float(part.preload / part.area) + np.where(time < BEFORE, 0.0, pressure)
+    trace = vgtjax.Trace(time=time, p_act=experiments.STANDARD_ATMOSPHERE - applied, x_d=np.zeros_like(time))
+    return time - BEFORE, np.asarray(vgtjax.simulate(experiments.mechanical(), trace).x_d)
 
 
 def shares(response: Response, time: Float[np.ndarray, " time"]) -> Float[np.ndarray, "time 4"]:

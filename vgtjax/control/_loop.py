@@ -16,7 +16,6 @@ from ..parts import tabulated
 from ..plants import AbstractModel, State
 from ..simulation import (
     RESULTS,
-    UNROLL,
     FixedMarch,
     FixedStep,
     Solution,
@@ -178,7 +177,7 @@ def _close_loop(
         memory, command, log = controller.update(memory, measured, reference, period)
         paths, duty = disturbed.arriving(paths, saturate(command), period)
         here = disturbed.altered(plant, time)
-        onward, found = plan.advance(here, state, dataclasses.replace(felt, pwm=duty), unroll=UNROLL)
+        onward, found = plan.advance(here, state, dataclasses.replace(felt, pwm=duty))
         return (onward, memory, (faults, paths), solved & found), _Sample(state, measured, command, duty, log)
 
     begin, first, acting, _, deviates = jax.tree.map(lambda leaf: leaf[0], inputs)

@@ -4,7 +4,6 @@ from ._heun import StabilisedHeun as StabilisedHeun
 from ._results import RESULTS as RESULTS, check_result as check_result, choose as choose, judge as judge
 from ._simulate import Solution as Solution, march as march, model_dtype as model_dtype, simulate as simulate
 from ._stepping import (
-    UNROLL as UNROLL,
     AbstractMarch as AbstractMarch,
     AbstractStepping as AbstractStepping,
     AdaptiveStep as AdaptiveStep,

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -13,7 +14,7 @@ from ._balance import Ends, balance_of
 from ._gas import Gas
 from ._passage import Inlet, Passage
 from ._riemann import States, pack
-from ._steady import Flow, flow_of
+from ._steady import Flow, as_plain_arrays, flow_of
 from ._steppers import AbstractStepper, Explicit, Implicit
 
 State = tuple[Values, Values, Values, Values]
@@ -48,13 +49,19 @@ def march(
     **Raises:** `InputError` for times that don't increase, or a state that is not one value a cell.
     """
     state, times = _checked(passage, state, times)
-    density, velocity, swirling, pressure = state
-    start = pack(density, velocity, swirling * passage.centre_radius, pressure)
     ends = _over(times, Ends(None, None) if inlet is None else Ends(inlet, outlet_pressure))
-    first = jax.tree.map(lambda leaf: leaf[0], ends)
-    balance = balance_of(passage, first, gas, *_usual(first, gas, density, pressure))
     if stepper is None:
         stepper = Explicit() if inlet is None else Implicit()
+    return _march(*as_plain_arrays((passage, ends, state, times, gas, stepper)))
+
+
+@eqx.filter_jit
+def _march(passage: Passage, ends: Ends, state: State, times: Values, gas: Gas, stepper: AbstractStepper) -> Flow:
+    """One program for all passages of as many cells and as many times."""
+    density, velocity, swirling, pressure = state
+    start = pack(density, velocity, swirling * passage.centre_radius, pressure)
+    first = jax.tree.map(lambda leaf: leaf[0], ends)
+    balance = balance_of(passage, first, gas, *_usual(first, gas, density, pressure))
 
     def onward(carry: tuple[States, Array], interval: Any) -> tuple[Any, Any]:
         (states, fine), (begin, end, duration) = carry, interval

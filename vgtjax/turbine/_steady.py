@@ -59,10 +59,24 @@ def steady_near(
     passage: Passage, inlet: Inlet, outlet_pressure: Scalar, gas: Gas, near: States | None = None
 ) -> tuple[Flow, States]:
     """`steady`, searched from the states of a flow nearby, and the states that it ends at, without derivatives."""
-    problem = _Steady(passage, inlet, outlet_pressure, gas)
+    passage, inlet, outlet_pressure, gas = as_plain_arrays((passage, inlet, outlet_pressure, gas))
     start = first_guess(passage, inlet, gas) if near is None else near
+    return _steady_from(start, passage, inlet, outlet_pressure, gas)
+
+
+@eqx.filter_jit
+def _steady_from(
+    start: States, passage: Passage, inlet: Inlet, outlet_pressure: Scalar, gas: Gas
+) -> tuple[Flow, States]:
+    """One program for all passages of as many cells."""
+    problem = _Steady(passage, inlet, outlet_pressure, gas)
     states, converged = solve(problem, start, FIRST_CFL, CAREFUL_CFL)
     return flow_of(problem.balance, states, converged), jax.lax.stop_gradient(states)
+
+
+def as_plain_arrays(tree: Any) -> Any:
+    """The same with arrays for numbers; those of Python, and JAX's of weak type, would make programs of their own."""
+    return jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.result_type(leaf)), tree)
 
 
 class _Steady(AbstractProblem):
@@ -118,6 +132,7 @@ def flow_of(balance: Balance, states: States, converged: Bool[Array, "..."]) -> 
     )
 
 
+@eqx.filter_jit
 def first_guess(passage: Passage, inlet: Inlet, gas: Gas) -> States:
     """A small flow that follows the blades, marched through the passage without loss."""
     radius = passage.centre_radius

@@ -69,7 +69,7 @@ def end_after_two_steps(send):
 ENDED = """
 import os, signal, sys
 import platformdirs, vgtjax
-vgtjax.simulation._stepping.UNROLL = vgtjax.control._loop.UNROLL = 1  # as in the process of the tests, to the bit
+vgtjax.simulation._stepping.UNROLL = 1  # as in the process of the tests, to the bit
 vgtjax.configure(cpu_devices=2, cache=platformdirs.user_cache_path("vgtjax") / "tests")
 import calibrate.resumable
 from commands import run_command
