@@ -30,13 +30,15 @@ _CASES = (
 )
 _LONG = ("accelerator", "tuning", "opponents", "coverage", "fleet-coverage", "memory", "unknown-plants")
 """Only when asked for: ten minutes and more, or a device that most machines lack."""
+_KEEP = "Rows of 'opponents' that are finished; the same command goes on from there."
 _PACKAGES = ("jax", "diffrax", "numba", "scipy", "casadi", "cma")
 
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
 @click.option("--out", type=click.Path(path_type=pathlib.Path), metavar="FILE.md", help="Also write markdown.")
 @click.option("--only", type=click.Choice(_CASES), multiple=True, help="Only this benchmark; may be repeated.")
-def main(out: pathlib.Path | None, only: tuple[str, ...]) -> None:
+@click.option("--keep", type=click.Path(path_type=pathlib.Path), metavar="FILE.json", help=_KEEP)
+def main(out: pathlib.Path | None, only: tuple[str, ...], keep: pathlib.Path | None) -> None:
     """Times this package beside what a user would write instead; about five minutes on two cores."""
     from vgtjax import InputError, configure
 
@@ -44,13 +46,13 @@ def main(out: pathlib.Path | None, only: tuple[str, ...]) -> None:
         # A new one: first calls compile as they should, and a second fit finds what the command line would find.
         configure(cache=cache)
         try:
-            _measure(only or tuple(name for name in _CASES if name not in _LONG), out)
+            _measure(only or tuple(name for name in _CASES if name not in _LONG), out, keep)
         except InputError as error:
             click.echo(f"error: {error}", err=True)
             sys.exit(2)
 
 
-def _measure(names: tuple[str, ...], out: pathlib.Path | None) -> None:
+def _measure(names: tuple[str, ...], out: pathlib.Path | None, keep: pathlib.Path | None) -> None:
     import rich.console
 
     from .cases import CASES
@@ -63,7 +65,7 @@ def _measure(names: tuple[str, ...], out: pathlib.Path | None) -> None:
     sections = []
     for name in names:
         with console.status(f"measuring {name}"):
-            sections.append(CASES[name]())
+            sections.append(CASES[name](keep) if name == "opponents" else CASES[name]())
         show(sections[-1], console)
         if out is not None:
             # After every benchmark, so that an interrupted run keeps what it measured.

@@ -6,6 +6,7 @@ import time
 from vgtjax import SimulationError
 from vgtjax.tuning import close_loops, sliding_margins
 
+from ..fmu.cost import cost_on_target
 from ..output.console import console
 from ..output.files import REPORT, SUMMARY, read_json, write_json, write_text
 from ..output.margins import least_margins
@@ -43,10 +44,13 @@ def _compute(job: ControlJob, out: pathlib.Path) -> None:
     for cases in job.groups:
         with console.status(f"{len(cases)} closed loops of {cases.duration:.4g} s"):
             groups.append(close_loops(job.controllers, cases, settled=table_of.settled, lanes=table_of.lanes))
-    used, sample_seconds = look_at(job.controllers[job.groups[0].labels[0].plant], job.groups[0])
+    first = job.controllers[job.groups[0].labels[0].plant]
+    used, sample_seconds = look_at(first, job.groups[0])
+    with console.status("writing the controller as C"):
+        sample = cost_on_target(first, table_of.period)
     with console.status("linearising the loops"):
         margins = sliding_margins(job.controllers, job.groups[0], lanes=table_of.lanes)
-    outcome = Outcome(tuple(groups), margins, used, sample_seconds, time.monotonic() - began)
+    outcome = Outcome(tuple(groups), margins, used, sample_seconds, sample, time.monotonic() - began)
     rows, summary = tabulate(outcome), summarise(job, outcome)
     took = f"{1e6 * sample_seconds:.3g} us a sample"
     console.print(f"{table_of.design} knows {job.belief}; it measures {', '.join(summary['measures'])}; {took} here")

@@ -12,6 +12,7 @@ from vgtjax.control import AbstractController, Margins, Scenario, StepAnswer, ch
 from vgtjax.plants import AbstractModel
 from vgtjax.tuning import Cases, ClosedLoops
 
+from ..fmu.cost import SampleCost
 from ..output.files import finite
 from ..output.margins import list_margins
 from .job import ControlJob
@@ -40,6 +41,8 @@ class Outcome:
     margins: dict[str, dict[str, Margins]]
     measures: tuple[str, ...]
     sample_seconds: float
+    sample: SampleCost | None
+    """Of the first plant's controller in C, where it can be written."""
     seconds: float
 
     @property
@@ -77,6 +80,7 @@ def summarise(job: ControlJob, outcome: Outcome) -> dict[str, Any]:
         "measures": [CHANNELS[channel] for channel in outcome.measures],
         "settled": job.study.control.settled,
         "seconds_per_sample": outcome.sample_seconds,
+        "sample": None if outcome.sample is None else dataclasses.asdict(outcome.sample),
         "worst": {name: finite(_largest(outcome, name)) for name in ("rms", "peak", "pressure_rms")},
         "loops": [_numbers(group, index) for group, index in outcome.loops],
         "margins": list_margins(outcome.margins),

@@ -9,8 +9,10 @@ import time
 
 import numpy as np
 
+from vgtjax import InputError
 from vgtjax.control import AbstractController
 
+from ..output.console import console
 from .compilers import compile_library, own_compiler, own_system
 from .entries import values_of
 from .law import FIRST, Law
@@ -55,6 +57,15 @@ def sample_cost(controller: AbstractController, period: float) -> SampleCost:
     text = law.to_c()
     update = text[text.index("vg_update") :]
     return SampleCost(count_operations(update), len(law.memory), len(law.entries), _seconds(law, text))
+
+
+def cost_on_target(controller: AbstractController, period: float) -> SampleCost | None:
+    """What a sample will cost on its target; a controller without C is said to have none."""
+    try:
+        return sample_cost(controller, period)
+    except InputError as error:
+        console.print(f"note: the controller cannot be exported: {error}")
+        return None
 
 
 def count_operations(function: str) -> int:

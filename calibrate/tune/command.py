@@ -4,11 +4,10 @@ import pathlib
 
 import numpy as np
 
-from vgtjax import InputError, SimulationError
-from vgtjax.control import AbstractController
+from vgtjax import SimulationError
 from vgtjax.tuning import Tuner, TuningProgress, conditions
 
-from ..fmu.cost import SampleCost, sample_cost
+from ..fmu.cost import cost_on_target
 from ..output.console import console
 from ..output.files import REPORT, SUMMARY, read_json, write_json, write_text
 from ..output.margins import least_margins
@@ -54,22 +53,14 @@ def _write(job: TuneJob, out: pathlib.Path, outcome: Outcome, entries: list[Entr
     """The files, the report last."""
     tuned = job.true.controller_at(outcome.coordinates)
     with console.status("writing the controller as C"):
-        sample = _sample_cost(job, with_fallback(fallback_of(job.study), job.believed, tuned))
+        controller = with_fallback(fallback_of(job.study), job.believed, tuned)
+        sample = cost_on_target(controller, job.study.control.period)
     summary = summarise(job, outcome, {name: float(value) for name, value in conditions(tuned).items()}, sample)
     write_json(out / NAME, gains_json(job.study, entries, job.believed))
     write_json(out / SUMMARY, summary)
     with console.status("writing the report"):
         write_text(out / REPORT, render(job, outcome, entries, summary))
     ProgressFile.remove_from(out)
-
-
-def _sample_cost(job: TuneJob, controller: AbstractController) -> SampleCost | None:
-    """What the controller will cost on its target; a design without C is said to have none."""
-    try:
-        return sample_cost(controller, job.study.control.period)
-    except InputError as error:
-        console.print(f"note: the controller cannot be exported: {error}")
-        return None
 
 
 def _tune(job: TuneJob, folder: pathlib.Path) -> tuple[TuningProgress, float]:

@@ -22,7 +22,7 @@ from . import (
     unknown_plants,
 )
 
-CASES: dict[str, Callable[[], Section]] = {
+CASES: dict[str, Callable[..., Section]] = {
     "forward": forward.measure,
     "jacobian": jacobian.measure,
     "batch": batch.measure,

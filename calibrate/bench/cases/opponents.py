@@ -1,5 +1,6 @@
 """Every design of a controller, tuned by the same tuner on the same loops, and tried on plants that it never saw."""
 
+import functools
 import pathlib
 import tempfile
 
@@ -12,6 +13,7 @@ from vgtjax.tuning import Cases, ClosedLoops, Tuner, TuningProblem, close_loops
 from ...control.outcome import CHANNELS, look_at
 from ...tune.designs import DESIGNS
 from ...tune.job import EXAMPLE, TuneJob, prepare_tuning
+from ..kept import KeptRows
 from ..nonlinear_mpc import NonlinearMPC
 from ..table import Section
 
@@ -47,26 +49,29 @@ frequency = 33.0
 """What is switched on where a controller is tried on an engine; it was tuned without."""
 
 
-def measure() -> Section:
-    """Tunes each design, and closes its loops on other plants, along other references, with other noise."""
+def measure(keep: pathlib.Path | None = None) -> Section:
+    """Tunes each design, and closes its loops on other plants, along other references, with other noise.
+
+    **Arguments:** `keep`: a file for finished rows, from which another call goes on.
+    """
     columns = ("design", "measures", "gains", "RMS um", "worst", "peak um", "Pa RMS", "effort %", "chatter %")
     section = Section("Controllers beside each other", _ABOUT, (*columns, "us a sample", "RMS um on an engine"))
+    rows = KeptRows(keep, f"{_ABOUT}{STUDY}{ON_AN_ENGINE}")
     for design in DESIGNS:
-        job = _job(design)
-        controller = _tuned(job.smooth, job.true)
-        loops = _closed(controller, job.unseen.cases)
-        engine = _closed(controller, _job(design, ON_AN_ENGINE).unseen.cases)
-        used, seconds = look_at(controller, job.unseen.cases)
-        section.add(
-            design,
-            ", ".join(CHANNELS[channel] for channel in used),
-            str(len(job.true.selection.entries)),
-            *_figures(loops),
-            f"{1e6 * seconds:.2g}",
-            _number(1e6 * np.median(engine.rms)),
-        )
-    section.add(*_upper_bound())
+        section.add(*rows.row(design, functools.partial(_tuned_row, design)))
+    section.add(*rows.row("nonlinear MPC", _upper_bound))
     return section
+
+
+def _tuned_row(design: str) -> tuple[str, ...]:
+    """The row of a design, with its gains tuned."""
+    job = _job(design)
+    controller = _tuned(job.smooth, job.true)
+    loops = _closed(controller, job.unseen.cases)
+    engine = _closed(controller, _job(design, ON_AN_ENGINE).unseen.cases)
+    used, seconds = look_at(controller, job.unseen.cases)
+    measured, gains = ", ".join(CHANNELS[channel] for channel in used), str(len(job.true.selection.entries))
+    return design, measured, gains, *_figures(loops), f"{1e6 * seconds:.2g}", _number(1e6 * np.median(engine.rms))
 
 
 def _upper_bound() -> tuple[str, ...]:

@@ -108,6 +108,9 @@ def test_it_says_what_the_controller_knew(summary, outcome):
     assert summary["belief"] == BELIEFS["population"]
     assert summary["measures"] == ["position", "reservoir pressure"]
     assert 0 < summary["seconds_per_sample"] < 0.1
+    # A PI remembers its integral alone; the rest of it is gains and what it believes.
+    assert summary["sample"]["memory"] == 1
+    assert summary["sample"]["operations"] > 100
     assert "pi knows the middle of the population; it measures position, reservoir pressure" in outcome.out
     assert "note: turbine pressure acts on nothing" in outcome.out
 
@@ -125,7 +128,13 @@ def test_traces_are_what_figures_were_made_of(summary, folder):
 
 def test_a_report_carries_everything(summary, folder):
     text = (folder / "out" / "report.html").read_text(encoding="utf-8")
-    for part in ("What the controller knew", BELIEFS["population"], "up &amp; down, 0 mbar", "settling, ms"):
+    for part in (
+        "What the controller knew",
+        BELIEFS["population"],
+        "up &amp; down, 0 mbar",
+        "settling, ms",
+        "On the target",
+    ):
         assert part in text
     assert "<script src" not in text
 
