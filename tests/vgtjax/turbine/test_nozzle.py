@@ -60,8 +60,8 @@ def test_a_row_loses_what_its_coefficient_says():
         ({"volute_radius": 26e-3}, "reach into the volute"),
         ({"trail": 14e-3}, "have no throat|reach into the wheel"),
         ({"vanes": 2}, "must be at least 3"),
-        ({"height": 0.0}, "must be above zero, but it is 0"),
-        ({"lead": -1e-3}, "finite and not negative"),
+        ({"height": 0.0}, "nozzle.height must be a positive size, but it is 0"),
+        ({"lead": -1e-3}, "nozzle.lead must be a positive size, but it is -0.001"),
     ],
 )
 def test_geometry_that_does_not_work(changes, sentence):

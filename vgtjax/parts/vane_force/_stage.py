@@ -13,8 +13,10 @@ from .._vanes import Crank
 
 CELLS = 224
 """Of a passage: the moment on a vane needs 64 in its row."""
-CRANK_RANGE, HIGHEST_PRESSURE = (4.0, 37.0), 4.5e5
-"""Degrees of the crank in which forces are known, and Pa absolute up to which; those at the ends are held beyond."""
+CRANK_RANGE = (4.0, 37.0)
+"""Degrees of the crank in which forces are known; those at the ends are held beyond."""
+HIGHEST_PRESSURE = 4.5e5
+"""Pa absolute before the turbine up to which forces are known; that there is held beyond."""
 TOTAL_TEMPERATURE, OUTLET_PRESSURE, SPEED_RATIO = 900.0, 1.05e5, 0.6
 """K before the turbine, Pa absolute behind it, speed of the wheel's blades over the spouting velocity: all assumed."""
 
