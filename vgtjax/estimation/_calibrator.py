@@ -14,7 +14,7 @@ from ..simulation import model_dtype
 from ._beginning import first_progress, transform_of
 from ._calibration import RUNAWAY, Calibration
 from ._corrections import trusted
-from ._duty import holds_of_duty, tells_of_delay
+from ._duty import holds_of_duty, meets_noise, tells_of_delay
 from ._evaluation import Evaluation, Steps, ask
 from ._evidence import (
     EVIDENT,
@@ -205,8 +205,14 @@ class Calibrator:
         calibrator = self
         if not self.minimiser.progress.late:
             calibrator = (yield from self.correcting()) or self
+            timely = calibrator.minimiser.progress
             if calibrator._is_lost() or tells_of_delay(self.task, calibrator.minimiser):
-                calibrator = yield from self._searching_late(calibrator.minimiser.progress, report)
+                calibrator = yield from self._searching_late(timely, report)
+            elif not meets_noise(calibrator.minimiser):
+                # At a delay of none the misfit may have a small minimum as well, where slopes tell of no other.
+                late = yield from (yield from self._searching_late(timely, quiet))._searching_beside()
+                if not late._is_lost() and meets_noise(late.minimiser):
+                    calibrator = late
         progress = calibrator.minimiser.progress
         if progress.late and not progress.corrections:
             calibrator = yield from calibrator._searching_beside()

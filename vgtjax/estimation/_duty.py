@@ -22,6 +22,12 @@ def tells_of_delay(task: Task, search: LevenbergMarquardt) -> bool:
     return bool(found.determined[-1] and abs(found.values[-1]) > EVIDENT * found.std_errors[-1])
 
 
+def meets_noise(search: LevenbergMarquardt) -> bool:
+    """Whether a search without corrections ended where the traces leave their noise."""
+    progress = search.progress
+    return 2 * progress.history[: -1 if progress.corrections else None][-1] <= MEETS_NOISE
+
+
 def holds_of_duty(task: Task, search: LevenbergMarquardt) -> Holds | None:
     """How duties were held by what the traces tell where a search ended; `None` where that is not to be asked."""
     progress, problem = search.progress, search.problem
@@ -29,8 +35,7 @@ def holds_of_duty(task: Task, search: LevenbergMarquardt) -> Holds | None:
         return None
     scale, freedom = float(problem.transform.scale[-1]), problem.count - problem.offsets
     delay = scale * progress.coordinates[-1]
-    searched = progress.history[: -1 if progress.corrections else None]
-    if 2 * searched[-1] > MEETS_NOISE:  # what a wrong model leaves over looks like a late duty, too
+    if not meets_noise(search):  # what a wrong model leaves over looks like a late duty, too
         return Holds((), delay, False)
     point = _with_delay(task, search)
     holds = read_holds(point.residuals, point.columns, problem.owner, task.fit, delay, scale, freedom)
