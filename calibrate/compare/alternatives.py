@@ -1,5 +1,6 @@
 """The structures that a study may have instead of its own, and the fit of each."""
 
+import threading
 import warnings
 from collections.abc import Mapping
 from typing import Any
@@ -39,6 +40,8 @@ WIDER = {
 }
 """Which variants contain which others as a limit."""
 NO_GAS = "the turbine pressure is zero in all traces"
+_FILTERING = threading.Lock()
+"""Filters of warnings belong to the process, and the fits of structures to several threads."""
 
 
 def has_gas(unit: Unit) -> bool:
@@ -72,7 +75,7 @@ def plan(job: Job, unit: Unit, structure: Mapping[str, str], values: Mapping[str
     study = job.study
     changed = [name for name, variant in structure.items() if variant != own_structure(study)[name]]
     model, bounds = unit.model, unit.bounds
-    with warnings.catch_warnings():
+    with _FILTERING, warnings.catch_warnings():
         warnings.simplefilter("ignore", PassivityWarning)  # on the way from one structure to another
         if changed:
             study = study.model_copy(update={"components": study.components.model_copy(update=dict(structure))})

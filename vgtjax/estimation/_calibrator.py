@@ -202,21 +202,11 @@ class Calibrator:
         A delay that is free from the first step on trades with the time constants of the plunger, and searches lost
         their way.
         """
-        calibrator = self
-        if not self.minimiser.progress.late:
-            calibrator = (yield from self.correcting()) or self
-            timely = calibrator.minimiser.progress
-            if calibrator._is_lost() or tells_of_delay(self.task, calibrator.minimiser):
-                calibrator = yield from self._searching_late(timely, report)
-            elif not meets_noise(calibrator.minimiser):
-                # At a delay of none the misfit may have a small minimum as well, where slopes tell of no other.
-                late = yield from (yield from self._searching_late(timely, quiet))._searching_beside()
-                if not late._is_lost() and meets_noise(late.minimiser):
-                    calibrator = late
+        late = self.minimiser.progress.late
+        calibrator = yield from (self._searching_beside() if late else self._asking_of_delay(report))
         progress = calibrator.minimiser.progress
         if progress.late and not progress.corrections:
-            calibrator = yield from calibrator._searching_beside()
-            report(calibrator.minimiser.progress)
+            report(progress)
             calibrator = (yield from calibrator.correcting()) or calibrator
         holds = holds_of_duty(self.task, calibrator.minimiser)
         if holds is None:
@@ -228,6 +218,20 @@ class Calibrator:
         coordinates = (*(progress.found or progress.coordinates)[:-1], holds.delay / float(self.transform.scale[-1]))
         onward = calibrator.minimiser.progress.reading_duty(coordinates, holds.linear)
         return (yield from (yield from starting(self.task, onward, self.notes))._searching(report))
+
+    def _asking_of_delay(self, report: Report) -> "Steps[Calibrator]":
+        """The search with a free delay where the traces tell of one, or else the first correction of this one.
+
+        Where the misfit stays above the noise they are searched for a delay as well: at a delay of none it may have a
+        small minimum, where slopes tell of no other.
+        """
+        timely = (yield from self.correcting()) or self
+        told = timely._is_lost() or tells_of_delay(self.task, timely.minimiser)
+        if not told and meets_noise(timely.minimiser):
+            return timely
+        late = yield from self._searching_late(timely.minimiser.progress, report if told else quiet)
+        late = yield from late._searching_beside()
+        return late if told or (not late._is_lost() and meets_noise(late.minimiser)) else timely
 
     def _searching_late(self, timely: Progress, report: Report) -> "Steps[Calibrator]":
         """The search with a free delay of the duty: from the start or, if that gets lost, from where one has ended that

@@ -142,6 +142,14 @@ def test_a_search_that_ended_a_sample_beside_the_delay_finds_it(late, sample):
     assert abs(again.duty_delay - late.duty_delay) < 0.2 * late.duty_delay_error  # corrections settle within so much
 
 
+def test_a_misfit_above_the_noise_is_asked_of_a_delay_of_which_no_slope_tells(late, monkeypatch):
+    """At a delay of none the misfit may have a minimum of its own."""
+    monkeypatch.setattr("vgtjax.estimation._calibrator.tells_of_delay", lambda *_: False)
+    again = fit(late.task.fit[0])
+    assert again.converged
+    assert abs(again.duty_delay - late.duty_delay) < 0.2 * late.duty_delay_error  # corrections settle within so much
+
+
 def test_a_duty_that_went_in_a_line_is_told_from_a_held_one(plain, late):
     """It would have to arrive half a sample early, had it been held; one that arrives late may have been either."""
     run = fit(recorded(4, linear=True))
