@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from vgtjax import SimulationError
-from vgtjax.assurance import Information, certifying
-from vgtjax.estimation import Calibrator, Progress, Steps, run_alone, run_together
+from vgtjax.assurance import Information, certifying, require_blackjax
+from vgtjax.estimation import Calibrator, End, Progress, Steps, run_alone, run_together
 from vgtjax.identification import starting_fit
 
 from ..output.console import console, say
@@ -15,12 +15,14 @@ from ..output.sections import sensor_summary, trace_summary
 from ..resumable import Folders, ProgressFile, run_units
 from ..study.models import passivity_note
 from ..study.parameter_file import Entry, calibrated, covariance, nuisance, to_json
+from ..study.places import OF_A_MODEL, stated
 from ..study.units import Job, Unit, prepare
 from .around import looking_around
 from .budget import budget_rows
 from .decisions import decisions
 from .outcome import Fitted
 from .plan import plan
+from .posterior import sample, summary
 from .report import found_besides, render, render_overview
 from .terminal import last_words, verdict
 
@@ -35,6 +37,9 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
     job = prepare(study, parameters, to_fit=True)
     for unit in job.units:
         plan(job, unit)  # mistakes of any unit are found before the first one is fitted
+    if job.study.fit.posterior:
+        with stated(OF_A_MODEL):
+            require_blackjax()
     summaries = run_units(
         job,
         out,
@@ -99,12 +104,15 @@ def _fitting(job: Job, unit: Unit, folder: pathlib.Path) -> Steps[Fitted]:
     calibrator = yield from calibrator.ending(report)
     calibration = yield from calibrator.finishing()
     certificate = yield from certifying(calibrator)
-    around = None
+    around = posterior = None
     if calibration.converged and certificate.passed:
         around = yield from looking_around(calibrator, job.study.fit.profiles)
+        if job.study.fit.posterior:
+            posterior = sample(End.of(calibrator), job.study.fit.posterior, folder, who)
+            console.print(f"{who}found: posterior: {posterior.verdict}")
     for sentence in (*found_besides(calibration), *(() if around is None else around.sentences)):
         console.print(f"{who}found: {sentence}")
-    return Fitted(calibration, certificate, around, saved.seconds, known)
+    return Fitted(calibration, certificate, around, posterior, saved.seconds, known)
 
 
 def _known_before(calibrator: Calibrator) -> dict[str, Any]:
@@ -181,6 +189,7 @@ def _summary(fitted: Fitted, job: Job, unit: Unit, table: Sequence[Entry]) -> di
         "report": job.study.report.model_dump(exclude_none=True),
         **job.account(fitted.seconds),
         **({} if fitted.around is None else fitted.around.summary()),
+        **({} if fitted.posterior is None else {"posterior": summary(fitted.posterior, calibration)}),
         "traces": {
             result.trace.name: {
                 **trace_summary(result),

@@ -4,7 +4,7 @@ import dataclasses
 from typing import Any
 
 from vgtjax import Calibration
-from vgtjax.assurance import Certificate
+from vgtjax.assurance import Certificate, Posterior
 
 from .around import Around
 
@@ -13,12 +13,14 @@ from .around import Around
 class Fitted:
     """A fit that came to its end, the seconds it took, and what its traces could tell at the start.
 
-    The misfit around its end is looked at where that is one and its derivatives are right.
+    The misfit around its end is looked at where that is one and its derivatives are right, and its posterior where that
+    is asked for as well.
     """
 
     calibration: Calibration
     certificate: Certificate
     around: Around | None
+    posterior: Posterior | None
     seconds: float
     known_before: dict[str, Any]
 

@@ -21,6 +21,7 @@ from .around import slices_figure
 from .budget import budget_rows
 from .decisions import decisions
 from .outcome import Fitted
+from .posterior import rows
 
 COLOURED = 1.5
 """Errors by windows over those by the noise as it was found, from which that deserves a word."""
@@ -63,6 +64,8 @@ def render(job: Job, unit: Unit, fitted: Fitted, table: list[Entry]) -> str:
         autocorrelation=figures.autocorrelation_figure(calibration.traces),
         waterfall=waterfall_figure(calibration.progress.waterfall) if calibration.progress.waterfall else None,
         around=around,
+        posterior=fitted.posterior,
+        posterior_rows=[] if fitted.posterior is None else rows(fitted.posterior, calibration),
         slices=None if around is None else slices_figure(around.slices),
         correlation=figures.correlation_figure(entries, covariance) if len(entries) > 1 else None,
     )
@@ -108,9 +111,13 @@ def found_besides(calibration: Calibration) -> list[str]:
         sentences.append(f"the duty reaches the valve {abs(delay):.3f} +- {error:.3f} ms {way} than the traces say")
     for entry, (value, error) in calibration.instruments.items():
         kind, _, channel = entry.partition(".")
+        if kind == "initial":
+            continue
         unit = "" if kind == "gain" else f" {table_row(parameter_table(calibration.task.model), entry).unit}"
         known = f"{value:.6g} +- {error:.2g}{unit}" if np.isfinite(error) else "not determined by these traces"
         sentences.append(f"the {kind} of the sensor of {channel} is {known}")
+    if any(result.trace.start_number for result in calibration.traces):
+        sentences.append(_starts_found(calibration))
     for name, text in (("x_d", "position"), ("p_act", "chamber pressure")):
         sensors = [known[name] for known in calibration.sensors if name in known]
         coloured = sum(len(sensor.memory) > 0 for sensor in sensors)
@@ -137,6 +144,20 @@ def found_besides(calibration: Calibration) -> list[str]:
             "ran away, or a simulation failed; errors don't count them"
         )
     return sentences
+
+
+def _starts_found(calibration: Calibration) -> str:
+    """How far from the beginnings of their signals traces start whose start states were free."""
+    names = [result.trace.name for result in calibration.traces if result.trace.start_number]
+    farthest: dict[str, float] = collections.defaultdict(float)
+    for entry, (value, error) in calibration.instruments.items():
+        state = entry.partition("[")[0]
+        if np.isfinite(error):
+            farthest[state] = max(farthest[state], abs(value))
+    units = {"initial.x_d": (1e6, "um"), "initial.p_act": (1.0, "Pa"), "initial.T_act": (1.0, "K")}
+    found = [f"{scale * farthest[state]:.3g} {unit}" for state, (scale, unit) in units.items() if state in farthest]
+    far = f": at most {', '.join(found)} from the signals' beginnings and the air's temperature" if found else ""
+    return f"the start states of {', '.join(names)} were free{far}"
 
 
 def render_overview(job: Job, summaries: Summaries, population: dict[str, dict[str, Any]]) -> str:

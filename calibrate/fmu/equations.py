@@ -22,7 +22,7 @@ FIELDS = {"pwm": "pwm", "p_res": "reservoir", "p_act": "chamber"}
 """Fields of a drive by the signal that they hold."""
 ALWAYS = ("duration", "ambient_shift")
 """What a drive has besides its inputs."""
-START = tuple(field.name for field in dataclasses.fields(Start))
+START = tuple(field.name for field in dataclasses.fields(Start) if field.name != "number")
 """What is known of the start state."""
 TRUTHS = ("at_rest", "pressure_known", "position_known")
 """Those of it that are true or false."""

@@ -110,16 +110,25 @@ _FIELDS = ("value", "unit", "free", "std_error", "interval", "initial", "lower",
 def nuisance(calibration: Calibration) -> dict[str, Any]:
     """What a fit found out of each trace besides the parameters, in SI units."""
     late = {} if calibration.duty_delay_error is None else {"duty_delay": calibration.duty_delay}
-    of_sensors: dict[str, dict[str, float]] = {"gain": {}, "offset": {}}
+    of_sensors: dict[str, dict[str, float]] = {"gain": {}, "offset": {}, "initial": {}}
     for entry, (value, _) in calibration.instruments.items():
         kind, _, channel = entry.partition(".")
         of_sensors[kind][channel] = value
+    of_starts = of_sensors["initial"]
     gain = {"gain": of_sensors["gain"]} if of_sensors["gain"] else {}
 
     def found(result: TraceResult) -> dict[str, Any]:
         linear = calibration.duty_hold(result.trace) == "linear"
         offset = {**finite(result.offset), **of_sensors["offset"]}
-        return {**late, **({"duty_hold": "linear"} if linear else {}), **gain, "offset": offset}
+        place = f"[{result.trace.start_number - 1}]"
+        start = {name.removesuffix(place): value for name, value in of_starts.items() if name.endswith(place)}
+        return {
+            **late,
+            **({"duty_hold": "linear"} if linear else {}),
+            **gain,
+            **({"start_state": start} if start else {}),
+            "offset": offset,
+        }
 
     return {result.trace.name: found(result) for result in calibration.traces}
 

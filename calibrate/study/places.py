@@ -10,6 +10,7 @@ OF_A_MODEL = {
     "bounds": "[parameters]",
     "free": "[fit]",
     "fixed": "[fit]",
+    "posterior": "[fit]",
     "traces": "[[trace]]",
     "unknown": "[fit.unknown]",
 }

@@ -64,6 +64,9 @@ class UnknownTable(Table):
     offset: list[Fitted] = []
     """Inputs whose sensor's offset is free, one for all traces of a unit; `uncertainty` under `[[report.sensor]]` says
     how well it is known beforehand. Offsets of what is fitted always are, for each trace, and may be named too."""
+    start_state: Literal["evidence"] | bool = "evidence"
+    """Whether position and pressure at the start are free, else they are the means of the first 50 ms; `evidence`: of
+    traces that do not begin at rest, `true`: of all."""
 
 
 class Fit(Table):
@@ -79,6 +82,8 @@ class Fit(Table):
     """Which parameters get a profile likelihood: those of directions whose misfit is no parabola, all, or none."""
     starts: Annotated[int, pydantic.Field(ge=1, le=4096)] = 1
     """From how many places the search begins."""
+    posterior: Annotated[int, pydantic.Field(ge=0, le=100_000)] = 0
+    """How many draws are taken from the posterior of a fit that converged; they need the extra `posterior`."""
     unknown: UnknownTable = UnknownTable()
 
 

@@ -8,4 +8,12 @@ from ._certificate import (
 )
 from ._information import Information as Information, examine as examine, examining as examining
 from ._next_run import Gain as Gain, next_runs as next_runs, ranking as ranking
+from ._posterior import (
+    CHAINS as CHAINS,
+    WARM_UP as WARM_UP,
+    Drawn as Drawn,
+    Posterior as Posterior,
+    Sampler as Sampler,
+    require_blackjax as require_blackjax,
+)
 from ._recovery import Recovery as Recovery, Refit as Refit, Truth as Truth, refitting as refitting

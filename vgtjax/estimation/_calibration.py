@@ -159,12 +159,14 @@ class Calibration(Printed):
 
     @property
     def instruments(self) -> dict[str, tuple[float, float]]:
-        """Gains of sensors and offsets of inputs that were free, each with its standard error, by entry.
+        """Gains of sensors, offsets of inputs and start states that were free, each with its standard error, by entry.
 
         The error is NaN where the data say nothing.
         """
         found = zip(self.task.selection.entries, self.values.tolist(), self.std_errors.tolist(), strict=True)
-        return {entry: (value, error) for entry, value, error in found if entry.startswith(("gain.", "offset."))}
+        return {
+            entry: (value, error) for entry, value, error in found if entry.startswith(("gain.", "offset.", "initial."))
+        }
 
     @property
     def converged(self) -> bool:

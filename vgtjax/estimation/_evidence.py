@@ -56,7 +56,8 @@ class Unknown:
     evidence it is Huber's, which costs nothing where there are none. `numerics`: whether the errors of the smooth seat
     and of the steps are corrected for. `gain`: channels whose sensor may show more or less than is there, and `offset`:
     inputs whose sensor may show too much, each one value for all traces; the offsets of what is fitted are always free,
-    for each trace.
+    for each trace. `start_state`: whether a trace begins elsewhere than at the means of its first 50 ms; by evidence
+    those are asked that do not begin at rest, and with `True` all.
     """
 
     duty_delay: Choice = "evidence"
@@ -66,6 +67,7 @@ class Unknown:
     numerics: bool = True
     gain: tuple[str, ...] = ()
     offset: tuple[str, ...] = ()
+    start_state: Choice = "evidence"
 
     @property
     def anything(self) -> bool:
@@ -73,7 +75,7 @@ class Unknown:
         return bool(self.duty_delay) or self.noise != "white" or self.loss != "gaussian" or self.numerics
 
 
-NOTHING = Unknown(duty_delay=False, duty_hold=False, noise="white", loss="gaussian", numerics=False)
+NOTHING = Unknown(duty_delay=False, duty_hold=False, noise="white", loss="gaussian", numerics=False, start_state=False)
 """The parameters only."""
 
 

@@ -1,22 +1,32 @@
-"""Sensors whose gain or offset a fit finds besides the parameters: entries of the model as its bench sees it."""
+"""What a fit finds of a bench besides parameters, as entries of the model as its bench sees it: gains and offsets of
+sensors, and start states of traces."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
 
+import jax.numpy as jnp
+import numpy as np
+
 from .._errors import InputError
 from ..parameters import Selection, select
-from ..plants import AbstractModel, Instrumented, MechanicalActuator
+from ..plants import AbstractModel, Actuator, Initial, Instrumented, MechanicalActuator
 from ..traces import Trace
 from ._evidence import Unknown
+
+SETTLING = 0.03
+"""s after which friction, plunger and the rod's velocity have forgotten how they began; where they did is not free, so
+what sensors show before that is no residual."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Bench:
-    """A model with its sensors, what of both is free, and how well the sensors are known beforehand, by entry."""
+    """A model with its sensors, what of both is free, how well the sensors are known beforehand, by entry, and the
+    traces, which know their start states by number."""
 
     model: AbstractModel
     selection: Selection
     deviations: dict[str, float]
+    traces: Sequence[Trace]
 
 
 def instrumented(
@@ -27,7 +37,8 @@ def instrumented(
     gains: Mapping[str, float],
     offsets: Mapping[str, float],
 ) -> Bench:
-    """A model and what is free of it, with the gains and offsets that are unknown; a model alone where there are none.
+    """A model and what is free of it, with the gains, offsets and start states that are unknown; a model alone where
+    there are none.
 
     **Arguments:** `gains`, `offsets` by channel: how well they are known beforehand, relative and in the unit.
 
@@ -36,18 +47,51 @@ def instrumented(
     inputs = _inputs(model, traces)
     # The offset of what is fitted is eliminated in every trace: there is nothing more to find.
     shifted = [channel for channel in unknown.offset if channel in inputs or channel not in ("x_d", "p_act")]
-    if not (unknown.gain or shifted):
-        return Bench(model, selection, {})
+    starting = _starting(model, traces, unknown)
+    if not (unknown.gain or shifted or starting):
+        return Bench(model, selection, {}, traces)
     for channel in unknown.gain:
         _require(channel, "gain", ("x_d", "p_act", *inputs), traces)
     for channel in shifted:
         _require(channel, "offset", inputs, traces)
-    bench = Instrumented(model)
+    numbers = {id(trace): number for number, trace in enumerate(starting, 1)}
+    nowhere = jnp.zeros(len(starting))
+    bench = Instrumented(model, initial=Initial(nowhere, nowhere, nowhere))
     wanted = [*(f"gain.{channel}" for channel in unknown.gain), *(f"offset.{channel}" for channel in shifted)]
+    for number, trace in enumerate(starting):
+        known = [channel for channel in _seen(model) if channel in trace.channels]
+        known += ["T_act"] if isinstance(model, Actuator) else []
+        wanted += [f"initial.{channel}[{number}]" for channel in known]
     known = {f"gain.{channel}": part for channel, part in gains.items()}
     known |= {f"offset.{channel}": size for channel, size in offsets.items()}
     stated = {entry: size for entry, size in known.items() if entry in wanted}
-    return Bench(bench, select(bench, [*selection.entries, *wanted]), stated)
+    numbered = [_numbered(trace, numbers[id(trace)]) if id(trace) in numbers else trace for trace in traces]
+    return Bench(bench, select(bench, [*selection.entries, *wanted]), stated, numbered)
+
+
+def _starting(model: AbstractModel, traces: Sequence[Trace], unknown: Unknown) -> list[Trace]:
+    """Traces whose start state is free: those that move from the first, or all where that is asked for."""
+    if not unknown.start_state:
+        return []
+    seen = [trace for trace in traces if any(channel in trace.channels for channel in _seen(model))]
+    return [trace for trace in seen if not trace.start().at_rest or unknown.start_state is True]
+
+
+def _numbered(trace: Trace, number: int) -> Trace:
+    """A trace that knows its start state, without what its sensors show before everything else has settled."""
+    seen = {channel: trace.channels[channel] for channel in ("x_d", "p_act") if channel in trace.channels}
+    later = {channel: each.time >= trace.time[0] + SETTLING for channel, each in seen.items()}
+    kept = {
+        channel: dataclasses.replace(each, time=each.time[later[channel]], value=each.value[later[channel]])
+        for channel, each in seen.items()
+        if np.any(later[channel])
+    }
+    return trace.replace(start_number=number, **kept)
+
+
+def _seen(model: AbstractModel) -> tuple[str, ...]:
+    """Channels that say where a trace begins, and do not drive the model."""
+    return ("x_d",) if isinstance(model, MechanicalActuator) else ("x_d", "p_act")
 
 
 def _inputs(model: AbstractModel, traces: Sequence[Trace]) -> tuple[str, ...]:

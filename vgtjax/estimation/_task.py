@@ -134,9 +134,9 @@ def plan_task(
     if channels is None:
         channels = ("x_d",) if isinstance(model, MechanicalActuator) else CHANNELS
     selection, known, gains = select(model, free, fixed), _by_entry(model, deviations or {}), dict(gains or {})
-    if unknown.gain or unknown.offset:
+    if unknown.gain or unknown.offset or unknown.start_state:
         found = instrumented(model, selection, fit, unknown, gains, dict(offsets or {}))
-        model, selection, known = found.model, found.selection, known | found.deviations
+        model, selection, known, fit = found.model, found.selection, known | found.deviations, found.traces
         gains = {channel: part for channel, part in gains.items() if channel not in unknown.gain}
     return Task(
         model,

@@ -1,13 +1,15 @@
-"""A model as its bench sees it: through sensors whose gain and offset may be off."""
+"""A model as its bench sees it: through sensors whose gain and offset may be off, from states that may be others."""
 
 from typing import Any
 
 import equinox as eqx
+import jax
+import jax.numpy as jnp
 from jaxtyping import Array
 
 from .._types import Values
 from ..parameters import nested, parameter
-from ..parts import Air
+from ..parts import Air, Gas
 from ..traces import Drive, Ramp, Start
 from ._base import AbstractModel, Inner, State
 
@@ -18,8 +20,8 @@ def _gain(symbol: str) -> Any:
     return parameter(1.0, symbol=symbol, unit="1", source=_SOURCE, held=True)
 
 
-def _offset(symbol: str, unit: str, usual: float) -> Any:
-    return parameter(0.0, symbol=symbol, unit=unit, source=_SOURCE, held=True, positive=False, usual=usual)
+def _offset(symbol: str, unit: str, usual: float, default: float | tuple[float, ...] = 0.0) -> Any:
+    return parameter(default, symbol=symbol, unit=unit, source=_SOURCE, held=True, positive=False, usual=usual)
 
 
 class Gains(eqx.Module):
@@ -41,31 +43,55 @@ class Offsets(eqx.Module):
     f_drive: Array = _offset("o_f", "N", 0.1)
 
 
+class Initial(eqx.Module):
+    """By how much single traces begin elsewhere than at the mean of their first 50 ms, and with gas that is warmer than
+    the air around, by `Trace.start_number - 1`."""
+
+    x_d: Array = _offset("x_0", "m", 1e-5, ())
+    p_act: Array = _offset("p_0", "Pa", 100.0, ())
+    T_act: Array = _offset("T_0", "K", 10.0, ())
+
+    def of(self, channel: str, start: Start) -> Values:
+        """The difference of one trace, zero if it has none."""
+        differences = getattr(self, channel)
+        return jnp.concatenate([jnp.zeros(1, differences.dtype), differences])[start.number]
+
+
 class Instrumented(AbstractModel):
     """A model that is driven by what its inputs' sensors show, less what these show too much, and seen through sensors
     with a gain.
 
-    Gains and offsets are parameters like any others, `gain.x_d` and so on, held unless they are freed by name. A trace
-    has the same sensors as every other.
+    Gains, offsets and start states are parameters like any others, `gain.x_d` and so on, held unless they are freed by
+    name. A trace has the same sensors as every other, and a start of its own.
     """
 
     model: AbstractModel = nested()
     gain: Gains = eqx.field(default_factory=Gains)
     offset: Offsets = eqx.field(default_factory=Offsets)
+    initial: Initial = eqx.field(default_factory=Initial)
     air = Inner[Air]("model")
 
-    def __init__(self, model: AbstractModel, gain: Gains | None = None, offset: Offsets | None = None):
+    def __init__(
+        self,
+        model: AbstractModel,
+        gain: Gains | None = None,
+        offset: Offsets | None = None,
+        initial: Initial | None = None,
+    ):
         self.model = model
         self.gain = Gains() if gain is None else gain
         self.offset = Offsets() if offset is None else offset
+        self.initial = Initial() if initial is None else initial
 
     def start(self, start: Start, drive: Drive) -> State:
         """That of the model, at what was there."""
         seen = (lambda start: start.position, lambda start: start.pressure)
-        there = [start.position / self.gain.x_d, (start.pressure - self.offset.p_act) / self.gain.p_act]
-        return self.model.start(
+        position, pressure = start.position / self.gain.x_d, (start.pressure - self.offset.p_act) / self.gain.p_act
+        there = [position + self.initial.of("x_d", start), pressure + self.initial.of("p_act", start)]
+        begun = self.model.start(
             eqx.tree_at(lambda start: [get(start) for get in seen], start, there), self._true(drive)
         )
+        return _warmed(begun, self.initial.of("T_act", start))
 
     def vector_field(self, time: Values, state: Any, drive: Drive) -> State:
         """That of the model, driven by what was there."""
@@ -108,6 +134,18 @@ class Instrumented(AbstractModel):
     def _there(self, shown: Ramp, channel: str) -> Ramp:
         gain, offset = getattr(self.gain, channel), getattr(self.offset, channel)
         return Ramp((shown.start - offset) / gain, shown.rate / gain)
+
+
+def _warmed(state: State, kelvin: Values) -> State:
+    """A state whose gas is warmer, where it has a temperature."""
+
+    def is_gas(node: Any) -> bool:
+        return isinstance(node, Gas)
+
+    def warm(node: Any) -> Any:
+        return Gas(node.pressure, node.temperature + kelvin) if is_gas(node) else node
+
+    return jax.tree.map(warm, state, is_leaf=is_gas)
 
 
 def bare(model: AbstractModel) -> AbstractModel:

@@ -3,7 +3,7 @@
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool
+from jaxtyping import Array, Bool, Int
 
 from .._types import Values
 
@@ -57,6 +57,8 @@ class Start(eqx.Module):
     position: Values
     """Mean position of the first 50 ms in m."""
     position_known: Flags
+    number: Int[Array, "..."] | Int[np.ndarray, "..."] = eqx.field(default_factory=lambda: np.asarray(0))
+    """Which of the start states that a fit frees is its own; zero for none."""
 
     def chamber_pressure(self, ambient: Values, balanced: Values, working: Values) -> Values:
         """Chamber pressure at the first sample in Pa absolute: ambient at rest, or else the first that is known.

@@ -57,6 +57,8 @@ class Trace:
     atmosphere: float
     name: str
     notes: tuple[str, ...]
+    start_number: int
+    """Which of the start states that a fit frees is its own; zero for none."""
     has_common_clock: bool
     """Whether every channel is sampled at `time`."""
 
@@ -75,6 +77,7 @@ class Trace:
         atmosphere: float = STANDARD_ATMOSPHERE,
         name: str = "trace",
         notes: tuple[str, ...] = (),
+        start_number: int = 0,
     ):
         given = dict(pwm=pwm, p_act=p_act, p_res=p_res, p_trb=p_trb, x_d=x_d)
         given |= dict(f_vane=f_vane, f_drive=f_drive, x_drive=x_drive)
@@ -93,6 +96,7 @@ class Trace:
             atmosphere=atmosphere,
             name=name,
             notes=notes,
+            start_number=start_number,
         )
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -113,7 +117,8 @@ class Trace:
             mine = self.channels[signal].time if signal in self.channels else self.time
             if changes[signal] is not None:
                 changes[signal] = as_channel(self.name, signal, changes[signal], mine if clock is None else clock)
-        kept = {"atmosphere": self.atmosphere, "name": self.name, "notes": self.notes}
+        kept: dict[str, Any] = {"atmosphere": self.atmosphere, "name": self.name, "notes": self.notes}
+        kept["start_number"] = self.start_number
         return Trace(self.time if clock is None else clock, **{**self.channels, **kept, **changes})
 
     @property
@@ -221,11 +226,12 @@ class Trace:
         vented = before is None or abs(before - self.atmosphere) <= SENSOR_PRESSURE_OFFSET
         off = duty is None or duty[0] == 0.0
         return Start(
-            at_rest=np.asarray(off and vented and self.f_drive is None),
+            at_rest=np.asarray(off and vented and self.f_drive is None and not self.start_number),
             pressure=np.asarray(0.0 if pressure is None else pressure),
             pressure_known=np.asarray(pressure is not None),
             position=np.asarray(0.0 if position is None else position),
             position_known=np.asarray(position is not None),
+            number=np.asarray(self.start_number),
         )
 
     def _beginning(self, name: str, end: float = np.inf) -> float | None:
@@ -263,5 +269,5 @@ def require(trace: Trace, needs: tuple[str, ...]) -> None:
 
 
 def cast(tree: PyTree[np.ndarray], dtype: np.dtype) -> PyTree[np.ndarray]:
-    """Floating leaves of a drive or start in the precision of a model; flags stay flags."""
-    return jax.tree.map(lambda leaf: leaf if leaf.dtype == bool else leaf.astype(dtype), tree)
+    """Floating leaves of a drive or start in the precision of a model; flags and numbers stay what they are."""
+    return jax.tree.map(lambda leaf: leaf.astype(dtype) if leaf.dtype.kind == "f" else leaf, tree)

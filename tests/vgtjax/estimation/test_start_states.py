@@ -1,0 +1,98 @@
+"""Traces that do not begin at rest: where they begin is found, and spoils no parameter."""
+
+import numpy as np
+import pytest
+from known_truth import FREE, TRUTH, bench
+from support import duty_trace
+
+import vgtjax
+from vgtjax import simulate
+from vgtjax.estimation import Unknown, calibrate, plan_task
+from vgtjax.parameters import entry_names
+from vgtjax.plants import Initial, Instrumented
+
+BEGIN = 0.16
+"""s; while the rod moves, and the gas has cooled down by expanding."""
+STARTS = ("initial.x_d[0]", "initial.p_act[0]", "initial.T_act[0]")
+
+
+def plan(traces, start_state):
+    choices = Unknown(False, False, "white", "gaussian", numerics=False, start_state=start_state)
+    return plan_task(vgtjax.Actuator(), traces, free=FREE, unknown=choices)
+
+
+def scores(found):
+    """Errors of the parameters in standard errors."""
+    places = [found.task.selection.entries.index(entry) for entry in FREE]
+    return (found.values[places] - [TRUTH[entry] for entry in FREE]) / found.std_errors[places]
+
+
+@pytest.fixture(scope="module")
+def rest():
+    return bench(12)
+
+
+@pytest.fixture(scope="module")
+def cut():
+    """A recording that somebody switched on late."""
+    whole = bench(11)
+    return whole.window(BEGIN, float(whole.time[-1]))
+
+
+@pytest.fixture(scope="module")
+def found(rest, cut):
+    return calibrate(plan([rest, cut], "evidence"))
+
+
+def test_parameters_are_right_although_a_trace_begins_while_the_rod_moves(found):
+    assert found.converged
+    assert set(STARTS) == set(found.instruments)
+    assert found.uncertainty.scale == pytest.approx(1.0, abs=0.1)
+    assert np.all(np.abs(scores(found)) < 4)
+
+
+def test_the_start_state_is_found_with_its_error(cut, found):
+    plant = vgtjax.replace_parameters(vgtjax.Actuator(), TRUTH)
+    run = simulate(plant, duty_trace((0, 0.05), (70, 0.35), (40, 0.3), (60, 0.3), p_res=2.0e4))
+    place = int(np.searchsorted(run.time, BEGIN - 1e-6))
+    start = found.task.fit[1].start()
+    read = {"x_d": float(start.position), "p_act": float(start.pressure), "T_act": float(plant.air.temperature)}
+    for channel, value in read.items():
+        difference, error = found.instruments[f"initial.{channel}[0]"]
+        assert abs(difference) > 5 * error
+        # What friction and plunger had stored is not free: worth a tenth of a millimetre, and as much of pressure.
+        slack = {"x_d": 1e-4, "p_act": 1e3, "T_act": 2.0}[channel]
+        assert abs(value + difference - float(getattr(run, channel)[place])) < 4 * error + slack
+
+
+def test_read_from_the_signals_it_makes_parameters_wrong(rest, cut):
+    blind = calibrate(plan([rest, cut], False))
+    assert np.max(np.abs(scores(blind))) > 10  # measured: 14, with errors made eleven times wider by what is left over
+
+
+def test_alone_such_a_trace_does_not_tell_where_the_position_counts_from(cut):
+    """A shift of the position is one of preload, volume and sensor; a stop that the rod touches would tell."""
+    found = calibrate(plan([cut], "evidence"))
+    known = dict(zip(found.task.selection.entries, found.uncertainty.determined.tolist(), strict=True))
+    assert not known["diaphragm.preload"]
+    assert known["diaphragm.stiffness"]
+
+
+def test_a_trace_at_rest_has_no_start_to_find_unless_asked_for(rest, cut):
+    both = plan([rest, cut], "evidence")
+    assert [trace.start_number for trace in both.fit] == [0, 1]
+    assert len(both.selection.entries) == len(FREE) + 3
+    assert plan([rest], "evidence").selection.entries == plan([rest], False).selection.entries
+    assert len(plan([rest], True).selection.entries) == len(FREE) + 3
+    assert not plan([rest], True).fit[0].start().at_rest
+
+
+def test_only_the_trace_with_its_number_begins_elsewhere(cut, actuator):
+    plain = simulate(actuator, cut)
+    behind = Instrumented(actuator, initial=Initial([0.0, 1e-4], [0.0, 500.0], [0.0, -20.0]))
+    assert set(entry_names(vgtjax.parameter_table(behind))) >= {"initial.x_d[1]", "initial.p_act[1]"}
+    moved = simulate(behind, cut.replace(start_number=2))
+    differences = [float(getattr(moved, name)[0] - getattr(plain, name)[0]) for name in ("x_d", "p_act", "T_act")]
+    np.testing.assert_allclose(differences, [1e-4, 500.0, -20.0], rtol=1e-9)  # rounding of 1e5 Pa
+    for number in (0, 1):
+        np.testing.assert_array_equal(simulate(behind, cut.replace(start_number=number)).x_d, plain.x_d)
