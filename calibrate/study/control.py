@@ -48,7 +48,7 @@ class ControlTable(Table):
         "friction-compensation",
         "backstepping",
         "adaptive-backstepping",
-        "load-backstepping",
+        "adaptive-position",
     ] = "backstepping"
     belief: Literal["printed", "population", "plant"] | None = None
     """What the controller knows of its plant: the printed actuator, the middle of the population, or the plant itself.

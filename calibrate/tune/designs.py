@@ -12,5 +12,5 @@ DESIGNS: dict[str, type[control.AbstractController]] = {
     "friction-compensation": control.FrictionCompensation,
     "backstepping": control.Backstepping,
     "adaptive-backstepping": control.AdaptiveBackstepping,
-    "load-backstepping": control.LoadBackstepping,
+    "adaptive-position": control.LoadBackstepping,
 }

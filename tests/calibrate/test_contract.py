@@ -44,6 +44,57 @@ def test_the_printed_study_is_a_task():
     assert build_transform(vgtjax.parameter_table(model), task.selection.entries, start, task.bounds)
 
 
+WHOLE = """name = "unit A"
+model = "full"
+[components]
+vane_force = "speed-map"
+[channels.p_act]
+name = "P_act_raw"
+unit = "mbar gauge"
+group = 2
+scale = 1.0
+offset = 0.0
+[[trace]]
+file = "a.mf4"
+duty_delay = 0.004
+duty_hold = "linear"
+gain = {x_d = 1.01}
+[fit]
+loss = "evidence"
+starts = 1
+profiles = "flagged"
+posterior = 0
+[fit.unknown]
+duty_delay = "evidence"
+duty_hold = "evidence"
+gain = []
+offset = ["x_d", "p_act"]
+start_state = "evidence"
+noise = "evidence"
+[parameters]
+"diaphragm.area" = {deviation = 2.9e-5}
+"diaphragm.mass" = {value = 0.63, relative = 0.05}
+[report]
+title = "Calibration of unit A"
+[[report.sensor]]
+channel = "x_d"
+uncertainty = 2e-6
+[pulsation]
+engine_speed = 1000
+[control]
+design = "adaptive-position"
+belief = "printed"
+duty_delay = 0.0
+"""
+
+
+def test_a_study_with_every_promised_key_is_read():
+    study = AnyStudy.validate_python(tomllib.loads(WHOLE))
+    assert (study.fit.posterior, study.fit.unknown.start_state) == (0, "evidence")
+    assert study.fit.unknown.offset == ["x_d", "p_act"]
+    assert build_model(study) is not None
+
+
 @pytest.mark.parametrize("command", ["simulate"])
 def test_a_second_run_compiles_nothing(command, tmp_path):
     """The second process finds every program in the cache and adds none."""

@@ -76,7 +76,7 @@ def _tuned_row(design: str) -> tuple[str, ...]:
 
 def _upper_bound() -> tuple[str, ...]:
     """The row of nonlinear model predictive control, each of whose controllers knows its own plant."""
-    job, engine = _job("load-backstepping"), _job("load-backstepping", ON_AN_ENGINE)
+    job, engine = _job("adaptive-position"), _job("adaptive-position", ON_AN_ENGINE)
     chosen = [EACH * place + place % EACH for place in range(SOLVED)]
     cases, shaken = (each.unseen.cases.take(chosen) for each in (job, engine))
     plants = {
