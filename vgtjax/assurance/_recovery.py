@@ -21,7 +21,7 @@ from ..estimation import (
 )
 from ..parameters import build_transform, parameter_table
 from ..parts import with_sharp_seat
-from ..traces import Channel, Trace
+from ..traces import Trace
 
 BURN_IN = 2000
 """Samples after which a coloured noise has forgotten how it began."""
@@ -74,7 +74,7 @@ def _recorded(trace: Trace, clean: np.ndarray, sensors: dict, rng: np.random.Gen
         values = clean[trace.rows(name), CHANNELS.index(name)]
         white = rng.normal(0.0, sensor.deviation, BURN_IN + len(values))
         noise = scipy.signal.lfilter([1.0], np.concatenate([[1.0], -sensor.memory]), white)[BURN_IN:]
-        new[name] = Channel(sampled.time, values + np.median(sampled.value - values) + noise, unit=sampled.unit)
+        new[name] = dataclasses.replace(sampled, value=values + np.median(sampled.value - values) + noise)
     return trace.replace(**new)
 
 

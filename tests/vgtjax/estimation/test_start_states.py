@@ -7,7 +7,9 @@ from support import duty_trace
 
 import vgtjax
 from vgtjax import simulate
-from vgtjax.estimation import Unknown, calibrate, plan_task
+from vgtjax.assurance import Truth
+from vgtjax.estimation import Evaluated, Slopes, Unknown, calibrate, plan_task
+from vgtjax.estimation._residuals import white_sensors
 from vgtjax.parameters import entry_names
 from vgtjax.plants import Initial, Instrumented
 
@@ -96,3 +98,14 @@ def test_only_the_trace_with_its_number_begins_elsewhere(cut, actuator):
     np.testing.assert_allclose(differences, [1e-4, 500.0, -20.0], rtol=1e-9)  # rounding of 1e5 Pa
     for number in (0, 1):
         np.testing.assert_array_equal(simulate(behind, cut.replace(start_number=number)).x_d, plain.x_d)
+
+
+def test_a_campaign_of_a_recovery_begins_where_its_trace_did(rest, cut):
+    task = plan([rest, cut], "evidence")
+    clean = [np.zeros((len(trace.time), 2)) for trace in task.fit]
+    nothing = Slopes(np.zeros(0), Evaluated([], []))
+    truth = Truth(task, clean, white_sensors(task.fit, task.channels), nothing)
+    for trace, again in zip(task.fit, truth.campaign(0, 0).fit, strict=True):
+        np.testing.assert_array_equal(again.time, trace.time)
+        np.testing.assert_array_equal(again.rows("x_d"), trace.rows("x_d"))
+        assert again.start_number == trace.start_number
