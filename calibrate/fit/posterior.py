@@ -15,6 +15,8 @@ from vgtjax.estimation import End
 from ..output.console import console
 from ..output.files import replacing
 
+LEAST = 4
+"""Draws of each chain with which its halves can be compared at all."""
 FILE = "posterior.npz"
 """Draws of all chains, in whitened coordinates while they are under way and in SI units behind them at the end."""
 
@@ -50,7 +52,7 @@ def sample(end: End, draws: int, folder: pathlib.Path, who: str) -> Posterior:
     """
     sampler, path = Sampler(end), folder / FILE
     drawn = _load(path, sampler.first())
-    wanted = WARM_UP + -(-draws // CHAINS)
+    wanted = WARM_UP + max(LEAST, -(-draws // CHAINS))
     if drawn.count:
         console.print(f"{who}resuming with {drawn.count} draws of each of {CHAINS} chains")
     with console.status(f"{who}the posterior") as status:

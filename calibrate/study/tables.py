@@ -66,7 +66,7 @@ class UnknownTable(Table):
     how well it is known beforehand. Offsets of what is fitted always are, for each trace, and may be named too."""
     start_state: Literal["evidence"] | bool = "evidence"
     """Whether position and pressure at the start are free, else they are the means of the first 50 ms; `evidence`: of
-    traces that do not begin at rest, `true`: of all."""
+    traces with a duty that do not begin at rest, `true`: of all."""
 
 
 class Fit(Table):

@@ -57,7 +57,7 @@ class Unknown:
     and of the steps are corrected for. `gain`: channels whose sensor may show more or less than is there, and `offset`:
     inputs whose sensor may show too much, each one value for all traces; the offsets of what is fitted are always free,
     for each trace. `start_state`: whether a trace begins elsewhere than at the means of its first 50 ms; by evidence
-    those are asked that do not begin at rest, and with `True` all.
+    those are asked that do not begin at rest and have a duty, and with `True` all.
     """
 
     duty_delay: Choice = "evidence"

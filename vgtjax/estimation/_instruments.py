@@ -70,8 +70,11 @@ def instrumented(
 
 
 def _starting(model: AbstractModel, traces: Sequence[Trace], unknown: Unknown) -> list[Trace]:
-    """Traces whose start state is free: those that move from the first, or all where that is asked for."""
-    if not unknown.start_state:
+    """Traces whose start state is free: those that move from the first, or all where that is asked for.
+
+    A rod alone forgets how it began within milliseconds, so that it is asked only if that is asked for.
+    """
+    if not unknown.start_state or (unknown.start_state == "evidence" and "pwm" not in model.needs):
         return []
     seen = [trace for trace in traces if any(channel in trace.channels for channel in _seen(model))]
     return [trace for trace in seen if not trace.start().at_rest or unknown.start_state is True]

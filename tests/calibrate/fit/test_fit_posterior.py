@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from commands import read, run_command
 
+from calibrate.fit.posterior import LEAST
 from vgtjax.assurance import CHAINS, WARM_UP
 
-DRAWS = 3 * CHAINS
+DRAWS = LEAST * CHAINS
 
 
 @pytest.fixture(scope="module")
@@ -51,8 +52,8 @@ def test_all_draws_and_what_they_say_are_written(fitted, drawn):
     assert (posterior["chains"], posterior["draws"]) == (CHAINS, DRAWS)
     with np.load(out / "posterior.npz") as content:
         entries, draws = content["entries"].tolist(), content["draws"]
-        assert content["places"].shape[1] == WARM_UP + 3
-    assert draws.shape == (CHAINS, 3, len(entries))
+        assert content["places"].shape[1] == WARM_UP + LEAST
+    assert draws.shape == (CHAINS, LEAST, len(entries))
     for number, entry in enumerate(entries):
         row = posterior["parameters"][entry]
         assert row["median"] == pytest.approx(np.median(draws[..., number]), rel=1e-12)
@@ -63,7 +64,7 @@ def test_all_draws_and_what_they_say_are_written(fitted, drawn):
             for key, value in parameters[name].items()
             if key in ("value", "std_error")
         }
-        # Twelve draws of a standard normal deviate are within this but for one time in ten thousand.
+        # Sixteen draws of a standard normal deviate are within this but for one time in ten thousand.
         assert np.all(np.abs(draws[..., number] - fields["value"]) < 5 * fields["std_error"])
     report = (out / "report.html").read_text()
     assert "The posterior" in report
