@@ -3,7 +3,14 @@
 from ._actuator import Actuator as Actuator
 from ._air_path import AbstractAirPath as AbstractAirPath, AirPath as AirPath, AirPathState as AirPathState
 from ._base import AbstractModel as AbstractModel, State as State, assemble as assemble
-from ._instrumented import Gains as Gains, Instrumented as Instrumented, Offsets as Offsets, bare as bare
+from ._instrumented import (
+    Gains as Gains,
+    Instrumented as Instrumented,
+    Offsets as Offsets,
+    bare as bare,
+    rows_along as rows_along,
+    tabulated_along as tabulated_along,
+)
 from ._knots import on_given_knots as on_given_knots
 from ._mechanical import MechanicalActuator as MechanicalActuator
 from ._physical import is_physical as is_physical, least_volume as least_volume, require_physical as require_physical
