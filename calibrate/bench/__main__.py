@@ -15,6 +15,7 @@ _CASES = (
     "batch",
     "fit",
     "flow",
+    "nozzle",
     "scaling",
     "cold-start",
     "population",
@@ -28,7 +29,7 @@ _CASES = (
     "files",
     "unknown-plants",
 )
-_LONG = ("accelerator", "tuning", "opponents", "coverage", "fleet-coverage", "memory", "unknown-plants")
+_LONG = ("accelerator", "nozzle", "tuning", "opponents", "coverage", "fleet-coverage", "memory", "unknown-plants")
 """Only when asked for: ten minutes and more, or a device that most machines lack."""
 _KEEP = "Rows of 'opponents' that are finished; the same command goes on from there."
 _PACKAGES = ("jax", "diffrax", "numba", "scipy", "casadi", "cma")

@@ -115,7 +115,8 @@ class PopulationTable(Table):
     units: str | None = None
     """The folder of a fit with several units, whose population it is."""
     vary: list[str] | None = None
-    """Names or patterns of what varies; else all but the properties of the air, and what is zero or infinite."""
+    """Names or patterns of what varies; else all but the properties of the air, the turbine's nozzle, linkage and gas,
+    and what is zero or infinite."""
     fixed: list[str] = []
     relative: Positive = 0.02
     """Standard deviation of what is not stated, as a part of its value."""

@@ -13,8 +13,8 @@ from jaxtyping import Array, Float
 
 from .._types import Scalar
 from ..parameters import Selection
-from ..parts import tables_of, tabulated, with_tables
-from ..plants import AbstractModel, State
+from ..parts import tables_of, with_tables
+from ..plants import AbstractModel, State, rows_along, tabulated_along
 from ..simulation import march
 from ._bundle import SEGMENT, Bundle
 
@@ -28,7 +28,8 @@ def pull_back(
     """Derivatives of `sum(cotangent * observe(model, bundle, delay))` with respect to the selected parameters in the
     units of the table; with a `delay` in s of the duty, that with respect to it comes last."""
     late = bundle if delay is None else bundle.with_late_duty(delay)[0]
-    states = jax.vmap(lambda drive, start: march(model, drive, start, bundle.plan)[0], (1, 0), 1)(
+    ready = tabulated_along(model, late.drive)
+    states = jax.vmap(lambda drive, start: march(ready, drive, start, bundle.plan)[0], (1, 0), 1)(
         late.drive, late.start
     )
     adjoint, gradient, duty = _backwards(model, selection, late, states, _by_time(late, cotangent))
@@ -53,7 +54,8 @@ def _backwards(
     """Cotangents of the start states, of the parameters by what happens in all intervals, and of the duty of each."""
     theta = selection.pack(model)
     # Tables are made once, not in every interval.
-    tables, through_tables = jax.vjp(lambda theta: tables_of(selection.unpack(model, theta)), theta)
+    rows = rows_along(model, bundle.drive)
+    tables, through_tables = jax.vjp(lambda theta: tables_of(selection.unpack(model, theta), rows), theta)
 
     def interval(carry: tuple[State, Any], inputs: tuple[State, Any, Array]) -> tuple[tuple[State, Any], Any]:
         adjoint, gradient = carry
@@ -80,7 +82,8 @@ def _through_start(model: AbstractModel, selection: Selection, bundle: Bundle, a
     begin = jax.tree.map(lambda leaf: leaf[0], bundle.drive)
 
     def start(theta: Array) -> State:
-        return jax.vmap(tabulated(selection.unpack(model, theta)).start)(bundle.start, begin)
+        chosen = tabulated_along(selection.unpack(model, theta), begin)
+        return jax.vmap(chosen.start)(bundle.start, begin)
 
     _, back = jax.vjp(start, selection.pack(model))
     return back(adjoint)[0]

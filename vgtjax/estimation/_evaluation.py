@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ..parameters import Selection
-from ..plants import AbstractModel
+from ..plants import AbstractModel, tabulated_along
 from ._bundle import Bundle
 
 T = TypeVar("T")
@@ -37,7 +37,11 @@ class Evaluation:
         delay = None if self.delay is None else np.asarray(self.delay, float)
         pulls = [None] * len(self.bundles) if self.cotangent is None else self.cotangent
         pairs = zip(self.bundles, pulls, strict=True)
-        return [(self.model, self.selection, bundle, delay, pull) for bundle, pull in pairs]
+        return [(self._ready(bundle), self.selection, bundle, delay, pull) for bundle, pull in pairs]
+
+    def _ready(self, bundle: Bundle) -> AbstractModel:
+        """The model; without derivatives its tables are made here, in one program for all bundles and lanes."""
+        return self.model if self.selection is not None else tabulated_along(self.model, bundle.drive)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

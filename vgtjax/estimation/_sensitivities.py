@@ -17,8 +17,8 @@ from .._kept import keep_compiled
 from .._lanes import replicate, spread
 from .._types import Scalar
 from ..parameters import Selection, select
-from ..parts import has_tables, tables_of, with_tables
-from ..plants import AbstractModel, State
+from ..parts import Rows, has_tables, tables_of, with_tables
+from ..plants import AbstractModel, State, rows_along, tabulated_along
 from ..simulation import FixedStep, march
 from ..traces import Drive, Trace
 from ._adjoint import pull_back
@@ -107,13 +107,13 @@ def observe_with_jacobian(
     """
     # Tables are made before, in a program without lanes: where lanes are spread, devices would wait for each other at
     # every step on the way to a table.
-    values = replicate(_values_of(model, selection)) if has_tables(model) else None
+    values = replicate(_values_of(model, selection, rows_along(model, bundle.drive))) if has_tables(model) else None
     return _spread_jacobian(model, selection, bundle, delay, values)
 
 
 @keep_compiled
-def _values_of(model: AbstractModel, selection: Selection) -> Pushed:
-    return _push_values(model, selection)
+def _values_of(model: AbstractModel, selection: Selection, rows: tuple[Rows, ...]) -> Pushed:
+    return _push_values(model, selection, rows)
 
 
 @keep_compiled
@@ -167,14 +167,15 @@ def _linearise(
     slope = None
     if delay is not None:
         bundle, slope = bundle.with_late_duty(delay)
-    first, observed = _nominal(model, bundle)
-    first, inputs = place((first, (bundle.lane_drive, slope)))
     # Tables are made once, not at every step.
-    values = _push_values(model, selection) if values is None else values
+    values = _push_values(model, selection, rows_along(model, bundle.drive)) if values is None else values
 
     def choose(values: Any) -> AbstractModel:
         theta, tables = values
         return with_tables(selection.unpack(model, theta), tables)
+
+    first, observed = _nominal(with_tables(model, values[0][1]), bundle)
+    first, inputs = place((first, (bundle.lane_drive, slope)))
 
     ends, by_start, by_parameter = _push_lanes(choose, values, first, inputs, bundle)
     at_start = _chain(choose, values, bundle, ends)
@@ -185,16 +186,19 @@ def _linearise(
     return observed, jnp.transpose(total, (3, 0, 2, 1))
 
 
-def _push_values(model: AbstractModel, selection: Selection) -> Pushed:
-    """The parameters and the model's tables, and a tangent of both for each parameter."""
+def _push_values(model: AbstractModel, selection: Selection, rows: tuple[Rows, ...]) -> Pushed:
+    """The parameters and rows of the model's tables, and a tangent of both for each parameter."""
     theta = selection.pack(model)
     return _push_all(
-        lambda theta: (theta, tables_of(selection.unpack(model, theta))), theta, jnp.eye(len(theta), dtype=theta.dtype)
+        lambda theta: (theta, tables_of(selection.unpack(model, theta), rows)),
+        theta,
+        jnp.eye(len(theta), dtype=theta.dtype),
     )
 
 
 def _nominal(model: AbstractModel, bundle: Bundle) -> tuple[State, Lanes]:
     """States at the start of every lane, and what is observed along it."""
+    model = tabulated_along(model, bundle.drive)
 
     def one(drive, start):
         states, _ = march(model, drive, start, bundle.plan)

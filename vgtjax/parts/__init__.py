@@ -23,7 +23,9 @@ from ._gas_table import AbstractGasTables as AbstractGasTables, bilinear as bili
 from ._stateless import Stateless as Stateless
 from ._tabulated import (
     AbstractTabulated as AbstractTabulated,
+    Rows as Rows,
     has_tables as has_tables,
+    rows_of as rows_of,
     tables_of as tables_of,
     tabulated as tabulated,
     with_tables as with_tables,

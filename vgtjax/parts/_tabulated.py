@@ -5,17 +5,27 @@ from typing import Any
 
 import equinox as eqx
 import jax
-from jaxtyping import Array
+import numpy as np
+from jaxtyping import Array, Bool
 
 from ..parameters import AbstractDerived
+from ..traces import Drive
+
+Rows = Bool[Array, " rows"] | Bool[np.ndarray, " rows"]
+"""Which rows of a table are needed."""
 
 
 class AbstractTabulated(AbstractDerived):
     """A part with a table that is made of its parameters, and made anew whenever these have moved."""
 
     @abc.abstractmethod
-    def table(self) -> Array:
-        """The table of the parameters as they are, differentiable with respect to them."""
+    def table(self, rows: Rows | None = None) -> Array:
+        """The table of the parameters as they are, differentiable with respect to them; if it has to be made, only the
+        rows that are given, and NaN elsewhere."""
+
+    @abc.abstractmethod
+    def rows(self, *drives: Drive) -> Rows:
+        """Which rows of the table are read along drives."""
 
     @abc.abstractmethod
     def with_table(self, table: Array) -> eqx.Module:
@@ -24,12 +34,18 @@ class AbstractTabulated(AbstractDerived):
 
 def has_tables(model: Any) -> bool:
     """Whether a model has such parts."""
-    return any(_is_tabulated(part) for part in jax.tree.leaves(model, is_leaf=_is_tabulated))
+    return bool(_tabulated_parts(model))
 
 
-def tables_of(model: Any) -> tuple[Array, ...]:
-    """The tables of all such parts of a model; none of most models."""
-    return tuple(part.table() for part in jax.tree.leaves(model, is_leaf=_is_tabulated) if _is_tabulated(part))
+def rows_of(model: Any, *drives: Drive) -> tuple[Rows, ...]:
+    """Which rows of the tables of all such parts of a model are read along drives; none of most models."""
+    return tuple(part.rows(*drives) for part in _tabulated_parts(model))
+
+
+def tables_of(model: Any, rows: tuple[Rows, ...] | None = None) -> tuple[Array, ...]:
+    """The tables of all such parts of a model, or at least some rows of them; none of most models."""
+    parts = _tabulated_parts(model)
+    return tuple(part.table(each) for part, each in zip(parts, rows or [None] * len(parts), strict=True))
 
 
 def with_tables(model: Any, tables: tuple[Array, ...]) -> Any:
@@ -43,6 +59,10 @@ def with_tables(model: Any, tables: tuple[Array, ...]) -> Any:
 def tabulated(model: Any) -> Any:
     """A model ready to be simulated: what would be computed at every step is read off tables."""
     return with_tables(model, tables_of(model))
+
+
+def _tabulated_parts(model: Any) -> list[AbstractTabulated]:
+    return [part for part in jax.tree.leaves(model, is_leaf=_is_tabulated) if _is_tabulated(part)]
 
 
 def _is_tabulated(node: Any) -> bool:

@@ -9,6 +9,8 @@ from ._instrumented import (
     Instrumented as Instrumented,
     Offsets as Offsets,
     bare as bare,
+    rows_along as rows_along,
+    tabulated_along as tabulated_along,
 )
 from ._knots import on_given_knots as on_given_knots
 from ._mechanical import MechanicalActuator as MechanicalActuator

@@ -9,7 +9,7 @@ from jaxtyping import Array
 
 from .._types import Values
 from ..parameters import nested, parameter
-from ..parts import Air, Gas
+from ..parts import Air, Gas, Rows, rows_of, tables_of, with_tables
 from ..traces import Drive, Ramp, Start
 from ._base import AbstractModel, Inner, State
 
@@ -89,26 +89,26 @@ class Instrumented(AbstractModel):
         position, pressure = start.position / self.gain.x_d, (start.pressure - self.offset.p_act) / self.gain.p_act
         there = [position + self.initial.of("x_d", start), pressure + self.initial.of("p_act", start)]
         begun = self.model.start(
-            eqx.tree_at(lambda start: [get(start) for get in seen], start, there), self._true(drive)
+            eqx.tree_at(lambda start: [get(start) for get in seen], start, there), self.true_drive(drive)
         )
         return _warmed(begun, self.initial.of("T_act", start))
 
     def vector_field(self, time: Values, state: Any, drive: Drive) -> State:
         """That of the model, driven by what was there."""
-        return self.model.vector_field(time, state, self._true(drive))
+        return self.model.vector_field(time, state, self.true_drive(drive))
 
     def relaxation(self, time: Values, state: Any, drive: Drive) -> Any:
         """That of the model, driven by what was there."""
-        return self.model.relaxation(time, state, self._true(drive))
+        return self.model.relaxation(time, state, self.true_drive(drive))
 
     def observe(self, state: Any, drive: Drive) -> tuple[Values, Values]:
         """What the sensors show of what the model does."""
-        position, pressure = self.model.observe(state, self._true(drive))
+        position, pressure = self.model.observe(state, self.true_drive(drive))
         return self.gain.x_d * position, self.gain.p_act * pressure
 
     def signals(self, state: Any, drive: Drive) -> dict[str, Array]:
         """Those of the model: what was there."""
-        return self.model.signals(state, self._true(drive))
+        return self.model.signals(state, self.true_drive(drive))
 
     def typical_state(self) -> Any:
         """That of the model."""
@@ -124,8 +124,8 @@ class Instrumented(AbstractModel):
         """Those of the model."""
         return self.model.needs
 
-    def _true(self, drive: Drive) -> Drive:
-        """Inputs as they were, by what their sensors showed."""
+    def true_drive(self, drive: Drive) -> Drive:
+        """Inputs as they were, by what their sensors show."""
         channels = {"chamber": "p_act", "reservoir": "p_res", "turbine": "p_trb", "force": "f_drive"}
         given = {name: channel for name, channel in channels.items() if getattr(drive, name) is not None}
         there = [self._there(getattr(drive, name), channel) for name, channel in given.items()]
@@ -146,6 +146,17 @@ def _warmed(state: State, kelvin: Values) -> State:
         return Gas(node.pressure, node.temperature + kelvin) if is_gas(node) else node
 
     return jax.tree.map(warm, state, is_leaf=is_gas)
+
+
+def rows_along(model: AbstractModel, *drives: Drive) -> tuple[Rows, ...]:
+    """Which rows of the tables of a model's parts are read along what its inputs' sensors show; none of most models."""
+    true = [model.true_drive(drive) for drive in drives] if isinstance(model, Instrumented) else drives
+    return rows_of(model, *true)
+
+
+def tabulated_along(model: AbstractModel, *drives: Drive) -> AbstractModel:
+    """A model ready to be simulated along drives: what would be computed at every step is read off tables."""
+    return with_tables(model, tables_of(model, rows_along(model, *drives)))
 
 
 def bare(model: AbstractModel) -> AbstractModel:

@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 from .._errors import InputError
 from .._lanes import fill_devices, map_rows
 from ..experiments import AbstractExperiment, Output, stack_runs
-from ..plants import AbstractModel, least_volume
+from ..plants import AbstractModel, least_volume, tabulated_along
 from ..simulation import RESULTS, FixedMarch, FixedStep, march
 from ..traces import Drive, Start, cast, require
 from ._factors import Factors
@@ -133,6 +133,8 @@ def _run(model: AbstractModel, prepared: tuple[_Prepared, ...]) -> tuple[Array, 
     columns: list[Array] = []
     status: Any = RESULTS.successful
     unphysical: Any = RESULTS.unphysical
+    # Tables are made once, not in every run.
+    model = tabulated_along(model, *(each.drive for each in prepared))
     left = least_volume(model)
     if left is not None:
         # A value that is no number is left to the simulation.

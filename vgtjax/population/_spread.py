@@ -17,8 +17,12 @@ from ..plants import AbstractModel
 from ._factors import Factors, choose_factors
 from ._population import Margin, Population, domain, lognormal, normal, triangular, uniform
 
-NOT_VARIED = ("air.*", "*.turbine_pressure", "*.crank_angle", "*.crank.*", "diaphragm.stop_*")
-"""What no tolerance is on: the weather, the knots and the geometry behind tables, and the give of rigid stops."""
+NOT_VARIED = (
+    *("air.*", "*.ambient_pressure", "*.turbine_pressure", "*.crank_angle", "*.crank.*", "diaphragm.stop_*"),
+    *("*.nozzle.*", "*.linkage.*", "*.gas.*", "*.total_temperature", "*.outlet_pressure", "*.speed_ratio"),
+)
+"""What no tolerance is on unless it is stated: the weather, the knots and the geometry behind tables, the give of rigid
+stops; and the turbine, whose sizes are assumed and whose table takes a few seconds a sample."""
 DISTRIBUTIONS = ("normal", "lognormal", "uniform", "triangular")
 
 

@@ -11,8 +11,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 from .._kept import keep_compiled
-from ..parts import tabulated
-from ..plants import AbstractModel, State
+from ..plants import AbstractModel, State, tabulated_along
 from ..traces import Drive, Start, Trace, cast, require
 from ._results import RESULTS, check_result
 from ._stepping import AbstractMarch, AbstractStepping, FixedStep
@@ -89,7 +88,7 @@ def _simulate(
     plan: AbstractMarch,
     adjoint: diffrax.AbstractAdjoint,
 ) -> Solution:
-    model = tabulated(model)
+    model = tabulated_along(model, drive)
     states, result = march(model, drive, start, plan, adjoint)
     return Solution(jnp.asarray(time), states, jax.vmap(model.signals)(states, drive), result)
 
@@ -106,5 +105,5 @@ def march(
     `adjoint` is `diffrax.ForwardMode()` by default.
     """
     first = jax.tree.map(lambda leaf: leaf[0], drive)
-    model = tabulated(model)
+    model = tabulated_along(model, drive)
     return plan(model, model.start(start, first), drive, diffrax.ForwardMode() if adjoint is None else adjoint)

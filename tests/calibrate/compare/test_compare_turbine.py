@@ -1,14 +1,12 @@
 """The command `compare` where the force of exhaust gas changes sides with direction: no turbine makes that."""
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from commands import read, run_command
-from support import optimised
+from support import optimised, quick_nozzle
 
 import vgtjax
 from calibrate.compare import alternatives
-from vgtjax.parts.vane_force import _stage_table
 
 STUDY = """model = "mechanical"
 [components]
@@ -37,26 +35,16 @@ def write_loop(folder, gauge):
     np.savetxt(folder / f"loop_{gauge:.0f}.csv", columns, fmt="%.6f", delimiter=",", header=head, comments="")
 
 
-def valley(stage):
-    """A table like that of the default nozzle, in no time: 20 N closed, 9 N in the valley, 40 N open at 4.5 bar."""
-    pressure, angle = jnp.meshgrid(jnp.linspace(0, 1, _stage_table.PRESSURES), jnp.linspace(0, 1, _stage_table.ANGLES))
-    force = pressure * (9 + 11 * (1 - angle) ** 8 + 31 * angle**2)
-    return jnp.stack([force.T, 0.2 * (pressure * angle).T]), jnp.ones(force.T.shape, bool)
-
-
 @pytest.fixture(scope="module")
 def compared(tmp_path_factory):
     folder = tmp_path_factory.mktemp("compare")
-    with pytest.MonkeyPatch.context() as patch, optimised():
-        patch.setattr(_stage_table, "solve_table", valley)
+    with pytest.MonkeyPatch.context() as patch, optimised(), quick_nozzle():
         patch.setattr(alternatives, "VANE_FORCE", ("map",))
         patch.setattr(alternatives, "FRICTION", ("lugre",))
-        _stage_table._remembered.cache_clear()
         for gauge in (0.0, 1.5e5, 3.0e5):
             write_loop(folder, gauge)
         (folder / "study.toml").write_text(STUDY)
         outcome = run_command("compare", folder / "study.toml", "--out", folder / "out")
-        _stage_table._remembered.cache_clear()
     assert (outcome.status, outcome.err) == (0, "")
     return read(folder / "out" / "summary.json")
 

@@ -10,6 +10,7 @@ import vgtjax
 from vgtjax import Actuator, InputError, Turbine, jacobian, replace_parameters, simulate
 from vgtjax.exhaust import Engine, OperatingPoint, pulsation
 from vgtjax.parts import Crank, Vanes
+from vgtjax.plants import Instrumented, rows_along
 from vgtjax.simulation import RESULTS
 
 PRESSURES, ANGLES = np.linspace(1.05e5, 4.5e5, 25), np.linspace(4.0, 37.0, 25)
@@ -98,6 +99,33 @@ def test_a_table_follows_its_parameters_and_only_them(plant, moved):
     expected = moved.vane_force.rod_force(PRESSURES[16], ANGLES[8])
     assert force(moved.vane_force, PRESSURES[16], ANGLES[8]) == pytest.approx(float(expected), rel=1e-7)
     assert abs(force(moved.vane_force, 3e5, 20.0) - force(plant.vane_force, 3e5, 20.0)) > 0.1
+
+
+@pytest.mark.parametrize(
+    ("pressure", "swing", "expected"),
+    [(0.0, 0.0, [0, 1]), (1.5e5, 0.0, [10, 11]), (2.0e5, 0.2e5, [12, 13, 14, 15, 16]), (6e5, 0.0, [23, 24])],
+)
+def test_a_trace_comes_to_few_pressures_of_the_table(turbine, pressure, swing, expected):
+    """0 bar is below the outlet's pressure, 6 bar beyond the table, 1.8 to 2.2 bar 12.2 to 15.02 intervals above the
+    outlet's: gauge counts from the atmosphere. A value between two pressures is read off both."""
+    read = turbine.rows(trace(pressure, swing).drive())
+    assert np.flatnonzero(read).tolist() == expected
+
+
+def test_where_its_sensor_is_off_a_trace_comes_to_other_pressures(plant):
+    """A sensor that shows 0.3 bar too much: 1.5 bar are two intervals of 0.14 bar lower."""
+    bench = replace_parameters(Instrumented(plant), {"offset.p_trb": 0.3e5})
+    (read,) = rows_along(bench, trace(1.5e5, 0.0).drive())
+    assert np.flatnonzero(read).tolist() == [8, 9]
+
+
+def test_a_table_along_a_trace_is_the_whole_one_where_it_comes(moved):
+    turbine, drive = moved.vane_force, trace(1.5e5, 0.1e5).drive()
+    read = np.asarray(turbine.rows(drive))
+    table = eqx.tree_at(lambda each: each._made, turbine, None, is_leaf=lambda leaf: leaf is turbine._made).table(read)
+    # Flows that are searched from another pressure's agree to what their balance is solved to, as above.
+    np.testing.assert_allclose(table[:, read], turbine.table()[:, read], rtol=1e-7)
+    assert np.all(np.isnan(table[:, 1:][:, ~read[1:]]))  # at the outlet's pressure nothing flows
 
 
 def test_a_nozzle_that_was_put_in_by_other_means_fails_rather_than_use_an_old_table(plant):

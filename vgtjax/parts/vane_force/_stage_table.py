@@ -1,20 +1,23 @@
 """Steady solutions of a turbine stage over total pressure and crank angle, and a vane force that is read off them."""
 
 import functools
+from collections.abc import Sequence
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Bool, Float
 
+from ..._kept import keep_compiled
 from ..._types import Scalar, Values
+from ...traces import Drive
 from ...turbine import States, first_guess
+from .._tabulated import Rows
 from .._vanes import Crank, Vanes
 from ._base import AbstractVaneForce
-from ._stage import CRANK_RANGE, HIGHEST_PRESSURE, Stage, flow_at, no_steady_flow
+from ._stage import CELLS, CRANK_RANGE, HIGHEST_PRESSURE, Stage, flow_at, no_steady_flow
 
 PRESSURES, ANGLES = 25, 25
 """Knots of the table, from the outlet's pressure, where nothing flows: linear between them, the force is within 0.03 N
@@ -24,6 +27,10 @@ ForceTable = Float[Array, "quantity pressures angles"]
 """Rod force in N and mass flow in kg/s over total pressure and crank angle."""
 Knots = Float[Array, "pressures angles"]
 """One of the two."""
+ALL = np.ones(PRESSURES, bool)
+"""Rows of a whole table."""
+MARGIN = 1e-3
+"""Of an interval between two pressures, for rounding of what is read there."""
 
 
 class StageTable(AbstractVaneForce):
@@ -43,8 +50,7 @@ class StageTable(AbstractVaneForce):
     def read(self, values: Knots, total_pressure: Values, crank_angle: Values) -> Values:
         """Value of one of its tables at Pa absolute and deg."""
         low, high = CRANK_RANGE
-        share = (total_pressure - self.outlet_pressure) / (HIGHEST_PRESSURE - self.outlet_pressure)
-        row, across = _interval(share, PRESSURES)
+        row, across = _interval(_share(total_pressure, self.outlet_pressure), PRESSURES)
         column, along = _interval((crank_angle - low) / (high - low), ANGLES)
 
         def at(row: Array) -> Values:
@@ -76,20 +82,43 @@ class StageTable(AbstractVaneForce):
         """No state, no size."""
 
 
-@eqx.filter_jit
-def solve_table(stage: Stage) -> tuple[ForceTable, Bool[Array, "pressures angles"]]:
-    """Rod force and mass flow at all knots, and where a steady state was found; zero at the outlet's pressure."""
+def rows_along(stage: Stage, ambient_pressure: Scalar, drives: Sequence[Drive]) -> Rows:
+    """Which pressures of the table are read along drives. Ambient in Pa absolute."""
+    crossed = jnp.zeros(PRESSURES + 1, int)
+    for drive in drives:
+        ramp = drive.turbine
+        ends = jnp.stack(jnp.broadcast_arrays(ramp.start, ramp.start + ramp.rate * drive.duration))
+        at = (PRESSURES - 1) * _share(ambient_pressure + ends, stage.outlet_pressure)
+        first, last = jnp.floor(jnp.min(at, axis=0) - MARGIN), jnp.floor(jnp.max(at, axis=0) + MARGIN)
+        first, last = (jnp.clip(row, 0, PRESSURES - 2).astype(int).ravel() for row in (first, last))
+        # Between its rows each interval counts one, and reads the row behind them as well.
+        crossed = crossed.at[first].add(1).at[last + 2].add(-1)
+    return jnp.cumsum(crossed)[:-1] > 0
+
+
+@keep_compiled
+def solve_table(
+    stage: Stage, rows: Rows = ALL, cells: int = CELLS
+) -> tuple[ForceTable, Bool[Array, "pressures angles"]]:
+    """Rod force and mass flow at the knots of some pressures or of all, and where a steady state was found; zero at the
+    outlet's pressure."""
     outlet = stage.outlet_pressure
     pressures = outlet + (HIGHEST_PRESSURE - outlet) * jnp.linspace(0.0, 1.0, PRESSURES)[1:]
 
     def column(angle: Array) -> tuple[Array, Array]:
         # Each pressure is searched from the flow at the one below.
-        def rising(near: States, pressure: Array) -> tuple[States, tuple[Array, Array]]:
-            flow, values, states = flow_at(stage, pressure, angle, near=near)
+        def rising(near: States, at: tuple[Array, Array]) -> tuple[States, tuple[Array, Array]]:
+            return jax.lax.cond(at[1], solve, leave, near, at[0])
+
+        def solve(near: States, pressure: Array) -> tuple[States, tuple[Array, Array]]:
+            flow, values, states = flow_at(stage, pressure, angle, cells, near)
             return jnp.where(flow.converged, states, near), (values, flow.converged)
 
-        guess = first_guess(*stage.passage(pressures[0], angle), stage.gas)
-        return jax.lax.scan(rising, jax.lax.stop_gradient(guess), pressures)[1]
+        def leave(near: States, pressure: Array) -> tuple[States, tuple[Array, Array]]:
+            return near, (jnp.zeros(2, near.dtype), jnp.asarray(False))
+
+        guess = first_guess(*stage.passage(pressures[0], angle, cells), stage.gas)
+        return jax.lax.scan(rising, jax.lax.stop_gradient(guess), (pressures, jnp.asarray(rows)[1:]))[1]
 
     values, found = jax.lax.map(column, jnp.linspace(*CRANK_RANGE, ANGLES))
     table, found = jnp.transpose(values, (2, 1, 0)), found.T
@@ -97,29 +126,31 @@ def solve_table(stage: Stage) -> tuple[ForceTable, Bool[Array, "pressures angles
     return jnp.concatenate([still, table], axis=1), jnp.concatenate([jnp.ones_like(found[:1]), found])
 
 
-def checked_table(stage: Stage) -> ForceTable:
-    """A table whose failed points are NaN, so that a simulation that comes there fails."""
-    table, found = solve_table(stage)
+def checked_table(stage: Stage, rows: Rows) -> ForceTable:
+    """A table of some pressures; NaN elsewhere and at points that failed, so that a simulation that comes there does
+    too."""
+    table, found = solve_table(stage, rows)
     return jnp.where(found, table, jnp.nan)
 
 
 @jax.custom_jvp
-def current_table(stage: Stage, made_of: tuple[Array, ...], made: ForceTable) -> ForceTable:
-    """The table that was made of a stage's values, with derivatives by steady solutions; NaN if they have moved."""
+def current_table(stage: Stage, rows: Rows, made_of: tuple[Array, ...], made: ForceTable) -> ForceTable:
+    """The table that was made of a stage's values, with derivatives by steady solutions at some pressures; NaN if they
+    have moved."""
     pairs = zip(jax.tree.leaves(stage), made_of, strict=True)
     same = jnp.all(jnp.stack([jnp.all(a == b) for a, b in pairs]))
     return jnp.where(same, made, jnp.nan)
 
 
 def _differentiate(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> tuple[Array, Any]:
-    stage, made_of, made = primals
+    stage, rows, made_of, made = primals
     moved = jax.tree.leaves(tangents[0], is_leaf=lambda leaf: isinstance(leaf, SymbolicZero))
     if all(isinstance(leaf, SymbolicZero) for leaf in moved):
-        table = current_table(stage, made_of, made)
+        table = current_table(stage, rows, made_of, made)
         return table, jnp.zeros_like(table)
     leaves, shape = jax.tree.flatten(stage)
     along = [jnp.zeros_like(a) if isinstance(t, SymbolicZero) else t for a, t in zip(leaves, moved, strict=True)]
-    return jax.jvp(lambda leaves: checked_table(jax.tree.unflatten(shape, leaves)), (leaves,), (along,))
+    return jax.jvp(lambda leaves: checked_table(jax.tree.unflatten(shape, leaves), rows), (leaves,), (along,))
 
 
 current_table.defjvp(_differentiate, symbolic_zeros=True)
@@ -138,13 +169,18 @@ def make_table(stage: Stage) -> ForceTable:
 def _remembered(values: tuple[float, ...], dtype: str, shape: Any) -> ForceTable:
     stage: Stage = jax.tree.unflatten(shape, [jnp.asarray(value, dtype) for value in values])
     stage.require_working()
-    table, found = solve_table(stage)
+    table, found = solve_table(stage, jnp.asarray(ALL))
     if not np.all(found):
         row, column = np.argwhere(~np.asarray(found))[0]
         outlet = float(stage.outlet_pressure)
         pressure = outlet + (HIGHEST_PRESSURE - outlet) * row / (PRESSURES - 1)
         raise no_steady_flow(pressure, np.linspace(*CRANK_RANGE, ANGLES)[column])
     return table
+
+
+def _share(total_pressure: Values, outlet_pressure: Scalar) -> Values:
+    """Of the table's pressures that a total pressure in Pa absolute has passed."""
+    return (total_pressure - outlet_pressure) / (HIGHEST_PRESSURE - outlet_pressure)
 
 
 def _interval(share: Values, knots: int) -> tuple[Array, Values]:

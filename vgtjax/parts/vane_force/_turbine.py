@@ -8,12 +8,13 @@ from jaxtyping import Array
 from ..._errors import is_traced
 from ..._types import Scalar, Values
 from ...parameters import as_float_array, parameter
+from ...traces import Drive
 from ...turbine import Flow, Gas, Nozzle
-from .._tabulated import AbstractTabulated
+from .._tabulated import AbstractTabulated, Rows
 from .._vanes import Crank, Vanes
 from ._base import AbstractVaneForce
 from ._stage import CELLS, OUTLET_PRESSURE, SPEED_RATIO, TOTAL_TEMPERATURE, Linkage, Stage, flow_at, no_steady_flow
-from ._stage_table import ForceTable, StageTable, checked_table, current_table, make_table
+from ._stage_table import ALL, ForceTable, StageTable, checked_table, current_table, make_table, rows_along
 
 
 class Turbine(AbstractVaneForce, AbstractTabulated):
@@ -81,11 +82,16 @@ class Turbine(AbstractVaneForce, AbstractTabulated):
         """See the base class."""
         return eqx.tree_at(lambda each: each._made, self, _make(self.stage), is_leaf=lambda node: node is self._made)
 
-    def table(self) -> ForceTable:
+    def table(self, rows: Rows | None = None) -> ForceTable:
         """See the base class; NaN where no steady state was found, so that a simulation that comes there fails."""
+        rows = jnp.asarray(ALL if rows is None else rows)
         if self._made is None:
-            return checked_table(self.stage)
-        return current_table(self.stage, *self._made)
+            return checked_table(self.stage, rows)
+        return current_table(self.stage, rows, *self._made)
+
+    def rows(self, *drives: Drive) -> Rows:
+        """See the base class; a row is a total pressure."""
+        return rows_along(self.stage, self.ambient_pressure, drives)
 
     def with_table(self, table: ForceTable) -> StageTable:
         """See the base class."""
