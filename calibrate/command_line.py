@@ -61,6 +61,15 @@ def _prepare_jax(processes: dict[str, Any]) -> None:
         join(processes["coordinator"], processes["processes"], processes["process"])
 
 
+def _company(processes: dict[str, Any]) -> contextlib.AbstractContextManager[None]:
+    """What the death of another process is noticed in, for a command that runs in several."""
+    if not processes:
+        return contextlib.nullcontext()
+    from .processes import bereaved
+
+    return bereaved()
+
+
 def _run(command: str, **arguments: Any) -> None:
     """Runs a command; what went wrong becomes one sentence and an exit status."""
     previous = signal.signal(signal.SIGINT, _leave)
@@ -74,7 +83,7 @@ def _run(command: str, **arguments: Any) -> None:
 
             from .study.places import OF_A_MODEL, stated
 
-            with stated(OF_A_MODEL):
+            with stated(OF_A_MODEL), _company(processes):
                 module.run(**arguments)
         except InputError as error:
             click.echo(f"error: {error}", err=True)

@@ -1,6 +1,9 @@
 """A command that runs in several processes at once: all compute, the first one talks and writes."""
 
-from collections.abc import Callable
+import contextlib
+import os
+import sys
+from collections.abc import Callable, Iterator
 from typing import Any, TypeVar, cast
 
 import jax
@@ -12,6 +15,8 @@ from vgtjax import InputError
 from .output.console import console
 
 T = TypeVar("T")
+EXCHANGE = ("Gloo", "NCCL", "UNAVAILABLE")
+"""One of them is in JAX's error where an exchange between processes failed; any other is this process's own trouble."""
 
 
 def join(coordinator: str | None, count: int | None, index: int | None) -> None:
@@ -36,6 +41,23 @@ def join(coordinator: str | None, count: int | None, index: int | None) -> None:
         reason = str(error).splitlines()[0]
         raise InputError(f"the processes could not meet at {coordinator} ({reason}); choose a free port") from error
     console.quiet = index > 0
+
+
+@contextlib.contextmanager
+def bereaved() -> Iterator[None]:
+    """Ends this process, with one sentence and exit status 1, where another one of the run has died.
+
+    The next exchange with it fails, at once where a connection broke. Then at once, as JAX's own farewell waits minutes
+    for the dead.
+    """
+    try:
+        yield
+    except jax.errors.JaxRuntimeError as error:
+        if jax.process_count() == 1 or not any(word in str(error) for word in EXCHANGE):
+            raise
+        sys.stdout.flush()
+        os.write(2, b"failed: another process of this run has died; start all of them again, and they go on\n")
+        os._exit(1)
 
 
 def together(prepare: Callable[[], T]) -> T:

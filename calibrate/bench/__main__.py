@@ -28,10 +28,24 @@ _CASES = (
     "memory",
     "files",
     "unknown-plants",
+    "wider-plants",
+    "adaptive-gains",
 )
-_LONG = ("accelerator", "nozzle", "tuning", "opponents", "coverage", "fleet-coverage", "memory", "unknown-plants")
+_LONG = (
+    "accelerator",
+    "nozzle",
+    "tuning",
+    "opponents",
+    "coverage",
+    "fleet-coverage",
+    "memory",
+    "unknown-plants",
+    "wider-plants",
+    "adaptive-gains",
+)
 """Only when asked for: ten minutes and more, or a device that most machines lack."""
-_KEEP = "Rows of 'opponents' that are finished; the same command goes on from there."
+_KEPT = ("opponents", "tuning", "wider-plants", "adaptive-gains")
+_KEEP = f"What is finished of {', '.join(_KEPT)}; the same command goes on from there."
 _PACKAGES = ("jax", "diffrax", "numba", "scipy", "casadi", "cma")
 
 
@@ -66,7 +80,7 @@ def _measure(names: tuple[str, ...], out: pathlib.Path | None, keep: pathlib.Pat
     sections = []
     for name in names:
         with console.status(f"measuring {name}"):
-            sections.append(CASES[name](keep) if name == "opponents" else CASES[name]())
+            sections.append(CASES[name](keep) if name in _KEPT else CASES[name]())
         show(sections[-1], console)
         if out is not None:
             # After every benchmark, so that an interrupted run keeps what it measured.

@@ -66,7 +66,8 @@ def _run_figure(group: ClosedLoops, index: int) -> go.Figure:
     show(1e3 * reference, "reference", REFERENCE, 1, dash="dash")
     show(1e3 * position, "position", SIMULATED, 1)
     show(1e6 * (reference - position), "error", SIMULATED, 2, showlegend=False)
-    show(1e-2 * (runs.pressure[index] - STANDARD_ATMOSPHERE), "true pressure", SIMULATED, 3)
+    told_apart = runs.observed is not None
+    show(1e-2 * (runs.pressure[index] - STANDARD_ATMOSPHERE), "true pressure", SIMULATED, 3, showlegend=told_apart)
     if runs.observed is not None:
         show(1e-2 * (runs.observed[index] - STANDARD_ATMOSPHERE), "observed pressure", REFERENCE, 3, dash="dash")
     show(runs.duty[index], "duty", DUTY, 4, showlegend=False, line_shape="hv")

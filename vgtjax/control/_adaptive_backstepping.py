@@ -71,22 +71,22 @@ class AdaptiveBackstepping(AbstractController):
     **Raises:** `InputError` for gains for which `V'` may be positive.
     """
 
-    position_gain: Scalar = parameter(150.0, symbol="k1", unit="1/s", source="5.51, value assumed")
-    velocity_gain: Scalar = parameter(300.0, symbol="kappa", unit="1/s", source="5.55, value assumed")
-    pressure_gain: Scalar = parameter(27.0, symbol="k3", unit="1/s", source="5.63, value assumed")
+    position_gain: Scalar = parameter(140.0, symbol="k1", unit="1/s", source="5.51, value assumed")
+    velocity_gain: Scalar = parameter(25.0, symbol="kappa", unit="1/s", source="5.55, value assumed")
+    pressure_gain: Scalar = parameter(10.0, symbol="k3", unit="1/s", source="5.63, value assumed")
     position_weight: Scalar = parameter(64.0, symbol="w1", unit="1/s2", source="5.61, value assumed", lower=0.0)
-    pressure_weight: Scalar = parameter(2e-10, symbol="w3", unit="m2/(s2 Pa2)", source="5.65, value assumed")
+    pressure_weight: Scalar = parameter(3.2e-10, symbol="w3", unit="m2/(s2 Pa2)", source="5.65, value assumed")
     pressure_coupling: Scalar = parameter(1.0, symbol="c", unit="1", source="assumed", lower=0.0, held=True)
-    load_gain: Scalar = parameter(1200.0, symbol="gamma_d", unit="1/s2", source="assumed", lower=0.0)
-    drift_gain: Scalar = parameter(270.0, symbol="gamma_r", unit="1/s2", source="assumed", lower=0.0)
+    load_gain: Scalar = parameter(2200.0, symbol="gamma_d", unit="1/s2", source="assumed", lower=0.0)
+    drift_gain: Scalar = parameter(150.0, symbol="gamma_r", unit="1/s2", source="assumed", lower=0.0)
     largest_load: Scalar = parameter(30.0, symbol="d_max", unit="N", source="assumed", held=True)
     largest_drift: Scalar = parameter(3e5, symbol="r_max", unit="Pa/s", source="assumed", held=True)
-    forgetting_time: Scalar = parameter(0.1, symbol="T_f", unit="s", source="assumed", held=True)
+    forgetting_time: Scalar = parameter(0.3, symbol="T_f", unit="s", source="assumed", held=True)
     # Tuned at a velocity that the noise of the sensors reaches through the differentiator.
     reversal_width: Scalar = parameter(1e-2, symbol="v_w", unit="m/s", source="assumed", held=True, tuning_width=2e-3)
     model: DesignModel = eqx.field(default_factory=DesignModel)
     observer: DualFrictionObserver = eqx.field(default_factory=DualFrictionObserver)
-    differentiator: AbstractDifferentiator = eqx.field(default_factory=lambda: LevantDifferentiator(8.0, width=0.022))
+    differentiator: AbstractDifferentiator = eqx.field(default_factory=lambda: LevantDifferentiator(1.1, width=0.022))
 
     @classmethod
     def for_plant(cls, plant: Actuator, model: DesignModel | None = None, **settings: Any) -> "AdaptiveBackstepping":

@@ -35,12 +35,12 @@ class DualFrictionObserver(AbstractDesign):
     """
 
     injection: Bristles = parameter(
-        (0.01, 0.01), symbol="iota", unit=("1", "N s/m"), source="5.69, value assumed", lower=0.0
+        (0.026, 0.011), symbol="iota", unit=("1", "N s/m"), source="5.69, value assumed", lower=0.0
     )
     adaptation: Scalar = parameter(0.3, symbol="Gamma", unit="s2/m2", source="5.69, value assumed", lower=0.0)
-    least: Scalar = parameter(0.04, symbol="beta_lo", unit="1", source="assumed", held=True)
-    largest: Scalar = parameter(1.2, symbol="beta_hi", unit="1", source="assumed", held=True)
-    start: Coefficients = parameter((1.0, 0.2, 0.2), symbol="bh_0", unit=("1", "1", "1"), source="assumed", held=True)
+    least: Scalar = parameter(0.5, symbol="beta_lo", unit="1", source="assumed", held=True)
+    largest: Scalar = parameter(1.5, symbol="beta_hi", unit="1", source="assumed", held=True)
+    start: Coefficients = parameter((1.0, 1.0, 1.0), symbol="bh_0", unit=("1", "1", "1"), source="assumed", held=True)
     """Of the coefficients that the design model has, as are `least` and `largest`."""
 
     def conditions(self) -> dict[str, Condition]:
@@ -50,7 +50,7 @@ class DualFrictionObserver(AbstractDesign):
             jnp.minimum(self.start - least, largest - self.start),
             "start of the coefficients must lie between least and largest",
             self.start,
-            "use e.g. 1, with 0.2 and 5",
+            "use e.g. 1, with 0.5 and 1.5",
             closed=True,
             bounds_gains=False,
         )

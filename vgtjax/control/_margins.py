@@ -16,6 +16,8 @@ FREQUENCIES = 400
 """To half the sampling rate, evenly in their logarithm; crossings between them are found by Brent's method."""
 AXIS = 1e-2
 """Of its size, an imaginary part that is none."""
+STANDING = 1e-9
+"""By which an eigenvalue may exceed one: those of what is learned and does not die away are one, but for rounding."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -26,7 +28,7 @@ class Margins:
     largest factor below one that does, 0 if none; `phase` is the least lag or lead in degrees; `delay` in s is the
     least additional delay; `sensitivity` is the largest `1 / |1 + L|`, the inverse of the distance of `L` to -1.
     `crossover` in rad/s is the highest frequency at which `|L|` is one, zero without one. `radius` is that of the
-    closed loop's eigenvalues, `stable` whether it is below one.
+    closed loop's eigenvalues, `stable` whether none is above one.
     """
 
     gain: float
@@ -40,7 +42,7 @@ class Margins:
     @property
     def stable(self) -> bool:
         """Whether the closed loop is."""
-        return self.radius < 1
+        return self.radius < 1 + STANDING
 
 
 def margins(loop: LinearLoop) -> Margins:
@@ -49,7 +51,7 @@ def margins(loop: LinearLoop) -> Margins:
     Gain margins are those of crossings of the negative real axis, phase and delay margins those of the unit circle.
     """
     radius = loop.spectral_radius
-    if not radius < 1:
+    if not radius < 1 + STANDING:
         none = math.nan
         return Margins(none, none, none, none, none, none, radius)
     rates = np.geomspace(LOWEST, 0.5, FREQUENCIES) * 2 * np.pi / loop.period

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from ..table import Section
 from . import (
     accelerator,
+    adaptive_gains,
     batch,
     cold_start,
     coverage,
@@ -21,6 +22,7 @@ from . import (
     scaling,
     tuning,
     unknown_plants,
+    wider_plants,
 )
 
 CASES: dict[str, Callable[..., Section]] = {
@@ -42,5 +44,7 @@ CASES: dict[str, Callable[..., Section]] = {
     "memory": population.measure_memory,
     "files": files.measure,
     "unknown-plants": unknown_plants.measure,
+    "wider-plants": wider_plants.measure,
+    "adaptive-gains": adaptive_gains.measure,
 }
 """By the name on the command line, in the order in which they run."""

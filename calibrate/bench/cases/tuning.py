@@ -1,6 +1,7 @@
 """Gains of two controllers by gradients, beside optimisers that have none, on the same cost."""
 
 import contextlib
+import functools
 import pathlib
 import tempfile
 import time
@@ -13,9 +14,13 @@ import scipy.optimize
 from vgtjax.tuning import Tuner, TuningProblem
 
 from ...tune.job import EXAMPLE, prepare_tuning
+from ..kept import KeptRows
 from ..table import Section, seconds, times
+from .adaptive_gains import FORMER
 
-BUDGET = 10
+UNITS = EXAMPLE.parents[1] / "fleet" / "units"
+
+BUDGET = 6
 """Times that of the gradient."""
 WITHIN = (0.2, 0.1, 0.05)
 """Parts of the lowest cost that any contestant found."""
@@ -105,53 +110,67 @@ OTHERS = {
 }
 
 
-STUDIES = {
-    "backstepping from cautious gains": """
+STUDY = """
+[components]
+vane_force = "speed-map"
+[population]
+units = "{units}"
 [control]
-design = "backstepping"
 turbine_pressure = [0, 3.0e5]
 plants = 4
 duration = 5.0
 settled = 1.0
-cost = {chatter = 2.0}
-gains = {position_gain = {value = 20.0}, pressure_gain = {value = 150.0}, "observer.pressure_rate" = {value = 20.0}}
-""",
-    "adaptive backstepping from its defaults": """
-[control]
-design = "adaptive-backstepping"
-turbine_pressure = [0, 3.0e5]
-plants = 4
-""",
+cost = {{chatter = 2.0}}
+"""
+PROBLEMS: dict[str, tuple[str, dict[str, float | tuple[float, ...]]]] = {
+    "backstepping from cautious gains": (
+        "backstepping",
+        {"position_gain": 20.0, "pressure_gain": 150.0, "observer.pressure_rate": 20.0},
+    ),
+    "adaptive backstepping from gains for other plants": ("adaptive-backstepping", FORMER),
 }
-"""What is tuned, each on four of the example's twenty turbochargers."""
+"""Designs and the gains that they start from, each on four of the example's twenty turbochargers."""
 
 
-def measure() -> Section:
-    """Tunes by gradients, and gives every other optimiser ten times as long."""
+def measure(keep: pathlib.Path | None = None) -> Section:
+    """Tunes by gradients, and gives every other optimiser several times as long.
+
+    **Arguments:** `keep`: a file for finished problems, from which another call goes on.
+    """
     columns = ("contestant", "evaluations", "time", "cost", "with other noise", *(f"within {w:.0%}" for w in WITHIN))
     section = Section("Tuning a controller", _ABOUT, columns)
-    for name, study in STUDIES.items():
-        problem, unseen = _problem(study), [_problem(f"{study}seed = {seed}\n") for seed in OTHER_NOISE]
-        start = f"{problem.cost(problem.start):.4g}", f"{_unseen(unseen, problem.start):.4g}"
-        section.add(f"{name}: {len(problem.selection.entries)} gains", "", "", *start, *("" for _ in WITHIN))
-        _compile(problem)
-        records = {"gradients (tune)": (first := _by_gradients(problem))}
-        for other, minimise in OTHERS.items():
-            records[other] = _without(problem, minimise, BUDGET * first.spent)
-        lowest = min(record.cost for record in records.values())
-        for contestant, record in records.items():
-            costs = f"{record.cost:.4g}", f"{_unseen(unseen, record.coordinates):.4g}"
-            when = [_compared(record, first, (1 + within) * lowest) for within in WITHIN]
-            section.add(f"- {contestant}", record.calls, seconds(record.spent), *costs, *when)
+    kept = KeptRows(keep, f"{_ABOUT}{STUDY}{PROBLEMS}")
+    for name in PROBLEMS:
+        cells = kept.row(name, functools.partial(_contest, name))
+        for begin in range(0, len(cells), len(columns)):
+            section.add(*cells[begin : begin + len(columns)])
     return section
 
 
-def _problem(study: str) -> TuningProblem:
-    units = EXAMPLE.parents[1] / "fleet_hard" / "units"
-    header = f'[components]\nvane_force = "map"\n[population]\nunits = "{units}"\n'
+def _contest(name: str) -> tuple[str, ...]:
+    """All rows of a problem, one after the other."""
+    problem, unseen = _problem(name), [_problem(name, seed) for seed in OTHER_NOISE]
+    start = f"{problem.cost(problem.start):.4g}", f"{_unseen(unseen, problem.start):.4g}"
+    cells = [f"{name}: {len(problem.selection.entries)} gains", "", "", *start, *("" for _ in WITHIN)]
+    _compile(problem)
+    records = {"gradients (tune)": (first := _by_gradients(problem))}
+    for other, minimise in OTHERS.items():
+        records[other] = _without(problem, minimise, BUDGET * first.spent)
+    lowest = min(record.cost for record in records.values())
+    for contestant, record in records.items():
+        costs = f"{record.cost:.4g}", f"{_unseen(unseen, record.coordinates):.4g}"
+        when = [_compared(record, first, (1 + within) * lowest) for within in WITHIN]
+        cells += [f"- {contestant}", record.calls, seconds(record.spent), *costs, *when]
+    return tuple(cells)
+
+
+def _problem(name: str, seed: int = 0) -> TuningProblem:
+    design, gains = PROBLEMS[name]
+    starts = ", ".join(f'"{gain}" = {{value = {np.asarray(value).tolist()}}}' for gain, value in gains.items())
+    text = f'{STUDY.format(units=UNITS)}design = "{design}"\nseed = {seed}\ngains = {{{starts}}}\n'
     with tempfile.TemporaryDirectory() as folder:
         path = pathlib.Path(folder) / "study.toml"
-        path.write_text(header + study, encoding="utf-8")
+        path.write_text(text, encoding="utf-8")
         return prepare_tuning(path, None).smooth
 
 

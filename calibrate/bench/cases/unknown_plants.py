@@ -1,7 +1,8 @@
 """One controller on plants that it does not know: position alone, the printed design model, gas on the vanes."""
 
 import dataclasses
-from typing import Any
+from collections.abc import Mapping
+from typing import TypeVar
 
 import equinox as eqx
 import jax
@@ -11,13 +12,23 @@ from jaxtyping import Array, Float
 
 import vgtjax
 from vgtjax import control
-from vgtjax.control import AbstractController, AbstractSignal, ClosedLoop, Constant, Scenario, Sensors, Sine
+from vgtjax.control import (
+    AbstractController,
+    AbstractSignal,
+    ClosedLoop,
+    Constant,
+    LateDuty,
+    Scenario,
+    Sensors,
+    Sine,
+)
 from vgtjax.parts import SpeedMap
 from vgtjax.plants import assemble
 from vgtjax.population import Spread, make_sample, spread_population
 
 from ..table import Section
 
+T = TypeVar("T")
 PLANTS = 100
 DISTURBED = 25
 """Of them, those that also follow the long Signal 1 with a pulsation or a late duty."""
@@ -31,8 +42,8 @@ STEP, LEVEL = 3.0, 0.008
 """s and m; Signal 2 [5.45]."""
 ANSWER = 0.5
 """s from the step."""
-LATE = 4
-"""Samples."""
+LATE = 4e-3
+"""s"""
 PULSATION = 0.2
 """Of the turbine pressure, to either side."""
 GAS = (2.6, 1.6)
@@ -65,22 +76,18 @@ MAGNET = (0.04, 0.03)
 """Half widths of the magnetic force's size and of the duty's."""
 
 
-class Late(AbstractController):
-    """Any controller whose duty arrives some samples late."""
+class Surroundings(eqx.Module):
+    """What is around each of several plants."""
 
-    controller: AbstractController
-    samples: int = eqx.field(static=True, default=LATE)
+    noise: Float[Array, " plants"]
+    """Standard deviation of a sample of its position sensor in m."""
+    delay: Float[Array, " plants"]
+    """s by which the duty arrives late."""
 
-    def initial_state(self, measurement: Any, period: float) -> Any:
-        """A duty of zero on its way."""
-        waiting = jnp.zeros(self.samples, dtype=jnp.result_type(measurement.position))
-        return self.controller.initial_state(measurement, period), waiting
-
-    def update(self, state: Any, measurement: Any, reference: Any, period: float) -> Any:
-        """See the base class."""
-        memory, waiting = state
-        memory, duty, log = self.controller.update(memory, measurement, reference, period)
-        return (memory, jnp.append(waiting[1:], control.saturate(duty))), waiting[0], log
+    @classmethod
+    def alike(cls, count: int, delay: float = 0.0) -> "Surroundings":
+        """Those of a bench around so many plants."""
+        return cls(jnp.full(count, Sensors.bench().position.noise), jnp.full(count, delay))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -104,9 +111,14 @@ class Course:
         """How many follow it."""
         return DISTURBED if self.name == "Signal 1" and (self.late or self.frequency) else PLANTS
 
+    @property
+    def delay(self) -> float:
+        """Of the duty in s."""
+        return LATE if self.late else 0.0
+
     def __str__(self) -> str:
         shaken = f", {PULSATION:.0%} at {self.frequency:g} Hz" if self.frequency else ""
-        return f"{self.name}, {self.pressure / 100:g} mbar{shaken}{f', {LATE} ms late' if self.late else ''}"
+        return f"{self.name}, {self.pressure / 100:g} mbar{shaken}{f', {1e3 * LATE:g} ms late' if self.late else ''}"
 
 
 PRESSURES = (0.0, 1.5e5, 3e5)
@@ -128,7 +140,7 @@ class Errors(eqx.Module):
     overshoot: Float[Array | np.ndarray, " plants"]
     """m above the last value of the reference."""
     pressure: Float[Array | np.ndarray, " plants"]
-    """Root mean square error of the observed pressure in Pa."""
+    """Root mean square error of the observed pressure in Pa; NaN for a controller that observes none."""
     chatter: Float[Array | np.ndarray, " plants"]
     """% of duty."""
 
@@ -146,13 +158,15 @@ def measure() -> Section:
     plants = draw(PLANTS)
     for course in COURSES:
         chosen = plants_at(plants, slice(course.plants))
-        section.add(str(course), *_cells(course, follow(controller, chosen, course)))
+        around = Surroundings.alike(course.plants, course.delay)
+        section.add(str(course), *cells(course, follow(controller, chosen, around, course)))
     section.notes.append("RMS error, observed pressure (RMS) and chatter are those of the middle plant.")
     section.notes.append(f"Signal 1 late or with a pulsation: the first {DISTURBED} plants.")
     return section
 
 
-def _cells(course: Course, errors: Errors) -> tuple[str, ...]:
+def cells(course: Course, errors: Errors) -> tuple[str, ...]:
+    """RMS error of the middle plant and of the worst, peak, overshoot, observed pressure and chatter."""
     rms, pressure = np.median(errors.rms), np.median(errors.pressure)
     above = f"{1e6 * errors.overshoot.max():.0f} um" if course.name == "Signal 2" else ""
     return (
@@ -166,10 +180,10 @@ def _cells(course: Course, errors: Errors) -> tuple[str, ...]:
     )
 
 
-def draw(count: int, seed: int = SEED) -> vgtjax.Actuator:
+def draw(count: int, seed: int = SEED, widths: Mapping[str, float] = HALF_WIDTHS) -> vgtjax.Actuator:
     """Plants around the printed actuator with a vane force, one behind the other in every array."""
     nominal = assemble(vgtjax.Actuator(), vane_force=_vane_force())
-    spreads = {name: Spread("uniform", relative=width) for name, width in HALF_WIDTHS.items()}
+    spreads = {name: Spread("uniform", relative=width) for name, width in widths.items()}
     sides = {f"vane_force.{side}": Spread("lognormal", relative=0.12) for side in ("closing", "opening")}
     population = spread_population(nominal, spreads=spreads | sides, vary=[])
     points = make_sample(population.dimensions + 2, count, "latin-hypercube", seed).points(0, count)
@@ -194,41 +208,44 @@ def _vane_force() -> SpeedMap:
     return dataclasses.replace(empty, closing=jnp.asarray(closing * shape), opening=jnp.asarray(-opening * shape))
 
 
-def follow(controller: AbstractController, plants: vgtjax.Actuator, course: Course, seconds: float = 0.0) -> Errors:
+def follow(
+    controller: AbstractController, plants: vgtjax.Actuator, around: Surroundings, course: Course, seconds: float = 0.0
+) -> Errors:
     """Closed loops of all plants along a course; for so many seconds, or a whole period and the time after a step."""
     stepping = course.name == "Signal 2"
     signal = control.signal_2() if stepping else control.signal_1()
     settled, end = (STEP + ANSWER, STEP + 2.0) if stepping else (SETTLED, SETTLED + PERIOD)
-    controller = Late(controller) if course.late else controller
-    count = len(jax.tree.leaves(plants)[0])
+    count = len(around.noise)
     keys = jax.random.split(jax.random.key(SEED), count)
-    run = eqx.filter_jit(
-        jax.vmap(lambda plant, key: _errors(controller, plant, _scenario(course, signal, key), seconds or end, settled))
-    )
+
+    @eqx.filter_jit
+    @jax.vmap
+    def run(plant: vgtjax.Actuator, own: Surroundings, key: Array) -> Errors:
+        return _errors(controller, plant, _scenario(course, signal, own, key), seconds or end, settled)
+
     chunks = [slice(begin, begin + LANES) for begin in range(0, count, LANES)]
-    parts = [run(plants_at(plants, chunk), keys[chunk]) for chunk in chunks]
+    parts = [run(*plants_at((plants, around, keys), chunk)) for chunk in chunks]
     return jax.tree.map(lambda *leaves: np.concatenate([np.asarray(leaf) for leaf in leaves]), *parts)
 
 
-def plants_at(plants: vgtjax.Actuator, places: slice) -> vgtjax.Actuator:
-    """Some of the plants."""
+def plants_at(plants: T, places: slice) -> T:
+    """Some of the plants, or what is around them."""
     return jax.tree.map(lambda leaf: leaf[places], plants)
 
 
-def _scenario(course: Course, signal: AbstractSignal, key: Array) -> Scenario:
-    return Scenario(signal, course.turbine, sensors=Sensors.bench(), key=key)
+def _scenario(course: Course, signal: AbstractSignal, own: Surroundings, key: Array) -> Scenario:
+    sensors = eqx.tree_at(lambda s: s.position.noise, Sensors.bench(), own.noise)
+    return Scenario(signal, course.turbine, sensors=sensors, key=key, disturbances=(LateDuty(own.delay),))
 
 
 def _errors(
     controller: AbstractController, plant: vgtjax.Actuator, scenario: Scenario, duration: float, settled: float
 ) -> Errors:
     run: ClosedLoop = control.close_loop(plant, controller, scenario, duration, throw=False)
-    counted = run.time >= settled
-    missed = jnp.where(counted, jnp.square(run.log["pressure"] - run.pressure), 0.0)
     return Errors(
         control.tracking_rms(run, settled),
         control.tracking_peak(run, settled),
         jnp.max(run.position - run.reference.position[-1]),
-        jnp.sqrt(jnp.sum(missed) / jnp.sum(counted)),
+        control.pressure_rms(run, settled),
         control.chatter(run, settled),
     )

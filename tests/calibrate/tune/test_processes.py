@@ -1,13 +1,20 @@
 """Tuning in several processes, each a process of its own as a user starts it."""
 
 import pathlib
+import re
+import signal
 import socket
 import subprocess
 import sys
+import time
 
+import jax
 import numpy as np
 import pytest
 from commands import read
+
+from calibrate.output.files import PROGRESS
+from calibrate.processes import bereaved
 
 STUDY = """
 name = "a quick PI, shared"
@@ -49,22 +56,67 @@ def folder(tmp_path_factory) -> pathlib.Path:
     return folder
 
 
-def test_two_processes_find_the_gains_of_one(folder):
+@pytest.fixture(scope="module")
+def alone(folder) -> dict:
+    """What one process finds."""
+    finish(start(folder, "one"))
+    return read(folder / "one" / "summary.json")
+
+
+def start_both(folder: pathlib.Path, out: str) -> list[subprocess.Popen]:
     with socket.socket() as free:
         free.bind(("localhost", 0))
         where = f"localhost:{free.getsockname()[1]}"
-    options = ("--coordinator", where, "--processes", "2", "--process")
-    both = [start(folder, "two", *options, index) for index in "01"]
-    finish(start(folder, "one"))
-    first, second = map(finish, both)
+    return [start(folder, out, "--coordinator", where, "--processes", "2", "--process", index) for index in "01"]
+
+
+def test_two_processes_find_the_gains_of_one(folder, alone):
+    first, second = map(finish, start_both(folder, "two"))
     # The first one talks and writes.
     assert "report:" in first
     assert "report:" not in second  # nor the table of steps; the network says something of its own
     assert "seconds" not in second
-    mine, yours = (read(folder / out / "summary.json") for out in ("two", "one"))
-    assert mine["iterations"] == yours["iterations"] > 0
+    mine = read(folder / "two" / "summary.json")
+    assert mine["iterations"] == alone["iterations"] > 0
     # The same programs for other numbers of lanes: rounding, which a PI that is calm hardly amplifies.
-    np.testing.assert_allclose(mine["history"], yours["history"], rtol=1e-6)
+    np.testing.assert_allclose(mine["history"], alone["history"], rtol=1e-6)
     gains = [read(folder / out / "gains.json")["parameters"] for out in ("two", "one")]
     for name, row in gains[1].items():
         assert gains[0][name]["value"] == pytest.approx(row["value"], rel=1e-6)
+
+
+def kill_one(folder: pathlib.Path, victim: int, after: int) -> tuple[int, str]:
+    """Kills one of two processes once so many steps are saved; the status of the other one, and its errors."""
+    both, deadline = start_both(folder, "killed"), time.monotonic() + 240
+    progress = folder / "killed" / PROGRESS
+    while not progress.exists() or read(progress)["progress"]["iteration"] < after:
+        assert time.monotonic() < deadline, "no step came"
+        assert both[0].poll() is None, "it ended before one could be killed"
+        time.sleep(0.01)
+    both[victim].send_signal(signal.SIGKILL)
+    # A step, half a second, goes before the next exchange; JAX's own watch over its processes takes 100 s.
+    _, errors = both[1 - victim].communicate(timeout=20)
+    both[victim].communicate()
+    return both[1 - victim].returncode, errors
+
+
+def test_a_process_that_dies_is_noticed_in_seconds_and_the_run_goes_on_once_it_is_started_again(folder, alone):
+    """Killed without a word: first the second process, then the one that leads."""
+    status, errors = kill_one(folder, victim=1, after=1)
+    assert status == 1
+    assert errors == "failed: another process of this run has died; start all of them again, and they go on\n"
+    # JAX may end a process that has lost its first one before it can say anything itself.
+    status, _ = kill_one(folder, victim=0, after=3)
+    assert status != 0
+    first, _ = map(finish, start_both(folder, "killed"))
+    resumed = re.search(r"resuming after step (\d+)", first)
+    assert resumed
+    assert int(resumed[1]) >= 3
+    mine = read(folder / "killed" / "summary.json")
+    np.testing.assert_allclose(mine["history"], alone["history"], rtol=1e-6)  # as above
+
+
+def test_trouble_of_ones_own_is_no_other_processs_death(monkeypatch):
+    monkeypatch.setattr(jax, "process_count", lambda: 2)
+    with pytest.raises(jax.errors.JaxRuntimeError, match="out of memory"), bereaved():
+        raise jax.errors.JaxRuntimeError("RESOURCE_EXHAUSTED: out of memory")

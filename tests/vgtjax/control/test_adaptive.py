@@ -212,7 +212,7 @@ def test_a_step_of_the_observer_becomes_its_rates_as_the_period_falls_and_bears_
     np.testing.assert_allclose(far.deflections, model.friction.stribeck(jnp.asarray(1.0)) / 43_135.0, rtol=1e-6)
 
 
-@pytest.mark.parametrize(("drive", "share"), [(-10.0, 1.2), (10.0, 0.04)])
+@pytest.mark.parametrize(("drive", "share"), [(-10.0, 1.5), (10.0, 0.5)])
 def test_coefficients_are_projected_on_their_interval(drive, share):
     model, observer = DesignModel(), DualFrictionObserver()
     estimate = observer.initial_state(model)
@@ -235,9 +235,9 @@ def test_what_was_learned_is_forgotten_while_the_duty_saturates():
     vented = Measurement(jnp.asarray(0.001), AMBIENT, jnp.asarray(2e4), AMBIENT)
     after, duty = sample(BIASED, before, vented, reference)
     assert float(duty) in (0.0, 100.0)
-    # One implicit Euler step of a tenth of a second's decay.
-    assert float(after.load) == pytest.approx(10.0 / 1.01)
-    assert float(after.drift) == pytest.approx(1e5 / 1.01)
+    # One implicit Euler step of 1 ms, of 0.3 s of decay.
+    assert float(after.load) == pytest.approx(10.0 / (1 + 1 / 300))
+    assert float(after.drift) == pytest.approx(1e5 / (1 + 1 / 300))
 
 
 def test_learning_fades_before_the_duty_saturates():
@@ -287,17 +287,33 @@ def test_the_full_plant_follows_signal_1_under_the_noise_of_sensors(actuator):
     # Coefficients stay in the interval on which they are projected.
     for index in range(3):
         shares = np.asarray(run.log[f"beta_{index}"])
-        assert np.all((shares >= 0.04 - 1e-12) & (shares <= 1.2 + 1e-12))
+        assert np.all((shares >= 0.5 - 1e-12) & (shares <= 1.5 + 1e-12))
+
+
+FOR_HEAVY_RODS = {
+    "position_gain": 150.0,
+    "velocity_gain": 300.0,
+    "pressure_gain": 27.0,
+    "pressure_weight": 2e-10,
+    "load_gain": 1200.0,
+    "drift_gain": 270.0,
+    "observer.injection": (0.01, 0.01),
+    "observer.least": 0.04,
+    "observer.largest": 1.2,
+    "differentiator.largest_second_derivative": 8.0,
+}
+"""Gains that were searched for on rods of up to 3 kg, with the interval of their coefficients."""
 
 
 def test_a_heavy_unit_turns_round_whatever_was_learned(actuator):
-    """Units fitted to the fleet's traces move up to 3 kg under a fifth of the printed damping.
+    """One of up to 3 kg under a fifth of the printed damping: because the damping is kept.
 
     Signal 1 around its maximum, after 1 s. Measured: 8 to 16 um at most.
     """
     heavy = {"diaphragm.mass": 2.9, "friction.bristle_damping": 70.0, "friction.viscous_damping": 50.0}
     plant = vgtjax.replace_parameters(actuator, heavy)
-    given, nominal = AdaptiveBackstepping(), nominal_coefficients(DesignModel())
+    given = vgtjax.replace_parameters(AdaptiveBackstepping(), FOR_HEAVY_RODS)
+    nominal = nominal_coefficients(DesignModel())
     # A constant k2 of 1300 1/s, as the thesis has it, once bh1 is at the upper end of its interval.
     cancelling = dataclasses.replace(given, velocity_gain=1300.0 - 1.2 * nominal[1])
     starts = jnp.array([[1.0, 0.2, 0.2], [1.2, 1.2, 1.2], [0.5, 0.04, 0.04], [1.2, 1.2, 1.2]])
@@ -318,25 +334,3 @@ def test_a_heavy_unit_turns_round_whatever_was_learned(actuator):
     assert np.all(np.asarray(kept) < 50e-6)
     # It swings by a millimetre.
     assert cancelled > 500e-6
-
-
-def test_derivatives_by_every_gain_are_central_differences(actuator):
-    names = ["position_gain", "velocity_gain", "pressure_gain", "position_weight", "pressure_weight", "load_gain"]
-    names += ["drift_gain", "observer.adaptation", "observer.injection"]
-    controller = AdaptiveBackstepping()
-    start = {"start": control.balanced_at(0.005), "duty_before": 55.0}
-    scenario = Scenario(control.Sine(0.0001, 20.0, 0.005), **start)
-
-    def cost(factors):
-        values = {n: vgtjax.get_parameter(controller, n) * f for n, f in zip(names, factors, strict=True)}
-        run = control.close_loop(actuator, vgtjax.replace_parameters(controller, values), scenario, 0.2, throw=False)
-        return 1e6 * control.tracking_rms(run, 0.0)
-
-    step, unit = 1e-5, np.eye(len(names))
-    factors = 1 + np.concatenate([0 * unit, step * unit, -step * unit])
-    batch = jax.jit(jax.vmap(lambda at, along: jax.jvp(cost, (at,), (along,))))
-    values, slopes = (np.asarray(each).reshape(3, -1) for each in batch(factors, np.tile(unit, (3, 1))))
-    # Rounding of the run over that step, 2e-7, and kinks that it straddles.
-    np.testing.assert_allclose(slopes[0], (values[1] - values[2]) / (2 * step), rtol=1e-4, atol=1e-6)
-    # A gain that nothing depends on would give a zero.
-    assert np.all(np.abs(slopes[0]) > 1e-5)

@@ -55,6 +55,18 @@ def test_a_loop_that_is_not_stable_has_no_margins():
     assert math.isnan(found.phase)
 
 
+@pytest.mark.parametrize(("growth", "stands"), [(1e-15, True), (1e-6, False)])
+def test_what_a_controller_keeps_is_no_instability(growth, stands):
+    """A state that nothing moves, with an eigenvalue of one but for rounding, leaves the margins as they are."""
+    loop = integrator(GAIN)
+    transition = np.diag([1.0, 1.0 + growth])
+    kept = LinearLoop(transition, np.append(loop.entry, 0.0), np.append(loop.exit, 0.0), PERIOD)
+    found = margins(kept)
+    assert found.stable is stands
+    if stands:
+        assert found.gain == pytest.approx(margins(loop).gain, rel=1e-9)
+
+
 def test_a_loop_whose_plant_is_unstable_bears_no_gain_below_its_reduction():
     """`L = k / (z - 2)` is stable for gains between 1 and 3."""
     found = margins(LinearLoop(np.full((1, 1), 2.0), np.ones(1), np.array([-1.5]), PERIOD))
