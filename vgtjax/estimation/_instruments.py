@@ -9,6 +9,7 @@ import numpy as np
 
 from .._errors import InputError
 from ..parameters import Selection, select
+from ..parts import IsothermalChamber
 from ..plants import AbstractModel, Actuator, Initial, Instrumented, MechanicalActuator
 from ..traces import Trace
 from ._evidence import Unknown
@@ -59,13 +60,11 @@ def instrumented(
     bench = Instrumented(model, initial=Initial(nowhere, nowhere, nowhere))
     wanted = [*(f"gain.{channel}" for channel in unknown.gain), *(f"offset.{channel}" for channel in shifted)]
     for number, trace in enumerate(starting):
-        known = [channel for channel in _seen(model) if channel in trace.channels]
-        known += ["T_act"] if isinstance(model, Actuator) else []
-        wanted += [f"initial.{channel}[{number}]" for channel in known]
+        wanted += [f"initial.{state}[{number}]" for state in _free_states(model, trace)]
     known = {f"gain.{channel}": part for channel, part in gains.items()}
     known |= {f"offset.{channel}": size for channel, size in offsets.items()}
     stated = {entry: size for entry, size in known.items() if entry in wanted}
-    numbered = [_numbered(trace, numbers[id(trace)]) if id(trace) in numbers else trace for trace in traces]
+    numbered = [_numbered(model, trace, numbers[id(trace)]) if id(trace) in numbers else trace for trace in traces]
     return Bench(bench, select(bench, [*selection.entries, *wanted]), stated, numbered)
 
 
@@ -80,9 +79,16 @@ def _starting(model: AbstractModel, traces: Sequence[Trace], unknown: Unknown) -
     return [trace for trace in seen if not trace.start().at_rest or unknown.start_state is True]
 
 
-def _numbered(trace: Trace, number: int) -> Trace:
+def _free_states(model: AbstractModel, trace: Trace) -> list[str]:
+    """What of a start state is free: what sensors see, and the temperature of gas that has one."""
+    seen = [channel for channel in _seen(model) if channel in trace.channels]
+    warm = isinstance(model, Actuator) and not isinstance(model.air_path.chamber, IsothermalChamber)
+    return [*seen, "T_act"] if warm else seen
+
+
+def _numbered(model: AbstractModel, trace: Trace, number: int) -> Trace:
     """A trace that knows its start state, without what its sensors show before everything else has settled."""
-    seen = {channel: trace.channels[channel] for channel in ("x_d", "p_act") if channel in trace.channels}
+    seen = {channel: trace.channels[channel] for channel in _seen(model) if channel in trace.channels}
     later = {channel: each.time >= trace.time[0] + SETTLING for channel, each in seen.items()}
     kept = {
         channel: dataclasses.replace(each, time=each.time[later[channel]], value=each.value[later[channel]])

@@ -89,6 +89,19 @@ def test_a_trace_at_rest_has_no_start_to_find_unless_asked_for(rest, cut):
     assert not plan([rest], True).fit[0].start().at_rest
 
 
+def test_what_is_free_is_what_the_model_has(cut):
+    """The pressure that drives a rod is kept whole, and gas of one temperature has no other to begin with."""
+    rod = vgtjax.Trace(cut.time, p_act=cut.p_act, x_d=cut.x_d)
+    free = plan_task(vgtjax.MechanicalActuator(), [rod], free=["diaphragm.preload"], unknown=Unknown(start_state=True))
+    assert free.selection.entries == ("diaphragm.preload", "initial.x_d[0]")
+    np.testing.assert_array_equal(free.fit[0].time, rod.time)
+    cold = vgtjax.Actuator(chamber=vgtjax.IsothermalChamber())
+    entries = plan_task(cold, [cut], free=["diaphragm.preload"]).selection.entries
+    assert entries == ("diaphragm.preload",)
+    entries = plan_task(cold, [cut], free=["diaphragm.preload"], unknown=Unknown()).selection.entries
+    assert set(entries) == {"diaphragm.preload", "initial.x_d[0]", "initial.p_act[0]"}
+
+
 def test_only_the_trace_with_its_number_begins_elsewhere(cut, actuator):
     plain = simulate(actuator, cut)
     behind = Instrumented(actuator, initial=Initial([0.0, 1e-4], [0.0, 500.0], [0.0, -20.0]))
