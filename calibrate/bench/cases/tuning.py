@@ -1,15 +1,14 @@
-"""Gains of two controllers by gradients, beside optimisers that have none, on the same cost."""
+"""Gains of two controllers by gradients, beside CMA-ES, which has none, on the same cost."""
 
 import contextlib
 import functools
 import pathlib
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import cma
 import numpy as np
-import scipy.optimize
 
 from vgtjax.tuning import Tuner, TuningProblem
 
@@ -27,7 +26,7 @@ WITHIN = (0.2, 0.1, 0.05)
 OTHER_NOISE = range(101, 109)
 """Seeds of noise that no contestant has seen."""
 SPREAD = 0.3
-"""First step of the others in the logarithm of a gain, a factor of 1.35."""
+"""First step of CMA-ES in the logarithm of a gain, a factor of 1.35."""
 REFUSED = 1e9
 """Cost of gains outside the conditions of the design, more the further out."""
 
@@ -88,26 +87,13 @@ class _Watched(_Record):
         return found
 
 
-Minimiser = Callable[[_Watched, np.ndarray], None]
-
-
-def _cma_es(cost: _Watched, start: np.ndarray) -> None:
-    options = {"verbose": -9, "seed": 1}
-    cma.fmin2(cost, start, SPREAD, options=options, restarts=9, parallel_objective=cost.together)
-
-
-def _scipy(method: str, **options: float) -> Minimiser:
-    def minimise(cost: _Watched, start: np.ndarray) -> None:
-        scipy.optimize.minimize(cost, start, method=method, options=options)
-
-    return minimise
-
-
-OTHERS = {
-    "CMA-ES (cma)": _cma_es,
-    "COBYQA (SciPy)": _scipy("COBYQA", initial_tr_radius=SPREAD, maxfev=10**6),
-    "Nelder-Mead (SciPy)": _scipy("Nelder-Mead", adaptive=True, maxfev=10**6),
-}
+def _cma_es(problem: TuningProblem, budget: float) -> _Record:
+    cost = _Watched(problem, budget)
+    with contextlib.suppress(_OutOfTimeError):
+        options = {"verbose": -9, "seed": 1}
+        cma.fmin2(cost, problem.start, SPREAD, options=options, restarts=9, parallel_objective=cost.together)
+    cost.spent, cost.calls = cost.elapsed, str(cost.count)
+    return cost
 
 
 STUDY = """
@@ -133,7 +119,7 @@ PROBLEMS: dict[str, tuple[str, dict[str, float | tuple[float, ...]]]] = {
 
 
 def measure(keep: pathlib.Path | None = None) -> Section:
-    """Tunes by gradients, and gives every other optimiser several times as long.
+    """Tunes by gradients, and gives CMA-ES several times as long.
 
     **Arguments:** `keep`: a file for finished problems, from which another call goes on.
     """
@@ -154,8 +140,7 @@ def _contest(name: str) -> tuple[str, ...]:
     cells = [f"{name}: {len(problem.selection.entries)} gains", "", "", *start, *("" for _ in WITHIN)]
     _compile(problem)
     records = {"gradients (tune)": (first := _by_gradients(problem))}
-    for other, minimise in OTHERS.items():
-        records[other] = _without(problem, minimise, BUDGET * first.spent)
+    records["CMA-ES (cma)"] = _cma_es(problem, BUDGET * first.spent)
     lowest = min(record.cost for record in records.values())
     for contestant, record in records.items():
         costs = f"{record.cost:.4g}", f"{_unseen(unseen, record.coordinates):.4g}"
@@ -196,14 +181,6 @@ def _by_gradients(problem: TuningProblem) -> _Record:
     return record
 
 
-def _without(problem: TuningProblem, minimise: Minimiser, budget: float) -> _Record:
-    watched = _Watched(problem, budget)
-    with contextlib.suppress(_OutOfTimeError):
-        minimise(watched, problem.start)
-    watched.spent, watched.calls = watched.elapsed, str(watched.count)
-    return watched
-
-
 def _compared(record: _Record, first: _Record, cost: float) -> str:
     """When a contestant was as low: seconds of the first, times those of the others, more than so many if never."""
     when, mine = record.reached(cost), first.reached(cost)
@@ -213,10 +190,10 @@ def _compared(record: _Record, first: _Record, cost: float) -> str:
 
 
 _ABOUT = (
-    "16 closed loops on all cores, around a controller that knows the mean of twenty fits to simulated traces and not "
-    "its plants; everything compiled before; the first row of each is the start. Gradients: steps "
-    "and trials. Times are those of all processors. CMA-ES simulates its generations side by side. The others step by "
-    f"{SPREAD:g} in the logarithm of a gain, pay for gains outside the conditions of "
-    f"the design, and have {BUDGET} times the gradient's time, or end by themselves. 'Within': when each had come that "
-    "close to the lowest cost that any of them found, in times of the gradient's."
+    "16 closed loops around a controller that knows the mean of twenty fits to simulated traces and not its plants; "
+    "everything compiled before; the first row of each is the start. Gradients: steps and trials. Times are those of "
+    "all processors. CMA-ES simulates its generations side by side, steps first by "
+    f"{SPREAD:g} in the logarithm of a gain, pays for gains outside the conditions of the design, and has {BUDGET} "
+    "times the gradient's time. 'Within': when each had come that close to the lowest cost that either found, in times "
+    "of the gradient's."
 )
