@@ -51,7 +51,7 @@ class Posterior:
     """Draws `(chains, draws, entries)` of the determined `entries` in the units of the table.
 
     `mixing` is the rank-normalised R-hat of each entry, `effective` the number of independent draws that its bulk is
-    worth (Vehtari et al., 2021); `divergent` counts paths that left the finite numbers or a bound.
+    worth (Vehtari et al., 2021), at most all of them; `divergent` counts paths that left the finite numbers or a bound.
     """
 
     entries: tuple[str, ...]
