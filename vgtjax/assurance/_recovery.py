@@ -39,7 +39,7 @@ class Truth:
     what is known of the sensors that recorded them."""
 
     task: Task
-    clean: Sequence[Float[np.ndarray, "time channel"]]
+    clean: Sequence[Float[np.ndarray, "_ channel"]]
     sensors: Sensors
     slopes: Slopes
     """Derivatives at the truth, where every search begins."""

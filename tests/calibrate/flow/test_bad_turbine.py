@@ -32,7 +32,7 @@ def study(tmp_path):
 def solved(monkeypatch):
     """Tables that cost nothing, as no flow is what is looked at; which of their points were found."""
     found = np.ones((_stage_table.PRESSURES, _stage_table.ANGLES), bool)
-    monkeypatch.setattr(_stage_table, "solve_table", lambda stage: (jnp.zeros((2, *found.shape)), jnp.asarray(found)))
+    monkeypatch.setattr(_stage_table, "solve_table", lambda *_: (jnp.zeros((2, *found.shape)), jnp.asarray(found)))
     _stage_table._remembered.cache_clear()
     yield found
     _stage_table._remembered.cache_clear()

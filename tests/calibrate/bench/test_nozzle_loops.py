@@ -6,7 +6,7 @@ import pytest
 from support import optimised
 
 import vgtjax
-from calibrate.bench.cases import nozzle
+from calibrate.bench.nozzle_loops import TRUE as EVERY_TRUE, record
 from vgtjax.assurance import examine
 from vgtjax.estimation import Unknown
 from vgtjax.identification import plan_fit, start_fit
@@ -14,7 +14,7 @@ from vgtjax.parts.vane_force import _stage_table
 
 LEAD, RATIO, FRICTION = "vane_force.nozzle.lead", "vane_force.linkage.ratio", "friction.coulomb_force"
 ENDS = ["vane_force.linkage.closed_angle", "vane_force.linkage.closed_crank"]
-TRUE = {name: nozzle.TRUE[name] for name in (LEAD, RATIO, FRICTION)}
+TRUE = {name: EVERY_TRUE[name] for name in (LEAD, RATIO, FRICTION)}
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +24,7 @@ def task():
         # What is found of a table's own nozzle does not ask for an exact flow.
         patch.setattr(_stage_table, "solve_table", functools.partial(_stage_table.solve_table, cells=56))
         _stage_table._remembered.cache_clear()
-        traces = nozzle.record(TRUE, gauge=[2e5], length=4.0)
+        traces = record(TRUE, gauge=[2e5], length=4.0)
         start = vgtjax.MechanicalActuator(vane_force=vgtjax.Turbine())
         only = Unknown(duty_delay=False, duty_hold=False, noise="white", loss="gaussian", numerics=False)
         yield plan_fit(start, traces, free=[*TRUE, *ENDS], unknown=only)
