@@ -149,13 +149,17 @@ def found_besides(calibration: Calibration) -> list[str]:
 def _starts_found(calibration: Calibration) -> str:
     """How far from the beginnings of their signals traces start whose start states were free."""
     names = [result.trace.name for result in calibration.traces if result.trace.start_number]
-    farthest: dict[str, float] = collections.defaultdict(float)
+    farthest: dict[str, tuple[float, float]] = {}
     for entry, (value, error) in calibration.instruments.items():
         state = entry.partition("[")[0]
-        if np.isfinite(error):
-            farthest[state] = max(farthest[state], abs(value))
+        if np.isfinite(error) and abs(value) >= abs(farthest.get(state, (0.0, 0.0))[0]):
+            farthest[state] = value, error
     units = {"initial.x_d": (1e6, "um"), "initial.p_act": (1.0, "Pa"), "initial.T_act": (1.0, "K")}
-    found = [f"{scale * farthest[state]:.3g} {unit}" for state, (scale, unit) in units.items() if state in farthest]
+    found = [
+        f"{scale * farthest[state][0]:.3g} +- {scale * farthest[state][1]:.2g} {unit}"
+        for state, (scale, unit) in units.items()
+        if state in farthest
+    ]
     far = f": at most {', '.join(found)} from the signals' beginnings and the air's temperature" if found else ""
     return f"the start states of {', '.join(names)} were free{far}"
 
