@@ -44,7 +44,7 @@ _LONG = (
     "adaptive-gains",
 )
 """Only when asked for: ten minutes and more, or a device that most machines lack."""
-_KEPT = ("opponents", "tuning", "wider-plants", "adaptive-gains")
+_KEPT = ("opponents", "tuning", "coverage", "wider-plants", "adaptive-gains")
 _KEEP = f"What is finished of {', '.join(_KEPT)}; the same command goes on from there."
 _PACKAGES = ("jax", "diffrax", "numba", "scipy", "casadi", "cma")
 
