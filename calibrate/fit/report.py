@@ -109,6 +109,7 @@ def found_besides(calibration: Calibration) -> list[str]:
         delay, error = 1e3 * calibration.duty_delay, 1e3 * calibration.duty_delay_error
         way = "later" if delay > 0 else "earlier"
         sentences.append(f"the duty reaches the valve {abs(delay):.3f} +- {error:.3f} ms {way} than the traces say")
+    sentences += _edges_found(calibration)
     for entry, (value, error) in calibration.instruments.items():
         kind, _, channel = entry.partition(".")
         if kind == "initial":
@@ -144,6 +145,18 @@ def found_besides(calibration: Calibration) -> list[str]:
             "ran away, or a simulation failed; errors don't count them"
         )
     return sentences
+
+
+def _edges_found(calibration: Calibration) -> list[str]:
+    """Where the edges of duties were, if that is not where their records have them."""
+    late = [late for result in calibration.traces for late in calibration.late_edges(result.trace)]
+    if not late:
+        return []
+    return [
+        f"the duty of the traces that were fitted jumps between its samples: its {len(late)} edges were "
+        f"{-1e3 * max(late):.2f} to {-1e3 * min(late):.2f} ms earlier than recorded; that their times are not known "
+        "is part of all errors, and other traces are read as they are recorded"
+    ]
 
 
 def _starts_found(calibration: Calibration) -> str:

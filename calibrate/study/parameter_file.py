@@ -125,6 +125,7 @@ def nuisance(calibration: Calibration) -> dict[str, Any]:
         return {
             **late,
             **({"duty_hold": "linear"} if linear else {}),
+            **({"duty_edges": edges} if (edges := calibration.late_edges(result.trace)) else {}),
             **gain,
             **({"start_state": start} if start else {}),
             "offset": offset,

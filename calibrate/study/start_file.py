@@ -62,13 +62,17 @@ def _with_interval(fields: Any) -> Any:
 
 @dataclasses.dataclass(frozen=True)
 class FoundDuty:
-    """What a fit found of the duty of a trace: `delay` in s, and whether it was linear between samples."""
+    """What a fit found of the duty of a trace: `delay` in s, whether it was linear between samples, and by how many
+    seconds each of its edges was late."""
 
     delay: float
     linear: bool
+    edges: tuple[float, ...] = ()
 
     def applied(self, trace: vgtjax.Trace) -> vgtjax.Trace:
         """The trace with the duty that reached the valve."""
+        if len(self.edges) == len(trace.edges()) > 0:
+            trace = trace.with_late_edges(self.edges)
         trace = trace.with_ramped_duty() if self.linear else trace
         return trace.with_late_duty(self.delay) if self.delay else trace
 
@@ -92,7 +96,13 @@ def load_duties(path: pathlib.Path, unit: str | None) -> dict[str, FoundDuty]:
                 f"{path.name}: the duty_hold of '{name}' must be 'zero-order' or 'linear', but it is {hold!r}; correct "
                 "it"
             )
-        duties[name] = FoundDuty(float(delay), hold == "linear")
+        edges = fields.get("duty_edges", [])
+        if not isinstance(edges, list) or not all(isinstance(each, int | float) and -1 < each < 1 for each in edges):
+            raise InputError(
+                f"{path.name}: the duty_edges of '{name}' must be a list of seconds between -1 and 1, but they are "
+                f"{edges!r}; correct them"
+            )
+        duties[name] = FoundDuty(float(delay), hold == "linear", tuple(map(float, edges)))
     return duties
 
 

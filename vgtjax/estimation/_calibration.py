@@ -13,9 +13,10 @@ from ..plants import AbstractModel
 from ..traces import SIGNALS, Trace
 from ._budget import Budget
 from ._bundle import CHANNELS, bundle_traces
+from ._duties import in_seconds, read_duties
 from ._evaluation import Steps
 from ._evidence import observe_traces
-from ._holds import ramped, sample_interval
+from ._holds import sample_interval
 from ._least_squares import LeastSquares
 from ._programs import run_alone
 from ._progress import Progress
@@ -157,6 +158,12 @@ class Calibration(Printed):
         """How the duty of a trace was found to be between its samples: `linear`, or as it was read, `zero-order`."""
         return "linear" if sample_interval(trace) in self.progress.linear else "zero-order"
 
+    def late_edges(self, trace: Trace) -> list[float]:
+        """By how many seconds each of the edges of the duty of a fitted trace is later than recorded; none where that
+        was not found."""
+        late = dict(zip((each.name for each in self.task.fit), self.progress.edges, strict=False))
+        return in_seconds(trace, late.get(trace.name, ()))
+
     @property
     def instruments(self) -> dict[str, tuple[float, float]]:
         """Gains of sensors, offsets of inputs and start states that were free, each with its standard error, by entry.
@@ -267,8 +274,8 @@ def comparing(
     """`compare` as a computation; `errors` `(time, channel)` of what is observed of every trace, those to fit first."""
     results = []
     left: Iterator[np.ndarray | None] = itertools.repeat(None) if errors is None else iter(errors)
-    for use, traces in (("fit", task.fit), ("validate", task.validate)):
-        bundles = bundle_traces(model, ramped(traces, task.linear), task.stepping)
+    for use, traces, edges in (("fit", task.fit, task.edges), ("validate", task.validate, ())):
+        bundles = bundle_traces(model, read_duties(traces, task.linear, edges), task.stepping)
         observed = yield from observe_traces(model, bundles, delay if task.late_duty else None)
         known = sensors if use == "fit" and sensors is not None else white_sensors(traces, task.channels)
         for trace, seen, each in zip(traces, observed, known, strict=True):

@@ -14,7 +14,9 @@ from ..simulation import model_dtype
 from ._beginning import first_progress, transform_of
 from ._calibration import RUNAWAY, Calibration
 from ._corrections import trusted
+from ._duties import as_recorded
 from ._duty import holds_of_duty, meets_noise, tells_of_delay
+from ._edges import NEAR_ENOUGH, ROUNDS, find_edges, moved, responses_of, whole_samples
 from ._evaluation import Evaluation, Steps, ask
 from ._evidence import (
     EVIDENT,
@@ -84,8 +86,10 @@ class Calibrator:
     def ending(self, report: Report = quiet) -> "Steps[Calibrator]":
         """`run` as a computation, as far as to the end of all steps."""
         calibrator = yield from (yield from self._from_many_starts(report))._searching(report)
-        if self.task.late_duty and not calibrator.minimiser.progress.corrections:
+        progress = calibrator.minimiser.progress
+        if self.task.late_duty and not (progress.corrections or progress.edges):
             calibrator = yield from calibrator._asking_of_duty(report)
+            calibrator = yield from calibrator._asking_of_edges(report)
         while (following := (yield from calibrator.correcting())) is not None:
             calibrator = following
             report(calibrator.minimiser.progress)
@@ -233,6 +237,35 @@ class Calibrator:
         late = yield from late._searching_beside()
         return late if told or (not late._is_lost() and meets_noise(late.minimiser)) else timely
 
+    def _asking_of_edges(self, report: Report) -> "Steps[Calibrator]":
+        """The search with the times of the duty's edges free, where the misfit stays above the noise and this brings it
+        down to that. What is tried is not reported: a fit that is interrupted meanwhile tries all of it again."""
+        progress, edges = self.minimiser.progress, as_recorded(self.task.fit)
+        if meets_noise(self.minimiser) or self._is_lost() or progress.linear or not any(edges):
+            return self
+        problem, slopes = self.minimiser.problem, self.minimiser.slopes
+        responses = yield from responses_of(self.task, problem, edges, slopes.at)
+        found = find_edges(problem.with_edges(responses, 0), slopes, edges)
+        if not found.evident:
+            return self
+        delay = float(self.transform.scale[-1]) * progress.coordinates[-1]
+        whole, edges = whole_samples(self.task.fit, delay, moved(edges, found.late))
+        coordinates = (*progress.coordinates[:-1], whole / float(self.transform.scale[-1]))
+        onward = progress.moving_edges(coordinates, bool(whole), edges)
+        for _ in range(ROUNDS):
+            end = yield from (yield from starting(self.task, onward, self.notes))._searching(quiet)
+            if end._is_lost():
+                return self
+            found = find_edges(end.minimiser.problem, end.minimiser.slopes, edges)
+            if found.farthest < NEAR_ENOUGH:
+                break
+            progress, edges = end.minimiser.progress, moved(edges, found.late)
+            onward = progress.moving_edges(progress.coordinates, progress.late, edges)
+        if not meets_noise(end.minimiser):
+            return self
+        report(end.minimiser.progress)
+        return end
+
     def _searching_late(self, timely: Progress, report: Report) -> "Steps[Calibrator]":
         """The search with a free delay of the duty: from the start or, if that gets lost, from where one has ended that
         took the duty for timely."""
@@ -317,7 +350,8 @@ def starting(
             "anything else, or set jax_enable_x64"
         )
     progress = first_progress(task) if resume is None else resume
-    task, transform = dataclasses.replace(task, linear=progress.linear), transform_of(task, progress)
+    task = dataclasses.replace(task, linear=progress.linear, edges=progress.edges)
+    transform = transform_of(task, progress)
     sensors = white_sensors(task.traces, task.channels)
     problem = build_fit_problem(
         task.model,
@@ -329,6 +363,9 @@ def starting(
         stepping=task.stepping,
         prior=task.prior,
     )
+    if progress.edges:
+        responses = yield from responses_of(task, problem, progress.edges, np.array(progress.edges_seen))
+        problem = problem.with_edges(responses, sum(map(len, progress.edges)))
     if not progress.corrections:
         minimiser = yield from LevenbergMarquardt.begin(problem, progress, task.unknown.anything, slopes)
         return Calibrator(task, sensors, minimiser, notes)

@@ -29,8 +29,9 @@ class Progress:
     since, `let_go` is the cost before; `lost` says that holding them made the fit worse. `linear` has the sample
     intervals in s of traces whose duty was found to be linear between samples, and `hold_decided` whether that, or that
     it was held, is the only explanation; `None` before that was asked. `late` says whether the delay of the duty is
-    free. `waterfall` has cost (`None` where a simulation failed), steps and status of every start, where there were
-    several, the given one first.
+    free. `edges` are by how many samples those of the duty of every trace are late where their times are free, and
+    `edges_seen` the coordinates at which it was seen what they move. `waterfall` has cost (`None` where a simulation
+    failed), steps and status of every start, where there were several, the given one first.
     """
 
     coordinates: tuple[float, ...]
@@ -54,6 +55,8 @@ class Progress:
     linear: tuple[float, ...] = ()
     hold_decided: bool | None = None
     late: bool = False
+    edges: tuple[tuple[float, ...], ...] = ()
+    edges_seen: tuple[float, ...] = ()
     waterfall: tuple[tuple[float | None, int, str], ...] = ()
 
     def corrected(
@@ -92,6 +95,14 @@ class Progress:
         return dataclasses.replace(
             self.elsewhere(coordinates), linear=tuple(linear), corrections=0, found=(), linearised=()
         )
+
+    def moving_edges(
+        self, coordinates: Iterable[float], late: bool, edges: tuple[tuple[float, ...], ...]
+    ) -> "Progress":
+        """A search that goes on with edges of the duty that are so late, whose times are free."""
+        here = tuple(coordinates)
+        again = dataclasses.replace(self.elsewhere(here), corrections=0, found=(), wanted=(), linearised=())
+        return dataclasses.replace(again, late=late, edges=edges, edges_seen=here)
 
     @property
     def cost(self) -> float:

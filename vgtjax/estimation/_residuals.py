@@ -32,6 +32,7 @@ class Measured(eqx.Module):
     `values` in m and Pa; `weights` is one over the deviation of what is new in a sample, zero on padding and where a
     channel has no valid sample; `owner` is the number of the trace that a lane belongs to. Of noise with a memory,
     `memory[..., i]` is the part of the residual that was `i + 1` valid samples ago, at the flat place `past[..., i]`.
+    `edges` are directions, trace by trace, of what is left of edges of the duty whose time is not known.
     """
 
     values: Weights
@@ -40,6 +41,7 @@ class Measured(eqx.Module):
     memory: Float[Array | np.ndarray, "places channel order"] | None
     past: Int[Array | np.ndarray, "places channel order"] | None
     traces: int = eqx.field(static=True)
+    edges: Float[Array | np.ndarray, "lanes sample channel edges"] | None = None
 
 
 Sensors = Sequence[dict[str, Sensor]]
@@ -93,7 +95,27 @@ def _whiten(measured: Measured, difference: Float[Array, "lanes sample channel .
     weights, column = (each.reshape(*each.shape, *extra) for each in (weights, column))
     new = weights * _forget(measured, difference)
     explained = _by_trace(measured, column * new) / jnp.maximum(_by_trace(measured, column**2), SMALLEST)
-    return new - column * explained[measured.owner][:, None]
+    new = new - column * explained[measured.owner][:, None]
+    if measured.edges is None:
+        return new
+    along = jnp.einsum("lscj,lsc...->lj...", measured.edges, new)
+    along = jax.ops.segment_sum(along, measured.owner, measured.traces)
+    return new - jnp.einsum("lscj,lj...->lsc...", measured.edges, along[measured.owner])
+
+
+def _knowing_edges(measured: Measured, responses: np.ndarray) -> Measured:
+    """Measurements of traces whose edges have unknown times, by what is observed when one is a sample later.
+
+    As much is known of an edge beforehand: the covariance of what is new in a sample is `1 + E E^T`, with `E` those
+    responses in units of the deviation, and residuals are multiplied by the inverse of its root.
+    """
+    columns = np.asarray(_jacobian_block(measured, jnp.asarray(responses)))
+    owner = np.repeat(np.asarray(measured.owner), SEGMENT * len(CHANNELS))
+    directions = np.zeros_like(columns)
+    for trace in range(measured.traces):
+        basis, sizes, _ = np.linalg.svd(columns[owner == trace], full_matrices=False)
+        directions[owner == trace] = basis * np.sqrt(1 - 1 / np.sqrt(1 + sizes**2))
+    return dataclasses.replace(measured, edges=directions.reshape(responses.shape))
 
 
 def _by_trace(measured: Measured, values: Array) -> Float[Array, "traces channel ..."]:
@@ -148,7 +170,8 @@ class FitProblem(eqx.Module):
     Residuals are in units of the sensor noise and divided by the square root of their number, so the cost `sum(r^2)/2`
     of a perfect model is one half. A constant offset of each trace and channel is eliminated exactly.
 
-    With `late_duty` the last coordinate is the delay of the duty, behind those of the selection.
+    With `late_duty` the last coordinate is the delay of the duty, behind those of the selection. `responses` are what
+    is observed of every bundle when an edge of the duty is a sample later, where the times of edges are not known.
     """
 
     model: AbstractModel
@@ -159,9 +182,10 @@ class FitProblem(eqx.Module):
     count: int = eqx.field(static=True)
     """Number of measurements."""
     offsets: int = eqx.field(static=True)
-    """Number of eliminated sensor offsets."""
+    """Number of eliminated sensor offsets, and of edges of the duty."""
     late_duty: bool = eqx.field(static=True, default=False)
     prior: Prior | None = None
+    responses: list[Float[np.ndarray, "lanes sample channel edges"]] | None = None
 
     def at(self, coordinates: Vector) -> tuple[Any, Scalar | None]:
         """The model at coordinates of the transform, and the delay of the duty in s if that is one of them."""
@@ -215,7 +239,20 @@ class FitProblem(eqx.Module):
     def with_sensors(self, traces: Sequence[Trace], sensors: Sensors) -> "FitProblem":
         """The same problem with other knowledge of the sensors."""
         measured = [_measure(bundle, traces, sensors) for bundle in self.bundles]
-        return dataclasses.replace(self, measured=measured, count=_count(sensors))
+        again = dataclasses.replace(self, measured=measured, count=_count(sensors))
+        return again if self.responses is None else again._knowing_edges(self.responses)
+
+    def with_edges(self, responses: list[np.ndarray], edges: int) -> "FitProblem":
+        """The same problem where the times of so many edges are not known."""
+        return dataclasses.replace(self._knowing_edges(responses), offsets=self.offsets + edges)
+
+    def _knowing_edges(self, responses: list[np.ndarray]) -> "FitProblem":
+        measured = [_knowing_edges(*each) for each in zip(self.without_edges().measured, responses, strict=True)]
+        return dataclasses.replace(self, measured=measured, responses=responses)
+
+    def without_edges(self) -> "FitProblem":
+        """The same problem where edges are at the times that are read."""
+        return dataclasses.replace(self, measured=[dataclasses.replace(each, edges=None) for each in self.measured])
 
     def residuals(self, coordinates: Vector) -> Float[Array, " residuals"]:
         """Residuals; infinite throughout where a simulation failed.
@@ -295,4 +332,14 @@ def build_fit_problem(
     measured = [_measure(bundle, traces, sensors) for bundle in bundles]
     offsets = sum(len(each) for each in sensors)
     late_duty = len(transform.scale) > len(selection.entries)
-    return FitProblem(model, selection, transform, bundles, measured, _count(sensors), offsets, late_duty, prior)
+    return FitProblem(
+        model,
+        selection,
+        transform,
+        bundles,
+        measured,
+        _count(sensors),
+        offsets,
+        late_duty,
+        prior,
+    )

@@ -22,8 +22,8 @@ from ..plants import AbstractModel, MechanicalActuator, bare
 from ..simulation import FixedStep
 from ..traces import Trace
 from ._bundle import CHANNELS
+from ._duties import Late, read_duties
 from ._evidence import NOTHING, Unknown
-from ._holds import ramped
 from ._instruments import instrumented
 from ._residuals import Prior
 
@@ -35,8 +35,9 @@ class Task:
     `bounds` are by entry, in the units of the table; `channels` the measured signals to fit; `unknown` is what the fit
     finds out besides. `deviations` by entry, in the units of the table, say how well a start value is known beforehand:
     of a free entry that is a Gaussian prior, of one that is held a tolerance that goes into every error. `linear` has
-    the sample intervals in s of traces whose duty is linear between samples, though they don't say so. `starts` is from
-    how many places a search begins, `gains` by channel how well the gain of each sensor is known, relative.
+    the sample intervals in s of traces whose duty is linear between samples, though they don't say so, `edges` by how
+    many samples every edge of the duty of each trace is late, where that is not as it is recorded. `starts` is from how
+    many places a search begins, `gains` by channel how well the gain of each sensor is known, relative.
     """
 
     model: AbstractModel
@@ -49,6 +50,7 @@ class Task:
     unknown: Unknown = NOTHING
     deviations: dict[str, float] = dataclasses.field(default_factory=dict)
     linear: Sequence[float] = ()
+    edges: Late = ()
     starts: int = 1
     gains: dict[str, float] = dataclasses.field(default_factory=dict)
 
@@ -60,7 +62,7 @@ class Task:
     @property
     def traces(self) -> list[Trace]:
         """Traces to fit, with the duty as it is read."""
-        return ramped(self.fit, self.linear)
+        return read_duties(self.fit, self.linear, self.edges)
 
     @property
     def tolerances(self) -> dict[str, float]:

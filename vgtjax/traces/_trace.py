@@ -1,6 +1,6 @@
 """A bench trace: signals over time, in SI units with absolute pressures."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import jax
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from .._errors import InputError
 from ._channel import Channel, Samples, as_channel
 from ._drive import Drive, Ramp, Start
-from ._duty import delay_duty
+from ._duty import delay_duty, edges_of, mean_duty
 from ._grid import same_clock, share_time
 from ._signals import SIGNALS
 
@@ -189,6 +189,21 @@ class Trace:
         assert self.pwm is not None, "only a duty can be ramped"
         duty = self.channels["pwm"].interpolate(self.time)
         return self.replace(time=self.time, pwm=np.append(0.5 * (duty[1:] + duty[:-1]), duty[-1]))
+
+    def edges(self) -> Int[np.ndarray, " edges"]:
+        """Samples of the duty's own clock at which it jumps between levels that it holds for five samples and more."""
+        return edges_of(self.channels["pwm"].value) if "pwm" in self.channels else np.zeros(0, int)
+
+    def with_late_edges(self, late: Sequence[float]) -> "Trace":
+        """The same trace with each of the duty's `edges` so many seconds later (earlier, if negative).
+
+        An edge is moved by twice the usual interval of the duty at most, so that none passes another one. The duty of
+        every interval of `time` is then its mean over that interval.
+        """
+        duty, edges = self.channels["pwm"], self.edges()
+        began, farthest = np.array(duty.time), 2 * float(np.median(np.diff(duty.time)))
+        began[edges] += np.clip(late, -farthest, farthest)
+        return self.replace(time=self.time, pwm=mean_duty(began, duty.value, self.time))
 
     def drive(self) -> Drive:
         """Inputs over the interval that each time begins; the last one has no length."""

@@ -1,0 +1,113 @@
+"""A duty that jumps between the samples of its record: where its edges are is found, and spoils no parameter."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from known_truth import FREE, NOISE, TRUTH
+from support import duty_trace
+
+import vgtjax
+from vgtjax import simulate
+from vgtjax.estimation import Progress, Unknown, plan_task, start_calibration
+from vgtjax.estimation._edges import find_edges, responses_of
+
+LEVELS = (0, 0.051), (70, 0.152), (40, 0.149), (60, 0.151), (30, 0.148), (65, 0.151), (0, 0.15)
+"""Edges at 51, 203, 352, 503, 651 and 802 ms: every second one lies between the samples of a record with 500 Hz."""
+LATE = (-0.5, -0.5, 0.0, -0.5, -0.5, 0.0)
+"""Samples of that record."""
+CHOICES = Unknown(duty_hold="evidence", noise="white", loss="gaussian", numerics=False, start_state=False)
+
+
+def recorded(seed, keep=2):
+    """Every second sample of what a bench shows that runs at 1 kHz."""
+    trace, rng = duty_trace(*LEVELS, p_res=2.0e4), np.random.default_rng(seed)
+    run = simulate(vgtjax.replace_parameters(vgtjax.Actuator(), TRUTH), trace)
+    x_d = np.asarray(run.x_d) + rng.normal(0, NOISE["x_d"], len(trace.time))
+    p_act = np.asarray(run.p_act) + rng.normal(0, NOISE["p_act"], len(trace.time))
+    every = slice(None, None, keep)
+    return vgtjax.Trace(
+        trace.time[every], pwm=trace.pwm[every], p_res=trace.p_res[every], x_d=x_d[every], p_act=p_act[every]
+    )
+
+
+def task_of(*traces, **changes):
+    return plan_task(vgtjax.Actuator(), traces, free=FREE, unknown=dataclasses.replace(CHOICES, **changes))
+
+
+def scores(found):
+    """Errors of the parameters in standard errors."""
+    truth = [TRUTH[entry] for entry in found.task.selection.entries]
+    return (found.values - truth) / found.std_errors
+
+
+@pytest.fixture(scope="module")
+def found():
+    return start_calibration(task_of(recorded(1), recorded(2))).run()
+
+
+def test_parameters_are_right_although_edges_are_recorded_late(found):
+    assert found.converged
+    assert found.uncertainty.scale == pytest.approx(1.0, abs=0.1)
+    assert np.all(np.abs(scores(found)) < 4)
+
+
+def test_edges_are_where_they_were(found):
+    """Nearer to where each was than to where it was not; the noise leaves them known to 0.05 samples or so."""
+    for edges in found.progress.edges:
+        np.testing.assert_allclose(edges, LATE, atol=0.25)
+    late = found.late_edges(found.task.fit[0])
+    np.testing.assert_allclose(late, 2e-3 * np.array(found.progress.edges[0]))
+
+
+def test_read_as_recorded_they_spoil_parameters(found):
+    progress = dataclasses.replace(found.progress, edges=(), edges_seen=(), converged=False, iteration=0, corrections=0)
+    blind = start_calibration(task_of(*found.task.fit, duty_delay=False), Progress(progress.coordinates[:3])).run()
+    assert np.max(np.abs(scores(blind))) > 5
+    assert blind.uncertainty.scale > 1.2
+
+
+def test_edges_on_samples_are_left_where_they_are():
+    whole = start_calibration(task_of(recorded(3, keep=1))).run()
+    assert whole.progress.edges == ()
+    assert whole.late_edges(whole.task.fit[0]) == []
+
+
+def test_what_is_not_known_of_edges_is_in_the_errors(found):
+    """Against the same problem with edges that are known: errors grow, and none falls."""
+    end = start_calibration(found.task, dataclasses.replace(found.progress, corrections=0, converged=False))
+    free = end.minimiser.problem
+    known = free.without_edges()
+    columns = [
+        problem.columns_of(end.minimiser.slopes.evaluated.columns, end.minimiser.slopes.at) for problem in (free, known)
+    ]
+    wide, narrow = (np.sqrt(np.diag(np.linalg.inv(each[:, :3].T @ each[:, :3]))) for each in columns)
+    assert np.all(wide >= narrow * (1 - 1e-9))
+    assert np.max(wide / narrow) > 1.2
+
+
+def test_residuals_are_whitened_by_what_edges_may_do(found):
+    """By hand: the covariance `1 + E E^T` of a trace, whose inverse root multiplies residuals."""
+    task = dataclasses.replace(found.task, fit=found.task.fit[:1], edges=())
+    progress = dataclasses.replace(found.progress, edges=(), edges_seen=(), corrections=0, converged=False)
+    search = start_calibration(task, progress).minimiser
+    edges = ((0.0,) * len(LATE),)
+    steps = responses_of(task, search.problem, edges, search.slopes.at)
+    responses = answered(steps)
+    free = search.problem.with_edges(responses, len(LATE))
+    responses = search.problem.whitened(responses)
+    plain = search.problem.residuals_of(search.slopes.evaluated.observed)
+    sizes, ways = np.linalg.eigh(responses.T @ responses)
+    basis = responses @ ways / np.sqrt(sizes)
+    expected = plain - basis @ ((1 - 1 / np.sqrt(1 + sizes)) * (basis.T @ plain))
+    np.testing.assert_allclose(
+        free.residuals_of(search.slopes.evaluated.observed), expected, atol=1e-8 * np.max(np.abs(plain))
+    )
+    assert free.offsets == search.problem.offsets + len(LATE)
+    assert find_edges(free, search.slopes, edges).evident
+
+
+def answered(steps):
+    from vgtjax.estimation._programs import run_alone
+
+    return run_alone(steps)

@@ -1,0 +1,31 @@
+"""The duty of a trace as a fit reads it: held or linear between samples, and with edges between these."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..traces import Trace
+from ._holds import ramped, sample_interval
+
+Late = tuple[tuple[float, ...], ...]
+"""By how many samples of its record each edge of each trace is late (negative: early)."""
+
+
+def read_duties(traces: Sequence[Trace], linear: Sequence[float], late: Late) -> list[Trace]:
+    """Traces with the duty as it is read: ramped where that was linear between samples, with edges where they were."""
+    if not late:
+        return ramped(traces, linear)
+    return [
+        trace.with_late_edges(in_seconds(trace, each)) if each else trace
+        for trace, each in zip(traces, late, strict=True)
+    ]
+
+
+def in_seconds(trace: Trace, late: Sequence[float]) -> list[float]:
+    """By how much the edges of a trace are late in s."""
+    return (sample_interval(trace) * np.asarray(late)).tolist()
+
+
+def as_recorded(traces: Sequence[Trace]) -> Late:
+    """Every edge where its record has it."""
+    return tuple((0.0,) * len(trace.edges()) for trace in traces)

@@ -1,0 +1,126 @@
+"""Edges of a duty between the samples of its record.
+
+A record that is slower than the duty shows an edge at the first sample after it: each edge was earlier, by another part
+of a sample. What that moves is a column of the least squares for every edge, which is eliminated like the offset of a
+sensor, with a sample as what is known of it beforehand.
+"""
+
+import dataclasses
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from ..traces import Trace
+from ._bundle import bundle_traces
+from ._duties import Late, read_duties
+from ._evaluation import Steps, ask, side_by_side
+from ._holds import sample_interval
+from ._least_squares import reduce_rows
+from ._point import Point, Slopes
+from ._residuals import FitProblem
+from ._search import SPREAD
+from ._task import Task
+
+NUDGE = 0.5
+"""Samples by which an edge is moved to see what that moves."""
+NEAR_ENOUGH, ROUNDS = 0.05, 4
+"""Samples by which no edge moves any more, and searches until then at most."""
+EVIDENT_EDGE = 9.0
+"""Gain in chi^2 that each edge must bring in the mean: three standard errors."""
+
+
+def responses_of(
+    task: Task, problem: FitProblem, late: Late, at: Float[np.ndarray, " coordinates"]
+) -> Steps[list[np.ndarray]]:
+    """What is observed of every bundle when an edge is a sample later, `(lanes, sample, channel, edges)`; the column
+    `j` of a lane is that of edge `j` of its trace.
+
+    One simulation of all traces moves an edge in each of them. Where one fails, its edges are taken to move nothing.
+    """
+    asked = problem.evaluation(at)
+    count = max(map(len, late))
+    nudged = [_nudged(late, edge) for edge in range(count)]
+    questions = [
+        dataclasses.replace(asked, bundles=bundle_traces(task.model, read_duties(task.fit, (), moved), task.stepping))
+        for moved in (late, *nudged)
+    ]
+    first, *others = yield from side_by_side([ask(question) for question in questions], at_once=len(SPREAD))
+    return [
+        np.stack([_differences(there, here) for there, here in zip(each, [base] * count, strict=True)], axis=-1)
+        for base, *each in zip(first.observed, *(other.observed for other in others), strict=True)
+    ]
+
+
+def _nudged(late: Late, edge: int) -> Late:
+    """With one edge of every trace that has so many earlier."""
+    return tuple(tuple(value - NUDGE * (number == edge) for number, value in enumerate(each)) for each in late)
+
+
+def _differences(there: np.ndarray, here: np.ndarray) -> np.ndarray:
+    difference = (here - there) / NUDGE
+    return np.where(np.isfinite(difference), difference, 0.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class FoundEdges:
+    """What traces tell of the edges: by how many samples they are later than they are read, and the gain in chi^2."""
+
+    late: Late
+    gain: float
+
+    @property
+    def evident(self) -> bool:
+        """Whether each edge brings what is evident, in the mean."""
+        return self.gain > EVIDENT_EDGE * sum(map(len, self.late))
+
+    @property
+    def farthest(self) -> float:
+        """Samples by which the edge is moved that is moved most."""
+        return max(abs(value) for each in self.late for value in each)
+
+
+def moved(late: Late, more: Late) -> Late:
+    """Edges that are later by so much more."""
+    return tuple(tuple(np.add(each, beyond).tolist()) for each, beyond in zip(late, more, strict=True))
+
+
+def whole_samples(traces: Sequence[Trace], delay: float, late: Late) -> tuple[float, Late]:
+    """A delay in s of all edges as one by whole samples, and what is left of it as a part of each edge's own."""
+    clocks = [sample_interval(trace) for trace in traces]
+    whole = max(clocks) * round(delay / max(clocks))
+    rest = tuple(((delay - whole) / clock,) * len(each) for clock, each in zip(clocks, late, strict=True))
+    return whole, moved(late, rest)
+
+
+def find_edges(problem: FitProblem, slopes: Slopes, late: Late) -> FoundEdges:
+    """The linear problem of parameters and edges together, of a problem that knows what edges move."""
+    plain = problem.without_edges()
+    point = Point.of(plain, slopes.at, slopes.evaluated, slopes)
+    assert problem.responses is not None, "what edges move is not known"
+    responses = plain.whitened(problem.responses)
+    owner, counts = plain.owner, [len(each) for each in late]
+    ends = np.cumsum([0, *counts])
+    columns = np.zeros((len(point.residuals) + ends[-1], ends[-1]))
+    for trace, (begin, end) in enumerate(itertools.pairwise(ends)):
+        mine = np.flatnonzero(owner == trace)
+        columns[mine, begin:end] = responses[mine, : end - begin]
+    columns[len(point.residuals) :] = np.eye(ends[-1])  # known beforehand to a sample
+    padded = np.concatenate([point.columns, np.zeros((ends[-1], point.columns.shape[1]))])
+    residuals = np.append(point.residuals, np.zeros(ends[-1]))
+    alone, _ = _solved(residuals, padded)
+    together, values = _solved(residuals, np.column_stack([padded, columns]))
+    moved = -values[point.columns.shape[1] :]
+    found = tuple(tuple(moved[begin:end].tolist()) for begin, end in itertools.pairwise(ends))
+    return FoundEdges(found, alone - together)
+
+
+def _solved(residuals: np.ndarray, columns: np.ndarray) -> tuple[float, np.ndarray]:
+    """What is left of chi^2 by the best linear step, and the values that explain residuals."""
+    few, reduced = reduce_rows(residuals, columns)
+    lengths = np.linalg.norm(reduced, axis=0)
+    lengths = np.where(lengths > 0, lengths, 1.0)
+    values = np.linalg.lstsq(reduced / lengths, few, rcond=1e-12)[0] / lengths
+    left = few - reduced @ values
+    return float(left @ left), values
