@@ -46,13 +46,15 @@ class Fault:
     """What is wrong with a campaign.
 
     `delay` in s of the duty beside its record, the share of the position's samples that are `outliers` by thirty
-    deviations, and the `low_pass` in Hz behind which the noise of the position is (not the signal).
+    deviations, the `low_pass` in Hz behind which the noise of the position is (not the signal), and the record keeps
+    `every` so many samples.
     """
 
     name: str
     delay: float = 0.0
     outliers: float = 0.0
     low_pass: float | None = None
+    every: int = 1
 
 
 FAULTS = (
@@ -60,6 +62,7 @@ FAULTS = (
     Fault("duty 4 ms late", delay=0.004),
     Fault("0.3 % outliers of 30 deviations", outliers=0.003),
     Fault("noise of the position behind 40 Hz", low_pass=40.0),
+    Fault("recorded at 500 Hz, edges at any millisecond", every=2),
 )
 
 
@@ -130,14 +133,13 @@ def _record(
     row = numba_plant.constants(numba_plant.pack(unit))
     numba_plant.run(row, time, applied, supply, STEP, x_d, p_act)
     noise = _position_noise(rng, len(duty), fault)
-    return vgtjax.Trace(
-        time,
-        pwm=duty,
-        p_res=supply + rng.normal(0, NOISE["p_act"], len(duty)),
-        x_d=x_d + rng.normal(0, NOISE["x_d"]) + noise,
-        p_act=p_act + rng.normal(0, NOISE["p_act"]) + rng.normal(0, NOISE["p_act"], len(duty)),
-        name=name,
-    )
+    shown = {
+        "pwm": duty,
+        "p_res": supply + rng.normal(0, NOISE["p_act"], len(duty)),
+        "x_d": x_d + rng.normal(0, NOISE["x_d"]) + noise,
+        "p_act": p_act + rng.normal(0, NOISE["p_act"]) + rng.normal(0, NOISE["p_act"], len(duty)),
+    }
+    return vgtjax.Trace(time[:: fault.every], **{name: each[:: fault.every] for name, each in shown.items()}, name=name)
 
 
 def _position_noise(rng: np.random.Generator, count: int, fault: Fault) -> Float[np.ndarray, " time"]:

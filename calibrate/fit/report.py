@@ -109,7 +109,7 @@ def found_besides(calibration: Calibration) -> list[str]:
         delay, error = 1e3 * calibration.duty_delay, 1e3 * calibration.duty_delay_error
         way = "later" if delay > 0 else "earlier"
         sentences.append(f"the duty reaches the valve {abs(delay):.3f} +- {error:.3f} ms {way} than the traces say")
-    sentences += _edges_found(calibration)
+    sentences += _edges_found(calibration) + _inputs_found(calibration)
     for entry, (value, error) in calibration.instruments.items():
         kind, _, channel = entry.partition(".")
         if kind == "initial":
@@ -156,6 +156,24 @@ def _edges_found(calibration: Calibration) -> list[str]:
         f"the duty of the traces that were fitted jumps between its samples: its {len(late)} edges were "
         f"{-1e3 * max(late):.2f} to {-1e3 * min(late):.2f} ms earlier than recorded; that their times are not known "
         "is part of all errors, and other traces are read as they are recorded"
+    ]
+
+
+def _inputs_found(calibration: Calibration) -> list[str]:
+    """How a measured pressure was read that drives the rod."""
+    sensors = [
+        sensor for result in calibration.traces if (sensor := calibration.input_sensor(result.trace)) is not None
+    ]
+    if not sensors:
+        return []
+    resting = [sensor for sensor in sensors if sensor.offset_error]
+    noise = max(sensor.noise for sensor in sensors)
+    farthest = max((sensor.offset for sensor in resting), key=abs, default=0.0)
+    offsets = f", and less what it shows at rest in {len(resting)} of {len(sensors)} traces ({farthest:.3g} Pa at most)"
+    return [
+        f"the pressure that drives the rod is read without the noise of its sensor, {noise:.3g} Pa"
+        f"{offsets if resting else ''}; what that leaves open is part of all errors, and simulate reads it as it is "
+        "recorded"
     ]
 
 

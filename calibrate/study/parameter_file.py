@@ -119,7 +119,9 @@ def nuisance(calibration: Calibration) -> dict[str, Any]:
 
     def found(result: TraceResult) -> dict[str, Any]:
         linear = calibration.duty_hold(result.trace) == "linear"
-        offset = {**finite(result.offset), **of_sensors["offset"]}
+        driving = calibration.input_sensor(result.trace)
+        rest = {"p_act": driving.offset} if driving is not None and driving.offset_error else {}
+        offset = {**finite(result.offset), **rest, **of_sensors["offset"]}
         place = f"[{result.trace.start_number - 1}]"
         start = {name.removesuffix(place): value for name, value in of_starts.items() if name.endswith(place)}
         return {

@@ -56,13 +56,17 @@ class Truth:
         return Truth(task, clean, learn_sensors(task.fit, task.channels, clean, clean, task.unknown), slopes)
 
     def campaign(self, number: int, seed: int) -> Task:
-        """The same task with new noise on what the truth gives."""
+        """The same task with new noise on what the truth gives, and on a pressure that drives it."""
         rng = np.random.default_rng([seed, number])
         traces = [
             _recorded(trace, clean, known, rng)
             for trace, clean, known in zip(self.task.fit, self.clean, self.sensors, strict=True)
         ]
-        return dataclasses.replace(self.task, fit=traces)
+        sensors = self.task.inputs or [None] * len(traces)
+        again = [
+            trace if sensor is None else sensor.again(trace, rng) for trace, sensor in zip(traces, sensors, strict=True)
+        ]
+        return dataclasses.replace(self.task, fit=again)
 
 
 def _recorded(trace: Trace, clean: np.ndarray, sensors: dict, rng: np.random.Generator) -> Trace:

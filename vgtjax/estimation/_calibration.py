@@ -17,6 +17,7 @@ from ._duties import in_seconds, read_duties
 from ._evaluation import Steps
 from ._evidence import observe_traces
 from ._holds import sample_interval
+from ._inputs import InputSensor
 from ._least_squares import LeastSquares
 from ._programs import run_alone
 from ._progress import Progress
@@ -163,6 +164,11 @@ class Calibration(Printed):
         was not found."""
         late = dict(zip((each.name for each in self.task.fit), self.progress.edges, strict=False))
         return in_seconds(trace, late.get(trace.name, ()))
+
+    def input_sensor(self, trace: Trace) -> InputSensor | None:
+        """What was found of the sensor of the pressure that drives a fitted trace; `None` where no pressure does."""
+        found = zip((each.name for each in self.task.fit), self.task.inputs, strict=False)
+        return dict(found).get(trace.name)
 
     @property
     def instruments(self) -> dict[str, tuple[float, float]]:

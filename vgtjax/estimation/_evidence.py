@@ -57,7 +57,8 @@ class Unknown:
     and of the steps are corrected for. `gain`: channels whose sensor may show more or less than is there, and `offset`:
     inputs whose sensor may show too much, each one value for all traces; the offsets of what is fitted are always free,
     for each trace. `start_state`: whether a trace begins elsewhere than at the means of its first 50 ms; by evidence
-    those are asked that do not begin at rest and have a duty, and with `True` all.
+    those are asked that do not begin at rest and have a duty, and with `True` all. `input_noise`: whether the pressure
+    that drives a rod has a sensor with noise, and with an offset that shows at rest.
     """
 
     duty_delay: Choice = "evidence"
@@ -68,6 +69,7 @@ class Unknown:
     gain: tuple[str, ...] = ()
     offset: tuple[str, ...] = ()
     start_state: Choice = "evidence"
+    input_noise: bool = True
 
     @property
     def anything(self) -> bool:
@@ -75,7 +77,15 @@ class Unknown:
         return bool(self.duty_delay) or self.noise != "white" or self.loss != "gaussian" or self.numerics
 
 
-NOTHING = Unknown(duty_delay=False, duty_hold=False, noise="white", loss="gaussian", numerics=False, start_state=False)
+NOTHING = Unknown(
+    duty_delay=False,
+    duty_hold=False,
+    noise="white",
+    loss="gaussian",
+    numerics=False,
+    start_state=False,
+    input_noise=False,
+)
 """The parameters only."""
 
 

@@ -10,7 +10,7 @@ from ..parameters import Selection, select
 from ..plants import bare
 from ._bands import Bands, predicted_spread
 from ._budget import Budget
-from ._bundle import CHANNELS
+from ._bundle import CHANNELS, bundle_traces
 from ._calibration import Calibration, comparing
 from ._evaluation import Evaluation, Steps, ask
 from ._evidence import turns
@@ -26,6 +26,9 @@ WINDOWS = 4
 
 _unpack = keep_compiled(Selection.unpack)
 
+EXPERIMENTS, SEED = 5, 0
+"""Of fresh noise on a driving pressure; with five, a standard error from four traces is good to a sixth."""
+
 Covariance = Float[np.ndarray, "entries entries"]
 
 
@@ -39,9 +42,12 @@ def finishing(task: Task, search: LevenbergMarquardt, sensors: Sensors, notes: t
     more = _scatter(uncertainty, np.array(progress.wanted)[:, :count]) if progress.wanted else np.zeros((count, count))
     sources = {**_moved_by_gains(task, search), **(yield from _moved_by_tolerances(task, search))}
     moved = {name: np.where(uncertainty.determined, each[:count], 0.0) for name, each in sources.items()}
+    driven = np.where(uncertainty.determined, (yield from _moved_by_inputs(task, search))[:, :count], 0.0)
+    beside = np.column_stack([np.zeros((count, 0)), *moved.values(), *driven])
+    if len(driven):
+        moved["sensor of the drive"] = np.linalg.norm(driven, axis=0)
     window, windowed = _by_windows(task, search, everything)
     budget = _budget(uncertainty, more, moved, slope[:count], windowed[:count], window)
-    beside = np.column_stack([np.zeros((count, 0)), *moved.values()])
     more = more + beside @ beside.T
     uncertainty = dataclasses.replace(uncertainty, covariance=uncertainty.covariance + more)
     model = _unpack(task.selection, task.model, values[:count])
@@ -148,6 +154,31 @@ def _moved_by_tolerances(task: Task, search: LevenbergMarquardt) -> Steps[Moved]
     padded = np.concatenate([columns, np.zeros((len(point.columns) - len(columns), len(sizes)))])
     moved = [-least_squares(point.columns, column).values for column in padded.T]
     return dict(zip(held.entries, moved, strict=True))
+
+
+def _moved_by_inputs(task: Task, search: LevenbergMarquardt) -> Steps[Float[np.ndarray, "moves coordinates"]]:
+    """How far every coordinate moves, to first order, when the pressure that drives a trace is measured once more: one
+    row for each trace and experiment, whose products add up to a covariance."""
+    problem, point, owner = search.problem, search.point, search.problem.owner
+    here, rng = np.asarray(search.progress.coordinates), np.random.default_rng(SEED)
+    moves = [np.zeros((0, point.columns.shape[1]))]
+    if not any(task.inputs):
+        return moves[0]
+    asked = problem.evaluation(here)
+    before = yield from ask(asked)
+    for _ in range(EXPERIMENTS):
+        traces = [
+            trace if sensor is None else sensor.again(trace, rng)
+            for trace, sensor in zip(task.traces, task.inputs, strict=True)
+        ]
+        after = yield from ask(dataclasses.replace(asked, bundles=bundle_traces(task.model, traces, task.stepping)))
+        change = problem.residuals_of(after.observed) - problem.residuals_of(before.observed)
+        change = np.where(np.isfinite(change), change, 0.0)
+        alone = change[:, None] * (owner[:, None] == np.arange(len(traces)))
+        padded = np.concatenate([alone, np.zeros((len(point.columns) - len(alone), len(traces)))])
+        found = [least_squares(point.columns, column).values for column in padded.T]
+        moves.append(np.array(found) / np.sqrt(EXPERIMENTS))
+    return np.concatenate(moves)
 
 
 def _bands(task: Task, search: LevenbergMarquardt, covariance: Covariance) -> Steps[Bands]:

@@ -24,6 +24,7 @@ from ..traces import Trace
 from ._bundle import CHANNELS
 from ._duties import Late, read_duties
 from ._evidence import NOTHING, Unknown
+from ._inputs import InputSensor, input_sensor
 from ._instruments import instrumented
 from ._residuals import Prior
 
@@ -37,7 +38,8 @@ class Task:
     of a free entry that is a Gaussian prior, of one that is held a tolerance that goes into every error. `linear` has
     the sample intervals in s of traces whose duty is linear between samples, though they don't say so, `edges` by how
     many samples every edge of the duty of each trace is late, where that is not as it is recorded. `starts` is from how
-    many places a search begins, `gains` by channel how well the gain of each sensor is known, relative.
+    many places a search begins, `gains` by channel how well the gain of each sensor is known, relative, `inputs` what
+    is known of the sensor of the pressure by which each trace to fit is driven, which is read without its noise.
     """
 
     model: AbstractModel
@@ -53,6 +55,7 @@ class Task:
     edges: Late = ()
     starts: int = 1
     gains: dict[str, float] = dataclasses.field(default_factory=dict)
+    inputs: Sequence[InputSensor | None] = ()
 
     @property
     def plant(self) -> AbstractModel:
@@ -135,6 +138,10 @@ def plan_task(
     model = replace_parameters(model, values or {})
     if channels is None:
         channels = ("x_d",) if isinstance(model, MechanicalActuator) else CHANNELS
+    inputs = [input_sensor(model, trace, unknown) for trace in fit]
+    fit = [trace if sensor is None else sensor.read(trace) for trace, sensor in zip(fit, inputs, strict=True)]
+    others = [(trace, input_sensor(model, trace, unknown)) for trace in validate]
+    validate = [trace if sensor is None else sensor.read(trace) for trace, sensor in others]
     selection, known, gains = select(model, free, fixed), _by_entry(model, deviations or {}), dict(gains or {})
     if unknown.gain or unknown.offset or unknown.start_state:
         found = instrumented(model, selection, fit, unknown, gains, dict(offsets or {}))
@@ -151,6 +158,7 @@ def plan_task(
         deviations=known,
         starts=starts,
         gains=gains,
+        inputs=inputs,
     )
 
 

@@ -10,9 +10,10 @@ from jaxtyping import Bool
 
 from ..estimation import least_squares
 from ..plants import MechanicalActuator
+from ..traces import remove_noise
 from . import _limits as limits
 from ._filters import Samples
-from ._motion import MotionRecord, plain_friction, remove_noise
+from ._motion import MotionRecord, plain_friction
 from ._result import Coefficients, NotPossible
 from ._weak_form import Filtered, TraceEquations, filter_motion, regress_traces, through_kernel, within_stops
 

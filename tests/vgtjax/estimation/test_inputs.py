@@ -1,0 +1,98 @@
+"""A measured pressure that drives a rod: its noise and its offset at rest spoil no parameter."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from support import duty_trace
+
+import vgtjax
+from vgtjax import simulate
+from vgtjax.assurance import Truth
+from vgtjax.estimation import Unknown, plan_task, run_alone, start_calibration
+from vgtjax.estimation._inputs import InputSensor
+
+TRUTH = {"diaphragm.mass": 0.7, "diaphragm.preload": 51.0, "friction.coulomb_force": 2.6, "friction.static_force": 2.9}
+NOISE, OFFSET = 60.0, 150.0
+"""Pa."""
+CHOICES = Unknown(False, False, "white", "gaussian", numerics=False, start_state=False)
+
+
+def recorded(seed, offset=OFFSET, noise=NOISE):
+    trace, rng = (
+        duty_trace((0, 0.2), (70, 0.35), (40, 0.3), (60, 0.3), (30, 0.3), p_res=2.0e4),
+        np.random.default_rng(seed),
+    )
+    run = simulate(vgtjax.replace_parameters(vgtjax.Actuator(), TRUTH), trace, stepping=vgtjax.FixedStep(1e-4))
+    count = len(trace.time)
+    return trace.replace(
+        p_act=np.asarray(run.p_act) + offset + rng.normal(0, noise, count),
+        x_d=np.asarray(run.x_d) + rng.normal(0, 8e-6, count),
+    )
+
+
+def plan(trace, **changes):
+    chosen = dataclasses.replace(CHOICES, **changes)
+    return plan_task(vgtjax.MechanicalActuator(), [trace], free=list(TRUTH), unknown=chosen)
+
+
+def scores(found):
+    truth = [TRUTH[entry] for entry in found.task.selection.entries]
+    return (found.values - truth) / found.std_errors
+
+
+@pytest.fixture(scope="module")
+def found():
+    return start_calibration(plan(recorded(1))).run()
+
+
+def test_parameters_are_right_within_their_errors(found):
+    assert found.converged
+    assert np.all(np.abs(scores(found)) < 4)
+
+
+def test_as_recorded_it_makes_them_wrong(found):
+    blind = start_calibration(plan(found.task.fit[0].replace(p_act=recorded(1).p_act), input_noise=False)).run()
+    assert np.max(np.abs(scores(blind))) > 10
+    assert "sensor of the drive" not in blind.budget.sources
+
+
+def test_noise_and_offset_are_found(found):
+    sensor = found.input_sensor(found.task.fit[0])
+    assert sensor.noise == pytest.approx(NOISE, rel=0.1)  # a robust scale of 1450 samples
+    assert abs(sensor.offset - OFFSET) < 4 * sensor.offset_error
+    assert sensor.offset_error == pytest.approx(NOISE / np.sqrt(200), rel=0.15)  # 0.2 s of rest
+
+
+def test_what_reading_leaves_open_is_in_the_errors(found):
+    """Beside the noise of the position, and for friction the larger part."""
+    part = found.budget.sources["sensor of the drive"]
+    assert np.all(part > 0)
+    place = found.task.selection.entries.index("friction.coulomb_force")
+    assert part[place] > found.budget.noise[place]
+    assert np.all(found.std_errors > part)
+
+
+def test_an_offset_that_is_free_is_not_read_from_rest():
+    sensor = plan(recorded(2), offset=("p_act",)).inputs[0]
+    assert (sensor.offset, sensor.offset_error) == (0.0, 0.0)
+
+
+def test_without_rest_nothing_is_known_of_an_offset():
+    moving = recorded(2).window(0.3, 1.4)
+    assert plan(moving).inputs[0] == InputSensor(pytest.approx(NOISE, rel=0.1))
+
+
+def test_a_stated_force_and_a_model_with_a_valve_are_read_as_recorded():
+    trace = recorded(2)
+    forced = trace.replace(f_drive=np.zeros(len(trace.time)), time=trace.time)
+    assert plan(forced).inputs == [None]
+    assert plan_task(vgtjax.Actuator(), [trace], free=["diaphragm.mass"], unknown=CHOICES).inputs == [None]
+
+
+def test_campaigns_of_a_recovery_measure_the_pressure_anew(found):
+    truth = run_alone(Truth.of(found.task, found.task.fit))
+    first, second = (truth.campaign(number, 1).fit[0].p_act for number in (0, 1))
+    left = np.std(first - found.task.fit[0].p_act)
+    assert 0 < left < NOISE / 2  # what reading leaves of its noise
+    assert np.any(first != second)
