@@ -43,12 +43,13 @@ from ._least_squares import (
     robust_deviation as robust_deviation,
     windowed_gram as windowed_gram,
 )
+from ._measured import Sensors as Sensors
 from ._point import Point as Point, Reduced as Reduced, Secant as Secant, Slopes as Slopes, misfit_at as misfit_at
 from ._profiles import Profile as Profile, Profiles as Profiles, profiling as profiling
 from ._programs import run_alone as run_alone, run_together as run_together
 from ._progress import CHI2_TOLERANCE as CHI2_TOLERANCE, Progress as Progress
 from ._remains import VERDICTS as VERDICTS, Remains as Remains, find_remains as find_remains
-from ._residuals import FitProblem as FitProblem, Sensors as Sensors, build_fit_problem as build_fit_problem
+from ._residuals import FitProblem as FitProblem, build_fit_problem as build_fit_problem
 from ._search import LevenbergMarquardt as LevenbergMarquardt
 from ._sensitivities import (
     jacobian as jacobian,

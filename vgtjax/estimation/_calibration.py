@@ -19,9 +19,9 @@ from ._evidence import observe_traces
 from ._holds import sample_interval
 from ._inputs import InputSensor
 from ._least_squares import LeastSquares
+from ._measured import Sensors, white_sensors
 from ._programs import run_alone
 from ._progress import Progress
-from ._residuals import Sensors, white_sensors
 from ._sensors import Sensor
 from ._task import Task
 

@@ -33,10 +33,11 @@ from ._evidence import (
 )
 from ._finish import finishing
 from ._least_squares import LeastSquares
+from ._measured import Sensors, white_sensors
 from ._point import Point, Slopes
 from ._programs import run_alone
 from ._progress import Progress
-from ._residuals import FitProblem, Sensors, build_fit_problem, white_sensors
+from ._residuals import FitProblem, build_fit_problem
 from ._search import LevenbergMarquardt
 from ._starts import best_of, searching_from, starts_of
 from ._task import Task

@@ -20,7 +20,7 @@ from ..simulation import FixedStep
 from ..traces import Trace
 from ._bundle import CHANNELS, Bundle, bundle_traces
 from ._evaluation import Evaluated, Evaluation, Steps, ask
-from ._residuals import Sensors, white_sensors
+from ._measured import Sensors, white_sensors
 from ._sensors import Samples, Sensor, learn_sensor
 
 SHARP_STEP = 1e-4

@@ -15,7 +15,7 @@ from ._calibration import Calibration, comparing
 from ._evaluation import Evaluation, Steps, ask
 from ._evidence import turns
 from ._least_squares import LeastSquares, finite_columns, least_squares, windowed_gram
-from ._residuals import Sensors
+from ._measured import Sensors
 from ._search import LevenbergMarquardt
 from ._task import Task
 

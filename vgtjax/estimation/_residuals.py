@@ -19,138 +19,18 @@ from ..simulation import FixedStep
 from ..traces import Trace
 from ._bundle import CHANNELS, SEGMENT, Bundle, bundle_traces
 from ._evaluation import Evaluation
+from ._measured import (
+    Measured,
+    Sensors,
+    count_of,
+    jacobian_block,
+    knowing_edges,
+    measure,
+    pull_block,
+    residual_block,
+    white_sensors,
+)
 from ._sensitivities import observe, observe_with_jacobian
-from ._sensors import MEMORY, Sensor, white_sensor
-
-SMALLEST = 1e-300
-Weights = Float[Array | np.ndarray, "lanes sample channel"]
-
-
-class Measured(eqx.Module):
-    """Measurements of one bundle in its layout.
-
-    `values` in m and Pa; `weights` is one over the deviation of what is new in a sample, zero on padding and where a
-    channel has no valid sample; `owner` is the number of the trace that a lane belongs to. Of noise with a memory,
-    `memory[..., i]` is the part of the residual that was `i + 1` valid samples ago, at the flat place `past[..., i]`.
-    `edges` are directions, trace by trace, of what is left of edges of the duty whose time is not known.
-    """
-
-    values: Weights
-    weights: Weights
-    owner: Int[Array | np.ndarray, " lanes"]
-    memory: Float[Array | np.ndarray, "places channel order"] | None
-    past: Int[Array | np.ndarray, "places channel order"] | None
-    traces: int = eqx.field(static=True)
-    edges: Float[Array | np.ndarray, "lanes sample channel edges"] | None = None
-
-
-Sensors = Sequence[dict[str, Sensor]]
-"""Sensors of every trace, by channel; those that are not fitted are left out."""
-
-
-def white_sensors(traces: Sequence[Trace], channels: Sequence[str]) -> Sensors:
-    """Sensors whose noise is white and of the size that their own signals show."""
-    found = [{channel: white_sensor(trace, channel) for channel in channels} for trace in traces]
-    return [{channel: sensor for channel, sensor in sensors.items() if sensor is not None} for sensors in found]
-
-
-def _count(sensors: Sensors) -> int:
-    """Samples that say something."""
-    return sum(sensor.count for each in sensors for sensor in each.values())
-
-
-def _measure(bundle: Bundle, traces: Sequence[Trace], sensors: Sensors) -> Measured:
-    order = MEMORY if any(len(sensor.memory) for each in sensors for sensor in each.values()) else 0
-    places = SEGMENT * len(bundle.lane_trace)
-    values, weights = np.zeros((2, places, len(CHANNELS)))
-    memory, past = np.zeros((places, len(CHANNELS), order)), np.zeros((places, len(CHANNELS), order), int)
-    for number, index in enumerate(bundle.indices):
-        for channel, sensor in sensors[index].items():
-            rows, at = SEGMENT * bundle.first_lane(number) + traces[index].rows(channel), CHANNELS.index(channel)
-            length = len(sensor.memory)
-            values[rows, at] = sensor.values
-            weights[rows, at] = sensor.trust / sensor.deviation
-            # The first samples have no past: they weigh what the noise itself does.
-            weights[rows[:length], at] *= sensor.deviation / sensor.level
-            memory[rows[length:], at, :length] = sensor.memory
-            for step in range(1, length + 1):
-                past[rows[step:], at, step - 1] = rows[:-step]
-    shape = (len(bundle.lane_trace), SEGMENT, len(CHANNELS))
-    return Measured(
-        values.reshape(shape),
-        weights.reshape(shape),
-        bundle.lane_trace,
-        memory if order else None,
-        past if order else None,
-        len(bundle.indices),
-    )
-
-
-def _whiten(measured: Measured, difference: Float[Array, "lanes sample channel ..."]) -> Array:
-    """What is new in differences, in units of its deviation, without the offset that a fit would give each sensor."""
-    weights = jnp.asarray(measured.weights)
-    # An offset is a column like any other: what it explains is projected out, trace by trace and channel by channel.
-    column = weights * _forget(measured, jnp.ones_like(weights))
-    extra = (1,) * (difference.ndim - 3)
-    weights, column = (each.reshape(*each.shape, *extra) for each in (weights, column))
-    new = weights * _forget(measured, difference)
-    explained = _by_trace(measured, column * new) / jnp.maximum(_by_trace(measured, column**2), SMALLEST)
-    new = new - column * explained[measured.owner][:, None]
-    if measured.edges is None:
-        return new
-    along = jnp.einsum("lscj,lsc...->lj...", measured.edges, new)
-    along = jax.ops.segment_sum(along, measured.owner, measured.traces)
-    return new - jnp.einsum("lscj,lj...->lsc...", measured.edges, along[measured.owner])
-
-
-def _knowing_edges(measured: Measured, responses: np.ndarray) -> Measured:
-    """Measurements of traces whose edges have unknown times, by what is observed when one is a sample later.
-
-    As much is known of an edge beforehand: the covariance of what is new in a sample is `1 + E E^T`, with `E` those
-    responses in units of the deviation, and residuals are multiplied by the inverse of its root.
-    """
-    columns = np.asarray(_jacobian_block(measured, jnp.asarray(responses)))
-    owner = np.repeat(np.asarray(measured.owner), SEGMENT * len(CHANNELS))
-    directions = np.zeros_like(columns)
-    for trace in range(measured.traces):
-        basis, sizes, _ = np.linalg.svd(columns[owner == trace], full_matrices=False)
-        directions[owner == trace] = basis * np.sqrt(1 - 1 / np.sqrt(1 + sizes**2))
-    return dataclasses.replace(measured, edges=directions.reshape(responses.shape))
-
-
-def _by_trace(measured: Measured, values: Array) -> Float[Array, "traces channel ..."]:
-    return jax.ops.segment_sum(values.sum(1), measured.owner, measured.traces)
-
-
-def _forget(measured: Measured, difference: Float[Array, "lanes sample channel ..."]) -> Array:
-    """Differences without the part that those before them tell."""
-    if measured.memory is None or measured.past is None:
-        return difference
-    flat = difference.reshape(-1, *difference.shape[2:])
-    extra = (1,) * (flat.ndim - 2)
-    new = flat
-    for step in range(measured.memory.shape[-1]):
-        past = measured.past[..., step].reshape(*measured.past.shape[:2], *extra)
-        part = measured.memory[..., step].reshape(*measured.memory.shape[:2], *extra)
-        new = new - part * jnp.take_along_axis(flat, past, axis=0)
-    return new.reshape(difference.shape)
-
-
-@keep_compiled
-def _residual_block(measured: Measured, observed: Array) -> Float[Array, " residuals"]:
-    # A simulation that failed is infinitely wrong on every sample, so no optimiser can take it for a fit.
-    block = _whiten(measured, observed - measured.values).reshape(-1)
-    return jnp.where(jnp.all(jnp.isfinite(observed)), block, jnp.inf)
-
-
-@keep_compiled
-def _jacobian_block(measured: Measured, columns: Array) -> Float[Array, "residuals parameters"]:
-    return _whiten(measured, columns).reshape(-1, columns.shape[-1])
-
-
-@keep_compiled
-def _pull_block(measured: Measured, observed: Array, cotangent: Array) -> Float[Array, "lanes sample channel"]:
-    return jax.vjp(lambda seen: _residual_block(measured, seen), observed)[1](cotangent)[0]
 
 
 class Prior(eqx.Module):
@@ -199,7 +79,7 @@ class FitProblem(eqx.Module):
 
     def residuals_of(self, observed: Sequence[np.ndarray]) -> Float[np.ndarray, " residuals"]:
         """Residuals in units of the noise, of what was observed of every bundle."""
-        blocks = [_residual_block(*block) for block in zip(self.measured, map(jnp.asarray, observed), strict=True)]
+        blocks = [residual_block(*block) for block in zip(self.measured, map(jnp.asarray, observed), strict=True)]
         return np.concatenate([np.asarray(block) for block in blocks])
 
     def everything_of(
@@ -217,7 +97,7 @@ class FitProblem(eqx.Module):
 
     def whitened(self, columns: Sequence[np.ndarray]) -> Float[np.ndarray, "residuals columns"]:
         """Derivatives of `residuals_of`, from those of what is observed, with respect to the same quantities."""
-        blocks = [_jacobian_block(*block) for block in zip(self.measured, map(jnp.asarray, columns), strict=True)]
+        blocks = [jacobian_block(*block) for block in zip(self.measured, map(jnp.asarray, columns), strict=True)]
         return np.concatenate([np.asarray(block) for block in blocks])
 
     def pulled(
@@ -226,7 +106,7 @@ class FitProblem(eqx.Module):
         """A cotangent of `residuals_of` what was observed as one of that, bundle by bundle."""
         sizes = np.cumsum([lanes.size for lanes in observed])[:-1]
         parts = zip(self.measured, observed, np.split(cotangent, sizes), strict=True)
-        return [np.asarray(_pull_block(known, jnp.asarray(seen), jnp.asarray(part))) for known, seen, part in parts]
+        return [np.asarray(pull_block(known, jnp.asarray(seen), jnp.asarray(part))) for known, seen, part in parts]
 
     @property
     def owner(self) -> Int[np.ndarray, " residuals"]:
@@ -238,8 +118,8 @@ class FitProblem(eqx.Module):
 
     def with_sensors(self, traces: Sequence[Trace], sensors: Sensors) -> "FitProblem":
         """The same problem with other knowledge of the sensors."""
-        measured = [_measure(bundle, traces, sensors) for bundle in self.bundles]
-        again = dataclasses.replace(self, measured=measured, count=_count(sensors))
+        measured = [measure(bundle, traces, sensors) for bundle in self.bundles]
+        again = dataclasses.replace(self, measured=measured, count=count_of(sensors))
         return again if self.responses is None else again._knowing_edges(self.responses)
 
     def with_edges(self, responses: list[np.ndarray], edges: int) -> "FitProblem":
@@ -247,7 +127,7 @@ class FitProblem(eqx.Module):
         return dataclasses.replace(self._knowing_edges(responses), offsets=self.offsets + edges)
 
     def _knowing_edges(self, responses: list[np.ndarray]) -> "FitProblem":
-        measured = [_knowing_edges(*each) for each in zip(self.without_edges().measured, responses, strict=True)]
+        measured = [knowing_edges(*each) for each in zip(self.without_edges().measured, responses, strict=True)]
         return dataclasses.replace(self, measured=measured, responses=responses)
 
     def without_edges(self) -> "FitProblem":
@@ -274,8 +154,8 @@ class FitProblem(eqx.Module):
         blocks, columns = [], []
         for bundle, measured in zip(self.bundles, self.measured, strict=True):
             observed, derivatives = observe_with_jacobian(model, self.selection, bundle, delay)
-            blocks.append(_residual_block(measured, observed))
-            columns.append(_jacobian_block(measured, derivatives))
+            blocks.append(residual_block(measured, observed))
+            columns.append(jacobian_block(measured, derivatives))
         scale = 1 / np.sqrt(self.count)
         residuals, jacobian = jnp.concatenate(blocks) * scale, jnp.concatenate(columns) * (scale * slope)[None, :]
         held = self.transform.pinned(coordinates, residuals @ jacobian)
@@ -294,7 +174,7 @@ def _at(
 def _residuals(coordinates: Vector, problem: FitProblem) -> Array:
     model, delay = problem.at(coordinates)
     blocks = [
-        _residual_block(measured, observe(model, bundle, delay))
+        residual_block(measured, observe(model, bundle, delay))
         for bundle, measured in zip(problem.bundles, problem.measured, strict=True)
     ]
     return jnp.concatenate(blocks) / np.sqrt(problem.count)
@@ -329,7 +209,7 @@ def build_fit_problem(
     """
     sensors = white_sensors(traces, channels) if sensors is None else sensors
     bundles = bundle_traces(model, traces, stepping)
-    measured = [_measure(bundle, traces, sensors) for bundle in bundles]
+    measured = [measure(bundle, traces, sensors) for bundle in bundles]
     offsets = sum(len(each) for each in sensors)
     late_duty = len(transform.scale) > len(selection.entries)
     return FitProblem(
@@ -338,7 +218,7 @@ def build_fit_problem(
         transform,
         bundles,
         measured,
-        _count(sensors),
+        count_of(sensors),
         offsets,
         late_duty,
         prior,

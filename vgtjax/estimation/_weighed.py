@@ -11,8 +11,9 @@ from ._calibration import Calibration, comparing
 from ._evaluation import Evaluated, Steps, ask
 from ._evidence import DELAY_SCALE, LONGEST_DELAY
 from ._least_squares import LeastSquares, estimate_uncertainty, reduce_rows
+from ._measured import Sensors
 from ._progress import Progress
-from ._residuals import FitProblem, Sensors, build_fit_problem
+from ._residuals import FitProblem, build_fit_problem
 from ._search import LevenbergMarquardt
 
 BLOCKS = 16
