@@ -16,7 +16,7 @@ class Budget:
     Their squares add up to that of the standard error. Type A, by the statistics of the traces: `noise`, as it and its
     colour were found, and `scatter`, of corrections that go to and fro. Type B, by what is known from elsewhere:
     `moved`, by source, is how far each value moves when what is held, or the gain of a sensor, is off by its
-    uncertainty, with its sign.
+    uncertainty, with its sign; and how far, without one, when the pressure that drives a rod is measured once more.
 
     `windowed` checks `noise` and is no further part: the same from sums of residuals over windows of `window` seconds,
     which believes nothing of the noise but that it forgets within that time.

@@ -26,9 +26,8 @@ def recorded(seed, keep=2):
     x_d = np.asarray(run.x_d) + rng.normal(0, NOISE["x_d"], len(trace.time))
     p_act = np.asarray(run.p_act) + rng.normal(0, NOISE["p_act"], len(trace.time))
     every = slice(None, None, keep)
-    return vgtjax.Trace(
-        trace.time[every], pwm=trace.pwm[every], p_res=trace.p_res[every], x_d=x_d[every], p_act=p_act[every]
-    )
+    kept = {"pwm": trace.pwm, "p_res": trace.p_res, "x_d": x_d, "p_act": p_act}
+    return vgtjax.Trace(trace.time[every], **{name: each[every] for name, each in kept.items()}, name=f"run {seed}")
 
 
 def task_of(*traces, **changes):

@@ -54,7 +54,7 @@ def test_parameters_are_right_within_their_errors(found):
 def test_as_recorded_it_makes_them_wrong(found):
     blind = start_calibration(plan(found.task.fit[0].replace(p_act=recorded(1).p_act), input_noise=False)).run()
     assert np.max(np.abs(scores(blind))) > 10
-    assert "sensor of the drive" not in blind.budget.sources
+    assert "sensor of the drive" not in blind.budget.moved
 
 
 def test_noise_and_offset_are_found(found):
@@ -66,7 +66,7 @@ def test_noise_and_offset_are_found(found):
 
 def test_what_reading_leaves_open_is_in_the_errors(found):
     """Beside the noise of the position, and for friction the larger part."""
-    part = found.budget.sources["sensor of the drive"]
+    part = found.budget.moved["sensor of the drive"]
     assert np.all(part > 0)
     place = found.task.selection.entries.index("friction.coulomb_force")
     assert part[place] > found.budget.noise[place]
@@ -80,7 +80,9 @@ def test_an_offset_that_is_free_is_not_read_from_rest():
 
 def test_without_rest_nothing_is_known_of_an_offset():
     moving = recorded(2).window(0.3, 1.4)
-    assert plan(moving).inputs[0] == InputSensor(pytest.approx(NOISE, rel=0.1))
+    sensor = plan(moving).inputs[0]
+    assert sensor == InputSensor(sensor.noise)
+    assert sensor.noise == pytest.approx(NOISE, rel=0.1)
 
 
 def test_a_stated_force_and_a_model_with_a_valve_are_read_as_recorded():
