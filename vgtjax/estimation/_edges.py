@@ -27,6 +27,8 @@ NUDGE = 0.5
 """Samples by which an edge is moved to see what that moves."""
 NEAR_ENOUGH, ROUNDS = 0.05, 4
 """Samples by which no edge moves any more, and searches until then at most."""
+ON_TIME = 0.75
+"""Quantile of all edges that is taken for one that is recorded on time; the last ones may be late by noise."""
 EVIDENT_EDGE = 9.0
 """Gain in chi^2 that each edge must bring in the mean: three standard errors."""
 
@@ -87,9 +89,13 @@ def moved(late: Late, more: Late) -> Late:
 
 
 def whole_samples(traces: Sequence[Trace], delay: float, late: Late) -> tuple[float, Late]:
-    """A delay in s of all edges as one by whole samples, and what is left of it as a part of each edge's own."""
+    """What edges have in common beyond a part of a sample as a delay in s, and what is left of it as each edge's own.
+
+    A record shows no edge before it was, so that the later ones are those that it has on time.
+    """
     clocks = [sample_interval(trace) for trace in traces]
-    whole = max(clocks) * round(delay / max(clocks))
+    found = np.concatenate([delay + clock * np.asarray(each) for clock, each in zip(clocks, late, strict=True)])
+    whole = max(clocks) * round(float(np.quantile(found, ON_TIME)) / max(clocks))
     rest = tuple(((delay - whole) / clock,) * len(each) for clock, each in zip(clocks, late, strict=True))
     return whole, moved(late, rest)
 

@@ -10,7 +10,7 @@ from support import duty_trace
 import vgtjax
 from vgtjax import simulate
 from vgtjax.estimation import Progress, Unknown, plan_task, start_calibration
-from vgtjax.estimation._edges import find_edges, responses_of
+from vgtjax.estimation._edges import find_edges, responses_of, whole_samples
 
 LEVELS = (0, 0.051), (70, 0.152), (40, 0.149), (60, 0.151), (30, 0.148), (65, 0.151), (0, 0.15)
 """Edges at 51, 203, 352, 503, 651 and 802 ms: every second one lies between the samples of a record with 500 Hz."""
@@ -110,3 +110,14 @@ def answered(steps):
     from vgtjax.estimation._programs import run_alone
 
     return run_alone(steps)
+
+
+def test_what_edges_have_in_common_is_a_delay():
+    """By hand: edges that are 4 ms late, of which a record with 500 Hz shows two of three half a sample late."""
+    trace = recorded(1)
+    whole, rest = whole_samples([trace], 0.0, ((2.0, 1.5, 1.5, 2.0),))
+    assert whole == pytest.approx(4e-3)
+    np.testing.assert_allclose(rest, [(0.0, -0.5, -0.5, 0.0)], atol=1e-12)
+    whole, rest = whole_samples([trace], 3.5e-3, ((0.25, -0.25, 0.3, -0.3),))
+    assert whole == pytest.approx(4e-3)
+    np.testing.assert_allclose(rest, [(0.0, -0.5, 0.05, -0.55)], atol=1e-12)
