@@ -76,6 +76,24 @@ def test_a_delay_that_the_study_states_is_not_looked_for(folder):
     assert summary["traces"]["late"]["rmse"]["x_d"] == pytest.approx(8e-6, rel=0.1)
 
 
+def test_edges_that_were_found_are_where_a_simulation_has_them(folder, tmp_path):
+    """As a trace whose duty was so late; as many as another trace has are those of another trace."""
+    trace, found = vgtjax.load_trace(folder / "late.csv"), read(folder / "out/parameters.json")
+    count = len(trace.edges())
+
+    def simulated(**nuisance):
+        found["nuisance"]["late"] = nuisance
+        (tmp_path / "p.json").write_text(json.dumps(found))
+        out = tmp_path / str(len(list(tmp_path.iterdir())))
+        arguments = (folder / "study.toml", "--parameters", tmp_path / "p.json", "--out", out)
+        assert run_command("simulate", *arguments).status == 0
+        return vgtjax.load_trace(out / "late.csv").x_d
+
+    # A millisecond is a sample of this record, of which the mean duty is that of a later one.
+    np.testing.assert_allclose(simulated(duty_edges=[1e-3] * count), simulated(duty_delay=1e-3), atol=1e-9)
+    np.testing.assert_array_equal(simulated(duty_edges=[1e-3] * (count + 1)), simulated())
+
+
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
@@ -84,6 +102,11 @@ def test_a_delay_that_the_study_states_is_not_looked_for(folder):
         (
             {"nuisance": {"late": {"duty_delay": "4 ms"}}},
             "p.json: the duty_delay of 'late' must be seconds between -1 and 1, but it is '4 ms'; correct it",
+        ),
+        (
+            {"nuisance": {"late": {"duty_edges": [2.0]}}},
+            "p.json: the duty_edges of 'late' must be a list of seconds between -1 and 1, but they are [2.0]; correct "
+            "them",
         ),
     ],
 )
