@@ -1,7 +1,6 @@
 """A calibration under way: a search, and the corrections that follow it."""
 
 import dataclasses
-from collections.abc import Callable
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -14,9 +13,8 @@ from ..simulation import model_dtype
 from ._beginning import first_progress, transform_of
 from ._calibration import RUNAWAY, Calibration
 from ._corrections import trusted
-from ._duties import as_recorded
-from ._duty import holds_of_duty, meets_noise, tells_of_delay
-from ._edges import NEAR_ENOUGH, ROUNDS, find_edges, moved, responses_of, whole_samples
+from ._duty_questions import asking_of_duty
+from ._edges import responses_of
 from ._evaluation import Evaluation, Steps, ask
 from ._evidence import (
     EVIDENT,
@@ -36,7 +34,7 @@ from ._least_squares import LeastSquares
 from ._measured import Sensors, white_sensors
 from ._point import Point, Slopes
 from ._programs import run_alone
-from ._progress import Progress
+from ._progress import Progress, Report, quiet
 from ._residuals import FitProblem, build_fit_problem
 from ._search import LevenbergMarquardt
 from ._starts import best_of, searching_from, starts_of
@@ -46,11 +44,6 @@ HELD_MATTERS = 9.0
 """Increase of chi^2 from which a value that ran away was worth something: three standard errors of one parameter."""
 MOST_RESCUES = 4
 """Times that a search goes on without what ran away before it is lost."""
-Report = Callable[[Progress], None]
-
-
-def quiet(progress: Progress) -> None:
-    """Says nothing of a step."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -86,11 +79,10 @@ class Calibrator:
 
     def ending(self, report: Report = quiet) -> "Steps[Calibrator]":
         """`run` as a computation, as far as to the end of all steps."""
-        calibrator = yield from (yield from self._from_many_starts(report))._searching(report)
+        calibrator = yield from (yield from self._from_many_starts(report)).searching(report)
         progress = calibrator.minimiser.progress
         if self.task.late_duty and not (progress.corrections or progress.edges):
-            calibrator = yield from calibrator._asking_of_duty(report)
-            calibrator = yield from calibrator._asking_of_edges(report)
+            calibrator = yield from asking_of_duty(calibrator, report)
         while (following := (yield from calibrator.correcting())) is not None:
             calibrator = following
             report(calibrator.minimiser.progress)
@@ -110,7 +102,7 @@ class Calibrator:
         report(calibrator.minimiser.progress)
         return calibrator
 
-    def _searching(self, report: Report) -> "Steps[Calibrator]":
+    def searching(self, report: Report) -> "Steps[Calibrator]":
         """A search to its end, on without what ran away."""
         calibrator = self
         yield from calibrator._search(report)
@@ -122,13 +114,19 @@ class Calibrator:
             yield from calibrator._search(report)
         return calibrator
 
+    def searching_from(self, progress: Progress, report: Report = quiet) -> "Steps[Calibrator]":
+        """A search of the same task to its end, from another place."""
+        calibrator = yield from starting(self.task, progress, self.notes)
+        report(calibrator.minimiser.progress)
+        return (yield from calibrator.searching(report))
+
     def _search(self, report: Report) -> Steps[None]:
         """Steps until the search has ended, and what was held on the way is judged."""
         while not self.minimiser.progress.finished:
             report((yield from self.minimiser.steps()))
         progress = self.minimiser.progress
         if progress.let_go is not None and not progress.corrections:
-            self.minimiser.progress = dataclasses.replace(progress, lost=self._worth(progress.cost - progress.let_go))
+            self.minimiser.progress = dataclasses.replace(progress, lost=self.worth(progress.cost - progress.let_go))
 
     def correct(self) -> "Calibrator | None":
         """The next correction of a search that has converged, or `None` where there is none, or none that matters."""
@@ -190,118 +188,17 @@ class Calibrator:
             start = np.asarray(self.transform.to_coordinates(self.task.first_guess))
             coordinates = np.where(away, start, np.asarray(progress.coordinates))
             onward = progress.holding(np.flatnonzero(away).tolist(), coordinates.tolist())
-        elif progress.let_go is not None and self._worth(progress.let_go - progress.cost):
+        elif progress.let_go is not None and self.worth(progress.let_go - progress.cost):
             onward = progress.freed()
         else:
             return self
         return (yield from starting(self.task, onward, self.notes))
 
-    def _worth(self, cost: float) -> bool:
+    def worth(self, cost: float) -> bool:
         """Whether a difference of costs is evident."""
         return 2 * self.minimiser.problem.count * cost > HELD_MATTERS
 
-    def _asking_of_duty(self, report: Report) -> "Steps[Calibrator]":
-        """The search begun again where the traces tell of a late duty, or of one that was not held between samples.
-
-        What they tell is read without numerical errors: a smooth seat alone made a duty late by five standard errors.
-        A delay that is free from the first step on trades with the time constants of the plunger, and searches lost
-        their way.
-        """
-        late = self.minimiser.progress.late
-        calibrator = yield from (self._searching_beside() if late else self._asking_of_delay(report))
-        progress = calibrator.minimiser.progress
-        if progress.late and not progress.corrections:
-            report(progress)
-            calibrator = (yield from calibrator.correcting()) or calibrator
-        holds = holds_of_duty(self.task, calibrator.minimiser)
-        if holds is None:
-            return calibrator
-        progress = calibrator.minimiser.progress
-        calibrator.minimiser.progress = dataclasses.replace(progress, hold_decided=holds.decided)
-        if not holds.linear:
-            return calibrator
-        coordinates = (*(progress.found or progress.coordinates)[:-1], holds.delay / float(self.transform.scale[-1]))
-        onward = calibrator.minimiser.progress.reading_duty(coordinates, holds.linear)
-        return (yield from (yield from starting(self.task, onward, self.notes))._searching(report))
-
-    def _asking_of_delay(self, report: Report) -> "Steps[Calibrator]":
-        """The search with a free delay where the traces tell of one, or else the first correction of this one.
-
-        Where the misfit stays above the noise they are searched for a delay as well: at a delay of none it may have a
-        small minimum, where slopes tell of no other.
-        """
-        timely = (yield from self.correcting()) or self
-        told = timely._is_lost() or tells_of_delay(self.task, timely.minimiser)
-        if not told and meets_noise(timely.minimiser):
-            return timely
-        late = yield from self._searching_late(timely.minimiser.progress, report if told else quiet)
-        late = yield from late._searching_beside()
-        return late if told or (not late._is_lost() and meets_noise(late.minimiser)) else timely
-
-    def _asking_of_edges(self, report: Report) -> "Steps[Calibrator]":
-        """The search with the times of the duty's edges free, where the misfit stays above the noise and this brings it
-        down to that. What is tried is not reported: a fit that is interrupted meanwhile tries all of it again."""
-        progress, edges = self.minimiser.progress, as_recorded(self.task.fit)
-        if meets_noise(self.minimiser) or self._is_lost() or progress.linear or not any(edges):
-            return self
-        problem, slopes = self.minimiser.problem, self.minimiser.slopes
-        responses = yield from responses_of(self.task, problem, edges, slopes.at)
-        found = find_edges(problem.with_edges(responses, 0), slopes, edges)
-        if not found.evident:
-            return self
-        delay = float(self.transform.scale[-1]) * progress.coordinates[-1]
-        whole, edges = whole_samples(self.task.fit, delay, moved(edges, found.late))
-        coordinates = (*progress.coordinates[:-1], whole / float(self.transform.scale[-1]))
-        onward = progress.moving_edges(coordinates, bool(whole), edges)
-        for _ in range(ROUNDS):
-            end = yield from (yield from starting(self.task, onward, self.notes))._searching(quiet)
-            if end._is_lost():
-                return self
-            found = find_edges(end.minimiser.problem, end.minimiser.slopes, edges)
-            if found.farthest < NEAR_ENOUGH:
-                break
-            progress, edges = end.minimiser.progress, moved(edges, found.late)
-            onward = progress.moving_edges(progress.coordinates, progress.late, edges)
-        if not meets_noise(end.minimiser):
-            return self
-        report(end.minimiser.progress)
-        return end
-
-    def _searching_late(self, timely: Progress, report: Report) -> "Steps[Calibrator]":
-        """The search with a free delay of the duty: from the start or, if that gets lost, from where one has ended that
-        took the duty for timely."""
-        again = dataclasses.replace(first_progress(self.task), late=True, waterfall=timely.waterfall)
-        elsewhere = timely.found or timely.coordinates
-        ends: list[Calibrator] = []
-        for coordinates in (again.coordinates, elsewhere):
-            first = dataclasses.replace(again, coordinates=coordinates)
-            calibrator = yield from starting(self.task, first, self.notes)
-            report(calibrator.minimiser.progress)
-            ends.append((yield from calibrator._searching(report)))
-            if not ends[-1]._is_lost():
-                return ends[-1]
-        return min(ends, key=lambda end: end.minimiser.progress.cost)
-
-    def _searching_beside(self) -> "Steps[Calibrator]":
-        """The best of the searches that begin later or earlier by one scale of the delay, on as long as it gets better.
-
-        Steps whose length divides the delay are the most exact ones, so that the misfit has small minima there. Of 25
-        campaigns three ended in one, a sample early and with values of the plunger a hundred standard errors off. What
-        is tried is not reported: a fit that is interrupted meanwhile tries all of it again.
-        """
-        best, ways = self, [] if self._is_lost() else [1.0, -1.0]
-        while ways:
-            progress = best.minimiser.progress
-            beside = np.append(progress.coordinates[:-1], progress.coordinates[-1] + ways[0])
-            onward = progress.elsewhere(np.asarray(self.transform.clip(beside)).tolist())
-            end = yield from (yield from starting(self.task, onward, self.notes))._searching(quiet)
-            if not end._is_lost() and best._worth(progress.cost - end.minimiser.progress.cost):
-                best, ways = end, ways[:1]  # no use in going back
-            else:
-                ways = ways[1:]
-        return best
-
-    def _is_lost(self) -> bool:
+    def is_lost(self) -> bool:
         """Whether a search has ended where its values may not be used."""
         progress = self.minimiser.progress
         return not progress.converged or progress.lost or bool(np.any(self._away()))

@@ -6,6 +6,7 @@ error, by experiment: the same pressure with fresh noise, read again.
 """
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Bool
@@ -60,6 +61,15 @@ def input_sensor(model: AbstractModel, trace: Trace, unknown: Unknown) -> InputS
         return InputSensor(noise)
     offset = float(np.mean(pressure.value[rest])) - trace.atmosphere
     return InputSensor(noise, offset, noise / float(np.sqrt(np.sum(rest))))
+
+
+def read_inputs(
+    model: AbstractModel, traces: Sequence[Trace], unknown: Unknown
+) -> tuple[list[Trace], list[InputSensor | None]]:
+    """Traces as the pressure that drives them is read, and what is known of its sensors."""
+    sensors = [input_sensor(model, trace, unknown) for trace in traces]
+    read = [trace if sensor is None else sensor.read(trace) for trace, sensor in zip(traces, sensors, strict=True)]
+    return read, sensors
 
 
 def _is_even(time: np.ndarray) -> bool:

@@ -1,7 +1,7 @@
 """Where a fit stands: all that a file must keep of it for another run to go on exactly."""
 
 import dataclasses
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 CHI2_TOLERANCE = 0.01
 """A fit has converged when a step lowers chi^2 by less, or another one promises no more: a move of a tenth of a
@@ -130,3 +130,11 @@ class Progress:
         if self.iteration >= MAX_ITERATIONS:
             return f"not converged after {MAX_ITERATIONS} iterations"
         return "running"
+
+
+Report = Callable[[Progress], None]
+"""Is told where a fit stands after every step."""
+
+
+def quiet(progress: Progress) -> None:
+    """Says nothing of a step."""

@@ -24,7 +24,7 @@ from ..traces import Trace
 from ._bundle import CHANNELS
 from ._duties import Late, read_duties
 from ._evidence import NOTHING, Unknown
-from ._inputs import InputSensor, input_sensor
+from ._inputs import InputSensor, read_inputs
 from ._instruments import instrumented
 from ._residuals import Prior
 
@@ -138,10 +138,8 @@ def plan_task(
     model = replace_parameters(model, values or {})
     if channels is None:
         channels = ("x_d",) if isinstance(model, MechanicalActuator) else CHANNELS
-    inputs = [input_sensor(model, trace, unknown) for trace in fit]
-    fit = [trace if sensor is None else sensor.read(trace) for trace, sensor in zip(fit, inputs, strict=True)]
-    others = [(trace, input_sensor(model, trace, unknown)) for trace in validate]
-    validate = [trace if sensor is None else sensor.read(trace) for trace, sensor in others]
+    fit, inputs = read_inputs(model, fit, unknown)
+    validate, _ = read_inputs(model, validate, unknown)
     selection, known, gains = select(model, free, fixed), _by_entry(model, deviations or {}), dict(gains or {})
     if unknown.gain or unknown.offset or unknown.start_state:
         found = instrumented(model, selection, fit, unknown, gains, dict(offsets or {}))

@@ -144,7 +144,7 @@ def test_a_search_that_ended_a_sample_beside_the_delay_finds_it(late, sample):
 
 def test_a_misfit_above_the_noise_is_asked_of_a_delay_of_which_no_slope_tells(late, monkeypatch):
     """At a delay of none the misfit may have a minimum of its own."""
-    monkeypatch.setattr("vgtjax.estimation._calibrator.tells_of_delay", lambda *_: False)
+    monkeypatch.setattr("vgtjax.estimation._duty_questions.tells_of_delay", lambda *_: False)
     again = fit(late.task.fit[0])
     assert again.converged
     assert abs(again.duty_delay - late.duty_delay) < 0.2 * late.duty_delay_error  # corrections settle within so much
