@@ -3,10 +3,11 @@
 import re
 
 import pytest
-from markdown_pages import README, ROOT, blocks
+from markdown_pages import README, ROOT
 from support import EXAMPLE
 
 import vgtjax
+from calibrate.manual.markdown import blocks
 from vgtjax import tuning
 from vgtjax.estimation import Unknown
 

@@ -21,6 +21,10 @@ _CASES = (
     "population",
     "tuning",
     "opponents",
+    "observers",
+    "observability",
+    "margins",
+    "samples",
     "robustness",
     "coverage",
     "fleet-coverage",
@@ -37,6 +41,10 @@ _LONG = (
     "nozzle",
     "tuning",
     "opponents",
+    "observers",
+    "observability",
+    "margins",
+    "samples",
     "coverage",
     "fleet-coverage",
     "kills",
@@ -45,7 +53,7 @@ _LONG = (
     "wider-plants",
     "adaptive-gains",
 )
-"""Only when asked for: ten minutes and more, or a device that most machines lack."""
+"""Only when asked for: minutes, another question than speed, or a device that most machines lack."""
 _KEPT = ("opponents", "tuning", "coverage", "wider-plants", "adaptive-gains")
 _KEEP = f"What is finished of {', '.join(_KEPT)}; the same command goes on from there."
 _PACKAGES = ("jax", "diffrax", "numba", "scipy", "casadi", "cma")

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import rich.table
 
+from ..output.console import plain_table
 from .outcome import Row
 
 COLUMNS = {
@@ -24,9 +25,7 @@ COLUMNS = {
 
 def table(rows: Sequence[Row]) -> rich.table.Table:
     """The middle and the worst of the plants; a blank where nothing is to be said."""
-    shown = rich.table.Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
-    for name in COLUMNS:
-        shown.add_column(name, no_wrap=True, justify="left" if name == "reference" else "right")
+    shown = plain_table(COLUMNS)
     for row in rows:
         shown.add_row(*(_cell(getattr(row, field), scale) for field, scale in COLUMNS.values()))
     return shown

@@ -1,23 +1,10 @@
-"""What a page may ask for: `{{ options("fit") }}` and the like."""
+"""What a page of the API may ask for, `{{ api("control") }}`; other tables stand in the pages (`tables.py`)."""
 
 from typing import Any
 
-from calibrate.manual import equations, reference
-
-MACROS = {
-    "api": reference.api,
-    "channels": reference.channels,
-    "designs": reference.designs,
-    "equations": equations.index,
-    "keys": reference.keys,
-    "options": reference.options,
-    "other_errata": equations.other_errata,
-    "parameters": reference.parameters,
-    "words": reference.words,
-}
+from calibrate.manual.reference import api
 
 
 def define_env(env: Any) -> None:
     """Called by the site's builder."""
-    for name, macro in MACROS.items():
-        env.macro(macro, name)
+    env.macro(api, "api")

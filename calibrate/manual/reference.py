@@ -178,7 +178,10 @@ def _quoted(names: Iterable[str]) -> str:
 
 def designs() -> str:
     """The controllers that a study can name."""
-    rows = ((f"`{name}`", f"[`{each.__name__}`][vgtjax.control.{each.__name__}]") for name, each in DESIGNS.items())
+    rows = (
+        (f"`{name}`", f"[`{each.__name__}`](api/control.md#vgtjax.control.{each.__name__})")
+        for name, each in DESIGNS.items()
+    )
     return as_table(("design", "class"), rows)
 
 

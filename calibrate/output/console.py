@@ -17,6 +17,14 @@ def say(part: rich.table.Table | str) -> None:
     rich.console.Console(highlight=False, markup=False, soft_wrap=True, width=max(console.width, WIDE)).print(part)
 
 
+def plain_table(names: Iterable[str]) -> rich.table.Table:
+    """A table without lines: a column of names, and columns of figures."""
+    shown = rich.table.Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
+    for column, name in enumerate(names):
+        shown.add_column(name, no_wrap=True, justify="right" if column else "left")
+    return shown
+
+
 def say_notes(traces: Iterable[Trace]) -> None:
     """What loading the traces assumed or ignored."""
     for trace in traces:

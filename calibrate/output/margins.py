@@ -34,4 +34,9 @@ def least_margins(margins: PlantMargins) -> str:
     said = (
         f"least margins: gain {least('gain'):.3g}, phase {least('phase'):.3g} deg, delay {1e3 * least('delay'):.3g} ms"
     )
-    return f"{said}; {unstable} of {len(found)} linearised loops are not stable" if unstable else said
+    if not unstable:
+        return said
+    return (
+        f"{said}; {unstable} of {len(found)} linearised loops are not stable: tune with a duty that arrives late "
+        "(duty_delay under [control])"
+    )

@@ -15,6 +15,7 @@ from .analysis import analyse_all, chosen_outputs
 from .gradients import find_gradients
 from .report import render
 from .summary import summarise
+from .terminal import lines
 
 
 def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathlib.Path) -> None:
@@ -29,6 +30,8 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
         with console.status("indices"):
             analysis = analyse_all(plan.job, design, store, gradients)
         summary = summarise(plan.job, design, analysis, seconds)
+        for line in lines(summary):
+            console.print(line)
         write_json(out / SUMMARY, summary)
         write_text(out / REPORT, render(plan.job, analysis, summary))
 

@@ -7,12 +7,14 @@ import numpy as np
 from vgtjax import SimulationError
 from vgtjax.population import Evaluator, Results, make_sample
 
+from ..output.console import say
 from ..output.files import REPORT, SUMMARY, read_json, write_json, write_text
 from ..population import ChunkStore, Plan, carry_out, prepare_population
 from ..processes import agree, leads, together
 from .report import render
 from .samples import CURVES, write_samples
 from .summary import check_limits, summarise
+from .terminal import share, table
 
 
 def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathlib.Path) -> None:
@@ -24,6 +26,9 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
 
     def write(store: ChunkStore, known: Results, seconds: float) -> None:
         summary = summarise(plan, store, known, seconds)
+        say(table(summary))
+        if summary["yield"]:
+            say(f"all limits are kept by {share(summary['yield'])}")
         write_samples(out / "samples.npz", plan, store)
         write_json(out / SUMMARY, summary)
         write_text(out / REPORT, render(plan.job, store, known, summary))

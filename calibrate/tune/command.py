@@ -43,6 +43,9 @@ def _compute(job: TuneJob, out: pathlib.Path) -> None:
     progress, seconds = _tune(job, out)
     with console.status("simulating all closed loops"):
         outcome = compare(job, progress, seconds)
+    for what, loops in (("tuned on", outcome.true), ("unseen", outcome.unseen)):
+        before, after = loops.costs
+        console.print(f"cost of the loops {what}: {before:.4g} before, {after:.4g} after")
     console.print(least_margins(outcome.margins))
     entries = gain_entries(job, outcome.coordinates)
     if leads():

@@ -6,7 +6,9 @@ import shutil
 
 import pytest
 from commands import Outcome, run_command
-from markdown_pages import PAGES, ROOT, commands
+from markdown_pages import PAGES, ROOT
+
+from calibrate.manual.markdown import commands
 
 SMALL = ("fit", "simulate", "export")
 """Commands that are run here, in this order: what one writes the next may read."""

@@ -35,8 +35,8 @@ class Backstepping(AbstractController):
     """Backstepping on the [`DesignModel`][], with a [`PressureObserver`][]; only the position is measured [5.22-5.35].
 
     With `s1 = e1' + lambda e1` and `e1 = x - x_ref`, the wanted pressure `p*` makes `s1' = -K_d s1`, and the flow that
-    is asked for makes the observed pressure follow it. The manual's page on control has the derivation, the proof, and
-    how gains were chosen.
+    is asked for makes the observed pressure follow it. The manual's page of derivations has the proof, and how gains
+    were chosen.
 
     **Raises:** `InputError` for a gain that is not positive.
     """

@@ -72,7 +72,7 @@ class DesignState(eqx.Module):
 
 
 class DesignModel(Part):
-    """What a backstepping controller believes of the plant [5.4]; the manual's page on control has its equations.
+    """What a backstepping controller believes of the plant [5.4]; the manual's page of derivations has its equations.
 
     `load` multiplies the friction of the rod as in [5.7], `exponent` is the polytropic one of the gas, 1 in [5.4]. The
     force `F_v` of the exhaust gas on the vanes is added as far as it is known. It has no end stops: within

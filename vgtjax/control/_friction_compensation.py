@@ -31,7 +31,7 @@ class ObserverState(eqx.Module):
 class FrictionCompensation(AbstractController):
     """A PD on the position error, with the model's spring, inertia, vanes and observed friction added [5.6-5.8].
 
-    The duty is the one that holds the chamber pressure of that force. The manual's page on control has the law, its
+    The duty is the one that holds the chamber pressure of that force. The manual's page of derivations has the law, its
     derivation and where the print differs.
 
     **Raises:** `InputError` where the transfer function [5.9] is not strictly positive real.

@@ -28,7 +28,7 @@ class DualFrictionObserver(AbstractDesign):
 
     Each of the two products that hold the unknown deflection has a bristle of its own; `q` in m/s is the one signal
     that drives everything, with gains `gamma_i = Gamma beta_i^2`. A `bh_i` is held between `least` and `largest` times
-    `beta_i`. The manual's page on control has the equations, and says why, and for which plants.
+    `beta_i`. The manual's page of derivations has the equations, and says why, and for which plants.
 
     **Raises:** `InputError` for a gain that is negative, or a start that is not between `least` and `largest`, which
     must be positive.

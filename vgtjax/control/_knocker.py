@@ -23,7 +23,7 @@ class KnockerState(eqx.Module):
 
 
 class Knocker(AbstractController):
-    """Adds pulses to any controller [5.5, corrected; see the manual's page on control].
+    """Adds pulses to any controller [5.5, corrected; see the manual's page of derivations].
 
     `u_k = +alpha sign(u(t) - u(t_p))` for `t_p + t_k <= t < t_p + t_k + tau`, else 0; `t_p` is when the pulse before
     began, so that one begins every `t_k`. The sign is that of a difference in duty over itself plus `sign_width`, so

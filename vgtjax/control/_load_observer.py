@@ -69,7 +69,7 @@ class LoadObserver(AbstractDesign):
     The pressure is what the flow map makes of the duty, through a plunger that lags; the position corrects it where
     the pressure moves fast. What is unknown is a process that keeps to its deviation and is forgotten within its
     memory, so that nothing grows where nothing excites it; along the travel the load becomes another one, as springs
-    and gas are not as believed. On the open stop the flow map alone goes on. The manual's page on control has the
+    and gas are not as believed. On the open stop the flow map alone goes on. The manual's page of derivations has the
     equations and the Lyapunov function.
 
     **Raises:** `InputError` for a deviation or a memory that is zero.

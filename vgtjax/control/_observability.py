@@ -33,7 +33,7 @@ def observability(
 
     Columns are scaled by what is known beforehand, rows by the noise of the position: a direction whose singular value
     is above one is told by the samples of its window, one that is below is not; of a rod on its stop none is. The
-    manual's page on control has them along Signals 1 and 2.
+    manual's page of derivations has them along Signals 1 and 2.
 
     **Raises:** `InputError` for a window of less than five samples, or one that is longer than the run.
     """

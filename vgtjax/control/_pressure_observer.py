@@ -42,7 +42,7 @@ class PressureObserver(AbstractDesign):
     """Velocity, bristles and chamber pressure from position and velocity [5.11-5.21], with its signs corrected.
 
     A copy of the [`DesignModel`][] that is corrected by the error of its velocity alone: `injection_rate > 0` alone is
-    the smooth version, `switching_gain > 0` alone the switching one. The manual's page on control derives the
+    the smooth version, `switching_gain > 0` alone the switching one. The manual's page of derivations derives the
     conditions of stability and says how to choose the gains.
 
     **Raises:** `InputError` for gains or a flow map that break a condition, or without any correction.

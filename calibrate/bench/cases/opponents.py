@@ -18,6 +18,7 @@ from ..nonlinear_mpc import NonlinearMPC
 from ..table import Section
 
 UNITS = EXAMPLE.parents[1] / "fleet" / "units"
+UNTUNED = "adaptive-position"
 SETTLED = 1.0
 EACH = 6
 """Loops of a plant: three references at two pressures."""
@@ -59,6 +60,7 @@ def measure(keep: pathlib.Path | None = None) -> Section:
     rows = KeptRows(keep, f"{_ABOUT}{STUDY}{ON_AN_ENGINE}")
     for design in DESIGNS:
         section.add(*rows.row(design, functools.partial(_tuned_row, design)))
+    section.add(*rows.row(f"{UNTUNED}, default gains", _default_row))
     section.add(*rows.row("nonlinear MPC", _upper_bound))
     return section
 
@@ -66,12 +68,23 @@ def measure(keep: pathlib.Path | None = None) -> Section:
 def _tuned_row(design: str) -> tuple[str, ...]:
     """The row of a design, with its gains tuned."""
     job = _job(design)
-    controller = _tuned(job.smooth, job.true)
+    gains = str(len(job.true.selection.entries))
+    return design, *_tried(job, design, _tuned(job.smooth, job.true), gains)
+
+
+def _default_row() -> tuple[str, ...]:
+    """The row of the one design whose default gains are for plants that nobody knows."""
+    job = _job(UNTUNED)
+    return f"{UNTUNED}, default gains", *_tried(job, UNTUNED, job.true.controller, "none tuned")
+
+
+def _tried(job: TuneJob, design: str, controller: AbstractController, gains: str) -> tuple[str, ...]:
+    """What a controller does on plants, references and noise that it was not tuned on, without and with an engine."""
     loops = _closed(controller, job.unseen.cases)
     engine = _closed(controller, _job(design, ON_AN_ENGINE).unseen.cases)
     used, seconds = look_at(controller, job.unseen.cases)
-    measured, gains = ", ".join(CHANNELS[channel] for channel in used), str(len(job.true.selection.entries))
-    return design, measured, gains, *_figures(loops), f"{1e6 * seconds:.2g}", _number(1e6 * np.median(engine.rms))
+    measured = ", ".join(CHANNELS[channel] for channel in used)
+    return measured, gains, *_figures(loops), f"{1e6 * seconds:.2g}", _number(1e6 * np.median(engine.rms))
 
 
 def _upper_bound() -> tuple[str, ...]:

@@ -7,11 +7,13 @@ import types
 
 import numpy as np
 import pytest
-from markdown_pages import DOCS, FENCE, PAGES, README, ROOT, blocks, commands, name_of
+from markdown_pages import DOCS, PAGES, README, ROOT, name_of
 
 import vgtjax
 import vgtjax.traces.files._open as readers
+from calibrate.bench.__main__ import _CASES as benchmarks
 from calibrate.command_line import main
+from calibrate.manual.markdown import FENCE, blocks, commands
 from calibrate.study.components import CHAMBER, FRICTION, LINE, MAGNETIC_FORCE, VANE_FORCE
 from calibrate.study.models import build_model, start_values
 from calibrate.study.references import build_references
@@ -37,7 +39,7 @@ WITHOUT_STUDY = {"flow", "reproduce", "export"}
 def test_every_block_says_what_it_is(page):
     # Blocks of text show what a terminal says; all others are run or read by the tests of this file and its neighbours.
     found = {language for language, _ in FENCE.findall(page.read_text(encoding="utf-8"))}
-    assert found <= {"python", "toml", "bash", "text"}
+    assert found <= {"python", "toml", "bash", "text", "csv"}
     assert page.read_text(encoding="utf-8").count("\n```") % 2 == 0
 
 
@@ -169,3 +171,10 @@ def test_a_file_format_of_ones_own_is_read(monkeypatch, tmp_path):
     (tmp_path / "broken.npz").write_bytes(b"PK no archive")
     with pytest.raises(vgtjax.InputError, match=r"broken.npz: this NumPy archive file can't be read"):
         vgtjax.load_trace(tmp_path / "broken.npz")
+
+
+def test_benchmarks_that_pages_name_are_there():
+    text = "\n".join(" ".join(page.read_text(encoding="utf-8").split()) for page in PAGES)
+    named = set(re.findall(r"calibrate\.bench --only ([\w-]+)", text))
+    assert len(named) > 10
+    assert named <= set(benchmarks)

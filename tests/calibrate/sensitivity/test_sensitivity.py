@@ -20,6 +20,8 @@ def done(tmp_path_factory) -> pathlib.Path:
     assert (
         "note: sensitivity indices need independent quantities, so the stated correlations are left out" in outcome.out
     )
+    index = read(folder / "out" / "summary.json")["outputs"]["hysteresis_0mbar"]["quantities"][0]
+    assert f"  hysteresis_0mbar: {index['quantity']} {index['total']['value']:.2f} (" in outcome.out
     return folder / "out"
 
 

@@ -5,10 +5,11 @@ import tomllib
 import numpy as np
 import pytest
 from commands import read, run_command
-from markdown_pages import DOCS, ROOT, commands
+from markdown_pages import DOCS, ROOT
 from support import EXAMPLE
 
 import vgtjax
+from calibrate.manual.markdown import commands
 from calibrate.study.channels import sources_of
 from calibrate.study.tables import AnyStudy
 

@@ -15,12 +15,17 @@ from vgtjax.population import run
 
 
 @pytest.fixture(scope="module")
-def done(tmp_path_factory) -> pathlib.Path:
-    """The folder of a finished run, in the folder of its study."""
+def finished(tmp_path_factory) -> tuple[pathlib.Path, str]:
+    """The folder of a finished run, in the folder of its study, and what the terminal said."""
     folder = tmp_path_factory.mktemp("tolerance")
     outcome = run_command("tolerance", write_study(folder), "--out", folder / "out")
     assert outcome.status == 0, outcome.err
-    return folder / "out"
+    return folder / "out", outcome.out
+
+
+@pytest.fixture(scope="module")
+def done(finished) -> pathlib.Path:
+    return finished[0]
 
 
 @pytest.fixture(scope="module")
@@ -35,6 +40,16 @@ def samples(done) -> dict[str, np.ndarray]:
 
 def test_a_run_writes_its_three_files_and_no_more(done):
     assert {path.name for path in done.iterdir()} == {".study.json", "summary.json", "samples.npz", "report.html"}
+
+
+def test_the_terminal_says_how_outputs_spread_and_how_many_keep_their_limits(finished, summary):
+    lines = [line.split() for line in finished[1].splitlines()]
+    for name, found in summary["outputs"].items():
+        (row,) = [words for words in lines if words[:1] == [name]]
+        figures = (found["nominal"], found["mean"], found["deviation"], found["quantiles"]["0.95"])
+        assert row[1:6] == [found["unit"], *(f"{figure:.4g}" for figure in figures)]
+        assert (row[7:8] == ["%"]) == ("yield" in found)
+    assert f"all limits are kept by {100 * summary['yield']['share']:.1f} %" in finished[1]
 
 
 def test_widths_of_the_units_are_those_of_their_traces(summary, done):

@@ -50,6 +50,8 @@ def done(tmp_path_factory) -> pathlib.Path:
     folder = tmp_path_factory.mktemp("tune")
     outcome = run_command("tune", write(folder), "--out", folder / "out")
     assert outcome.status == 0, outcome.err
+    unseen = read(folder / "out" / "summary.json")["cost"]["unseen"]
+    assert f"cost of the loops unseen: {unseen['start']:.4g} before, {unseen['tuned']:.4g} after\n" in outcome.out
     return folder / "out"
 
 
