@@ -65,9 +65,11 @@ class UnknownTable(Table):
     """Inputs whose sensor's offset is free, one for all traces of a unit; `uncertainty` under `[[report.sensor]]` says
     how well it is known beforehand. Offsets of what is fitted always are, for each trace, and may be named too."""
     start_state: Literal["evidence"] | bool = "evidence"
-    input_noise: bool = True
     """Whether position and pressure at the start are free, else they are the means of the first 50 ms; `evidence`: of
     traces with a duty that do not begin at rest, `true`: of all."""
+    input_noise: bool = True
+    """Whether the pressure that drives a rod (`model = "mechanical"`) is read without its sensor's noise and without
+    what that shows at rest."""
 
 
 class Fit(Table):
