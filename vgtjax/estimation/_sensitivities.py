@@ -107,10 +107,11 @@ def observe_with_jacobian(
 
 
 def observe_backwards(
-    model: AbstractModel, selection: Selection, bundle: Bundle, delay: Scalar | None, cotangent: Array
+    model: AbstractModel, selection: Selection, bundle: Bundle, delay: Scalar | None, cotangent: Array | np.ndarray
 ) -> Float[Array, " parameters"]:
     """See [`pull_back`][]."""
-    return _pulled_back(model, selection, bundle, delay, cotangent, values_before(model, selection, bundle))
+    values = values_before(model, selection, bundle)
+    return _pulled_back(model, selection, bundle, delay, jnp.asarray(cotangent), values)
 
 
 @keep_compiled
