@@ -1,10 +1,13 @@
 """Slow loops of an actuator whose vanes have another pivot and linkage, as a bench records them."""
 
+import pathlib
 from collections.abc import Sequence
 
 import numpy as np
 
 import vgtjax
+
+from ..output.files import columns_csv, write_text
 
 TRUE = {
     "vane_force.nozzle.lead": 7.35e-3,
@@ -23,6 +26,21 @@ DEEPEST = 60e3
 NOISE = 8e-6
 """m of the position's sensor."""
 SEED = 16
+UNITS = {"p_act": "Pa absolute", "p_trb": "Pa gauge", "x_d": "m"}
+"""Of the columns that a loop is written with."""
+STUDY = """name = "slow loops of a turbine"
+data = "simulated by this package's own simulator, with noise on the position"
+model = "mechanical"
+
+[components]
+vane_force = "turbine"
+
+[[trace]]
+file = "*.csv"
+
+[fit]
+free = [{free}]
+"""
 
 
 def record(values: dict[str, float], gauge: Sequence[float] = GAUGE, length: float = SECONDS) -> list[vgtjax.Trace]:
@@ -37,3 +55,13 @@ def record(values: dict[str, float], gauge: Sequence[float] = GAUGE, length: flo
         seen = np.asarray(true) + NOISE * rng.normal(size=clock.size)
         traces.append(vgtjax.Trace(clock, x_d=seen, name=f"{each / 1e2:.0f} mbar", **inputs))
     return traces
+
+
+def write_study(folder: pathlib.Path, traces: Sequence[vgtjax.Trace], free: Sequence[str]) -> pathlib.Path:
+    """A study of loops with such entries free, and its traces beside it."""
+    for trace in traces:
+        signals = {f"{name} [{unit}]": np.asarray(trace.at(name)) for name, unit in UNITS.items()}
+        write_text(folder / f"{trace.name}.csv", columns_csv({"time [s]": trace.time, **signals}))
+    names = ", ".join(f'"{name}"' for name in free)
+    write_text(folder / "study.toml", STUDY.format(free=names))
+    return folder / "study.toml"

@@ -14,6 +14,7 @@ from ..fit.plan import plan
 from ..output.console import console, say_notes
 from ..output.files import REPORT, SUMMARY, write_json, write_text
 from ..resumable import Folders, run_units
+from ..study.models import assumed_note
 from ..study.units import Job, Unit, prepare
 from .report import render, render_overview
 
@@ -23,18 +24,20 @@ SHOWN = 5
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Checked:
-    """What the traces of a unit can tell, and what the next run would bring; `error` says why nothing is known."""
+    """What the traces of a unit can tell, and what the next run would bring; `error` says why nothing is known, and
+    `assumed` what is taken for granted."""
 
     known: Information | None
     gains: list[Gain]
     error: str | None = None
+    assumed: str | None = None
 
     @property
     def sentences(self) -> list[str]:
         """What they can't tell, and what would help."""
         if self.known is None:
             return [f"nothing is known: {self.error}"]
-        return [*self.known.sentences, *_remedies(self.known, self.gains)]
+        return [*self.known.sentences, *_remedies(self.known, self.gains), *filter(None, [self.assumed])]
 
     def summary(self) -> dict[str, Any]:
         """Relative errors, `None` for what is not determined."""
@@ -115,7 +118,7 @@ def _check(units: list[Unit], job: Job) -> dict[str | None, Checked]:
 def _checking(job: Job, unit: Unit) -> Steps[Checked]:
     task = plan(job, unit)
     known = yield from examining(task)
-    return Checked(known, (yield from ranking(task, known)))
+    return Checked(known, (yield from ranking(task, known)), assumed=assumed_note(task))
 
 
 def _remedies(known: Information, gains: list[Gain]) -> list[str]:

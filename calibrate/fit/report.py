@@ -14,7 +14,7 @@ from ..output import figures
 from ..output.page import render_page
 from ..output.sections import model_sections
 from ..resumable import Summaries
-from ..study.models import passivity_note
+from ..study.models import assumed_note, passivity_note
 from ..study.parameter_file import Entry, by_entry, start_as_study
 from ..study.units import Job, Unit
 from .around import slices_figure
@@ -144,6 +144,9 @@ def found_besides(calibration: Calibration) -> list[str]:
             "no corrections were made for sensors and numerical errors, because the search did not converge, values "
             "ran away, or a simulation failed; errors don't count them"
         )
+    assumed = assumed_note(calibration.task)
+    if assumed is not None:
+        sentences.append(assumed)
     return sentences
 
 

@@ -1,5 +1,6 @@
 """What the components of a model look like: each law against its input (plotly)."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
@@ -13,13 +14,19 @@ from vgtjax.parts import AbstractVaneMap, Contact, Vanes
 
 from .figures import MEASURED, PALETTE, curve, styled
 
+USUAL_PRESSURES = (0.5e5, 1.0e5, 1.5e5)
+"""Pa gauge before the turbine, where no trace says others."""
+ROUNDED = 1e4
+"""Pa to which pressures of traces are rounded, so that loops at nearly one pressure are one curve."""
 
-def component_figures(model: Any) -> list[tuple[str, go.Figure]]:
-    """Title and figure of every law that the model has: magnet, areas, flow function, friction, vane force."""
+
+def component_figures(model: Any, traces: Sequence[vgtjax.Trace]) -> list[tuple[str, go.Figure]]:
+    """Title and figure of every law that the model has: magnet, areas, flow function, friction, vane force; the last at
+    the mean turbine pressures of traces."""
     figures = _air_path_figures(model) if isinstance(model, vgtjax.Actuator) else []
     figures.append(("Friction against velocity [3.7]", friction_figure(model)))
     if not isinstance(model.vane_force, vgtjax.NoVaneForce):
-        figures.append((_vane_force_title(model.vane_force), vane_force_figure(model)))
+        figures.append((_vane_force_title(model.vane_force), vane_force_figure(model, _turbine_pressures(traces))))
     return figures
 
 
@@ -64,12 +71,19 @@ def friction_figure(model: Any) -> go.Figure:
     return _plot([(velocity * 1e3, force, "")], "velocity, mm/s", "friction, N")
 
 
-def vane_force_figure(model: Any) -> go.Figure:
-    """Force over the crank angle at several turbine pressures, closing and opening."""
+def _turbine_pressures(traces: Sequence[vgtjax.Trace]) -> Sequence[float]:
+    seen = [trace.at("p_trb") for trace in traces]
+    means = {ROUNDED * round(float(np.mean(each)) / ROUNDED) for each in seen if each is not None}
+    return sorted(mean for mean in means if mean > 0)[: len(PALETTE)] or USUAL_PRESSURES
+
+
+def vane_force_figure(model: Any, turbine_pressures: Sequence[float] = USUAL_PRESSURES) -> go.Figure:
+    """Force over the crank angle at several turbine pressures in Pa gauge, those of its knots where it has any, closing
+    and opening."""
     vane_force, travel = model.vane_force, float(model.diaphragm.travel)
     opening = np.linspace(0.0, travel, 201)
     both_ways = isinstance(vane_force, AbstractVaneMap)
-    pressures = vane_force.turbine_pressure if both_ways else np.array([0.5e5, 1.0e5, 1.5e5])
+    pressures = vane_force.turbine_pressure if both_ways else np.array(turbine_pressures)
     curves = []
     for pressure in np.asarray(pressures):
         vanes = Vanes(opening, np.full_like(opening, pressure))

@@ -61,7 +61,8 @@ def loops_figure(pairs: Sequence[LoopPair]) -> go.Figure:
 
 def model_sections(model: vgtjax.AbstractModel, results: list[TraceResult]) -> dict[str, Any]:
     """What reports show of a model: each trace, the slow loops, and each law."""
-    traces, laws = [trace_section(result) for result in results], component_figures(model)
+    traces = [trace_section(result) for result in results]
+    laws = component_figures(model, [result.trace for result in results])
     return {"traces": traces, "loops": loop_section(results), "laws": laws}
 
 

@@ -9,7 +9,8 @@ import numpy as np
 
 import vgtjax
 from vgtjax import InputError
-from vgtjax.parameters import Bounds, check_bounds, entry_names, match_entries
+from vgtjax.estimation import Task
+from vgtjax.parameters import Bounds, check_bounds, entry_names, match_entries, parameter_table
 from vgtjax.plants import on_given_knots, require_physical
 
 from .base import StartValue
@@ -152,4 +153,20 @@ def passivity_note(model: Any) -> str | None:
     return (
         f"friction is not passive: friction.viscous_damping must be {-float(margin):.4g} N s/m larger for it never to "
         "give out energy; friction = 'lugre-passive' holds a fit to that"
+    )
+
+
+def assumed_note(task: Task) -> str | None:
+    """A sentence on what is taken for granted where something of a turbine is free, or `None`."""
+    plant: Any = task.plant
+    if not isinstance(plant.vane_force, vgtjax.Turbine):
+        return None
+    mine = {name: row for name, row in parameter_table(plant).items() if name.startswith("vane_force.")}
+    free = [name for name in mine if name in task.selection.entries]
+    exact = [name for name, row in mine.items() if row.assumed and name not in (*free, *task.deviations)]
+    if not free or not exact:
+        return None
+    return (
+        f"errors of {', '.join(free)} take {len(exact)} assumed values of the turbine for exact, which no measured "
+        "vane force validates: state in [parameters] how well they are known, or free them"
     )

@@ -17,20 +17,18 @@ from .._kept import keep_compiled
 from .._lanes import replicate, spread
 from .._types import Scalar
 from ..parameters import Selection, select
-from ..parts import Rows, has_tables, tables_of, with_tables
+from ..parts import with_tables
 from ..plants import AbstractModel, State, rows_along, tabulated_along
 from ..simulation import FixedStep, march
 from ..traces import Drive, Trace
 from ._adjoint import pull_back
 from ._bundle import CHANNELS, SEGMENT, Bundle, bundle_traces
+from ._values import Choose, Pushed, chooser, push_all, push_values, values_before
 
 Lanes = Float[Array, "lanes sample channel"]
 TraceJacobian = Float[np.ndarray, "time 2 parameters"] | dict[str, Float[np.ndarray, "samples parameters"]]
 LaneJacobian = Float[Array, "lanes sample channel parameters"]
 Inputs = tuple[Drive, Array | None]
-Choose = Callable[[Any], AbstractModel]
-Pushed = tuple[Any, Any]
-"""Values, and tangents of them with a leading axis of parameters."""
 
 
 def jacobian(
@@ -105,15 +103,15 @@ def observe_with_jacobian(
 
     With a `delay` in s of the duty, the derivative with respect to it comes last.
     """
-    # Tables are made before, in a program without lanes: where lanes are spread, devices would wait for each other at
-    # every step on the way to a table.
-    values = replicate(_values_of(model, selection, rows_along(model, bundle.drive))) if has_tables(model) else None
-    return _spread_jacobian(model, selection, bundle, delay, values)
+    return _spread_jacobian(model, selection, bundle, delay, values_before(model, selection, bundle))
 
 
-@keep_compiled
-def _values_of(model: AbstractModel, selection: Selection, rows: tuple[Rows, ...]) -> Pushed:
-    return _push_values(model, selection, rows)
+def observe_backwards(
+    model: AbstractModel, selection: Selection, bundle: Bundle, delay: Scalar | None, cotangent: Array | np.ndarray
+) -> Float[Array, " parameters"]:
+    """See [`pull_back`][]."""
+    values = values_before(model, selection, bundle)
+    return _pulled_back(model, selection, bundle, delay, jnp.asarray(cotangent), values)
 
 
 @keep_compiled
@@ -124,11 +122,15 @@ def _spread_jacobian(
 
 
 @keep_compiled
-def observe_backwards(
-    model: AbstractModel, selection: Selection, bundle: Bundle, delay: Scalar | None, cotangent: Array
+def _pulled_back(
+    model: AbstractModel,
+    selection: Selection,
+    bundle: Bundle,
+    delay: Scalar | None,
+    cotangent: Array,
+    values: Pushed | None,
 ) -> Float[Array, " parameters"]:
-    """See [`pull_back`][]."""
-    return replicate(pull_back(model, selection, bundle, delay, cotangent))
+    return replicate(_backwards(model, selection, bundle, delay, cotangent, values))
 
 
 @keep_compiled
@@ -145,13 +147,26 @@ def observe_together(
     def one(leaves: tuple[Any, ...]) -> tuple[Array | None, Array | None]:
         model, selection, bundle, delay, cotangent = eqx.combine(leaves, static)
         if cotangent is not None:
-            return None, pull_back(model, selection, bundle, delay, cotangent)
+            return None, _backwards(model, selection, bundle, delay, cotangent)
         if selection is not None:
             return _linearise(model, selection, bundle, delay, lambda tree: tree)
         bundle = bundle if delay is None else bundle.with_late_duty(delay)[0]
         return _nominal(model, bundle)[1], None
 
     return jax.vmap(one)(dynamic)
+
+
+def _backwards(
+    model: AbstractModel,
+    selection: Selection,
+    bundle: Bundle,
+    delay: Scalar | None,
+    cotangent: Array,
+    values: Pushed | None = None,
+) -> Float[Array, " parameters"]:
+    """See [`pull_back`][]; `values` are those that `push_values` gives."""
+    values = push_values(model, selection, rows_along(model, bundle.drive)) if values is None else values
+    return pull_back(model, selection, bundle, delay, cotangent, values)
 
 
 def _linearise(
@@ -163,17 +178,14 @@ def _linearise(
     values: Pushed | None = None,
 ) -> tuple[Lanes, LaneJacobian]:
     """What is observed and its derivatives; `place` says on which devices the lanes are, `values` are those that
-    `_push_values` gives."""
+    `push_values` gives."""
     slope = None
     if delay is not None:
         bundle, slope = bundle.with_late_duty(delay)
     # Tables are made once, not at every step.
-    values = _push_values(model, selection, rows_along(model, bundle.drive)) if values is None else values
+    values = push_values(model, selection, rows_along(model, bundle.drive)) if values is None else values
 
-    def choose(values: Any) -> AbstractModel:
-        theta, tables = values
-        return with_tables(selection.unpack(model, theta), tables)
-
+    choose = chooser(model, selection)
     first, observed = _nominal(with_tables(model, values[0][1]), bundle)
     first, inputs = place((first, (bundle.lane_drive, slope)))
 
@@ -184,16 +196,6 @@ def _linearise(
     for state in range(at_start.shape[1]):
         total = total + by_start[:, state, None] * at_start[:, state].T[None, :, None]
     return observed, jnp.transpose(total, (3, 0, 2, 1))
-
-
-def _push_values(model: AbstractModel, selection: Selection, rows: tuple[Rows, ...]) -> Pushed:
-    """The parameters and rows of the model's tables, and a tangent of both for each parameter."""
-    theta = selection.pack(model)
-    return _push_all(
-        lambda theta: (theta, tables_of(selection.unpack(model, theta), rows)),
-        theta,
-        jnp.eye(len(theta), dtype=theta.dtype),
-    )
 
 
 def _nominal(model: AbstractModel, bundle: Bundle) -> tuple[State, Lanes]:
@@ -265,11 +267,6 @@ def _push_lanes(
     return end_tangents, observed[:, :states], observed[:, states:]
 
 
-def _push_all(function: Callable[[Any], Any], at: Any, tangents: Any) -> Pushed:
-    """A function's value, and where it moves along every tangent."""
-    return jax.vmap(lambda along: jax.jvp(function, (at,), (along,)), out_axes=(None, 0))(tangents)
-
-
 def _chain(
     choose: Choose, values_and_tangents: Pushed, bundle: Bundle, tangents: Array
 ) -> Float[Array, "lanes states parameters"]:
@@ -292,7 +289,7 @@ def _chain(
         following = transition[..., :states] @ sensitivity + transition[..., states:]
         return following, sensitivity
 
-    initial = jnp.moveaxis(_push_all(start_states, *values_and_tangents)[1], 0, -1)
+    initial = jnp.moveaxis(push_all(start_states, *values_and_tangents)[1], 0, -1)
     # The duty before the first sample is that of the first, so a delay does not move the start.
     initial = jnp.pad(initial, [(0, 0), (0, 0), (0, tangents.shape[-1] - states - initial.shape[-1])])
     return jax.lax.scan(segment, initial, table)[1][bundle.lane_segment, bundle.lane_trace]

@@ -75,7 +75,8 @@ def load_trace(
             )
             if SIGNALS[signal].role == "input":  # a model can't be driven by what nobody knows
                 check_gaps(recording, assigned.entry, signals[signal].time, clocks.rows[signal][valid])
-    if "p_res" not in signals and "f_drive" not in signals:
+    # Without a duty nothing flows to a reservoir.
+    if "pwm" in signals and not {"p_res", "f_drive"} & signals.keys():
         reservoir = f"{ASSUMED_RESERVOIR:.0f} Pa absolute is assumed for the reservoir"
         notes.append(f"no {recording.noun} p_res; {reservoir}")
     trace = Trace(clocks.alone, **signals, atmosphere=atmosphere, name=path.stem if name is None else name)

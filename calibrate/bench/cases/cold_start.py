@@ -1,12 +1,9 @@
 """From typing the command to its result, with an empty and with a filled compilation cache."""
 
-import os
 import pathlib
-import subprocess
-import sys
 import tempfile
-import time
 
+from ..commands import run_command
 from ..table import Section, seconds, times
 
 WARM_ROUNDS = 2
@@ -22,12 +19,12 @@ def measure() -> Section:
         for command, study in (("fit", []), ("check", [STUDY]), ("simulate", [STUDY])):
             # Each begins with a cache that holds nothing of the others.
             cold, *runs = (
-                _run([command, *study, "--out", str(root / f"{command} {i}")], root / command)
+                run_command([command, *study, "--out", str(root / f"{command} {i}")], root / command)
                 for i in range(1 + WARM_ROUNDS)
             )
             section.add(f"python -m calibrate {command}", "empty", seconds(cold), times(cold / min(runs)))
             section.add(f"python -m calibrate {command}", "filled", seconds(min(runs)), times(1.0))
-        helps = [_run(["--help"], root) for _ in range(WARM_ROUNDS + 1)]
+        helps = [run_command(["--help"], root) for _ in range(WARM_ROUNDS + 1)]
     section.add("python -m calibrate --help", "not used", seconds(min(helps[1:])), "")
     return section
 
@@ -36,16 +33,3 @@ _ABOUT = (
     "Whole processes with imports, compilation, computation and report of the example that ships; the caches are "
     f"folders that this benchmark makes. Best of {WARM_ROUNDS}, but for the empty cache, which happens once."
 )
-
-
-def _run(arguments: list[str], cache: pathlib.Path) -> float:
-    # Not the flags that configure() has put into this process's environment; the command sets its own.
-    environment = {name: value for name, value in os.environ.items() if name != "XLA_FLAGS"}
-    environment["XDG_CACHE_HOME"] = str(cache / "cache")
-    began = time.perf_counter()
-    done = subprocess.run(
-        [sys.executable, "-m", "calibrate", *arguments], env=environment, capture_output=True, text=True
-    )
-    if done.returncode != 0:
-        raise RuntimeError(f"calibrate {arguments[0]} ended with status {done.returncode}: {done.stderr.strip()}")
-    return time.perf_counter() - began

@@ -1,6 +1,8 @@
-"""Pivot and linkage of a turbine's vanes found from loops: what is found, how well, and what loops cannot tell."""
+"""Pivot and linkage of a turbine's vanes found from loops by the commands, and what loops do not tell."""
 
-import time
+import json
+import pathlib
+import tempfile
 from collections.abc import Sequence
 from functools import partial
 
@@ -8,11 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 
 import vgtjax
-from vgtjax.assurance import examine
-from vgtjax.identification import plan_fit
 from vgtjax.parts import solve_table
 
-from ..nozzle_loops import GAUGE, NOISE, RATE, SECONDS, TRUE, record
+from ..commands import run_command
+from ..nozzle_loops import GAUGE, NOISE, RATE, SECONDS, TRUE, record, write_study
 from ..table import Section, seconds
 from ..timing import interleave
 
@@ -30,19 +31,39 @@ def measure() -> Section:
         f"{NOISE * 1e6:g} um.",
         ("parameter", "true", "start", "found", "standard error", "off by, in errors"),
     )
-    turbine, traces = vgtjax.Turbine(), record(TRUE)
-    start = vgtjax.MechanicalActuator(vane_force=turbine)
-    began = time.perf_counter()
-    found = vgtjax.fit(start, traces, free=list(TRUE))
-    took = time.perf_counter() - began
-    rows = zip(found.task.selection.entries, found.values.tolist(), found.std_errors.tolist(), strict=True)
-    for entry, value, error in rows:
-        true, first = TRUE[entry], float(vgtjax.get_parameter(start, entry))
-        section.add(entry, f"{true:g}", f"{first:g}", f"{value:.5g}", f"{error:.2g}", f"{(value - true) / error:+.1f}")
-    section.notes.append(f"The fit took {seconds(took)} with compilation, {found.progress.iteration} steps.")
-    section.notes.append(_cost_of_tables(turbine, traces))
-    section.notes += [f"With all of nozzle and linkage free: {each}." for each in untold(start, traces)]
+    traces = record(TRUE)
+    with tempfile.TemporaryDirectory() as folder:
+        root = pathlib.Path(folder)
+        _fit(section, root, traces)
+        _check(section, root, traces)
+    section.notes.append(_cost_of_tables(vgtjax.Turbine(), traces))
     return section
+
+
+def _fit(section: Section, root: pathlib.Path, traces: Sequence[vgtjax.Trace]) -> None:
+    """Rows of what the command `fit` finds, what it says of it, and its time with an empty cache."""
+    out = root / "fit"
+    took = run_command(["fit", str(_study(root / "known", traces, list(TRUE))), "--out", str(out)], root)
+    found = json.loads((out / "parameters.json").read_text())["parameters"]
+    summary = json.loads((out / "summary.json").read_text())
+    for entry, true in TRUE.items():
+        value, error, first = (found[entry][field] for field in ("value", "std_error", "initial"))
+        section.add(entry, f"{true:g}", f"{first:g}", f"{value:.5g}", f"{error:.2g}", f"{(value - true) / error:+.1f}")
+    steps, said = summary["iterations"], summary["certificate"]["sentence"]
+    section.notes.append(f"`fit` took {seconds(took)} with an empty cache, {steps} steps; {said}.")
+
+
+def _check(section: Section, root: pathlib.Path, traces: Sequence[vgtjax.Trace]) -> None:
+    """What the command `check` says of them with all of nozzle and linkage free, and its time behind a fit."""
+    out = root / "check"
+    took = run_command(["check", str(_study(root / "all", traces, [*TRUE, *UNTOLD])), "--out", str(out)], root)
+    section.notes.append(f"With all of nozzle and linkage free `check` took {seconds(took)}, and says:")
+    section.notes += [f"{each}." for each in json.loads((out / "summary.json").read_text())["sentences"]]
+
+
+def _study(folder: pathlib.Path, traces: Sequence[vgtjax.Trace], free: Sequence[str]) -> pathlib.Path:
+    folder.mkdir()
+    return write_study(folder, traces, free)
 
 
 def _cost_of_tables(turbine: vgtjax.Turbine, traces: Sequence[vgtjax.Trace]) -> str:
@@ -54,8 +75,3 @@ def _cost_of_tables(turbine: vgtjax.Turbine, traces: Sequence[vgtjax.Trace]) -> 
     )
     whole, read = (seconds(timings[name].median) for name in tables)
     return f"A table takes {whole}; at the {np.sum(rows)} of {rows.size} pressures that these loops come to, {read}."
-
-
-def untold(model: vgtjax.MechanicalActuator, traces: Sequence[vgtjax.Trace]) -> list[str]:
-    """What traces cannot tell of a nozzle, in the sentences of `check`."""
-    return examine(plan_fit(model, traces, free=[*TRUE, *UNTOLD])).sentences

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import vgtjax
-from calibrate.output.component_figures import vane_force_figure
+from calibrate.output.component_figures import component_figures, vane_force_figure
 
 
 @pytest.mark.parametrize("kind", [vgtjax.HysteresisMap, vgtjax.SpeedMap])
@@ -14,3 +14,16 @@ def test_a_map_shows_both_tables_at_its_own_pressures(kind):
     assert list(shown) == ["1500 mbar closing", "1500 mbar opening", "3000 mbar closing", "3000 mbar opening"]
     np.testing.assert_allclose(shown["3000 mbar closing"], 2.0)
     np.testing.assert_allclose(shown["3000 mbar opening"], -1.0)
+
+
+@pytest.mark.parametrize(
+    ("gauge", "expected"),
+    [([2e5, 1e5, 1.02e5, 0.0], ["1000 mbar", "2000 mbar"]), ([], ["500 mbar", "1000 mbar", "1500 mbar"])],
+)
+def test_a_law_over_pressure_is_shown_at_those_of_the_traces(gauge, expected):
+    """Loops at nearly one pressure are one curve, and without gas there is no force."""
+    clock = np.arange(3.0)
+    traces = [vgtjax.Trace(clock, p_act=9e4 + 0 * clock, p_trb=each + 0 * clock) for each in gauge]
+    model = vgtjax.MechanicalActuator(vane_force=vgtjax.ForcePolynomial())
+    _, figure = component_figures(model, traces)[-1]
+    assert [each.name.strip() for each in figure.data] == expected

@@ -166,6 +166,13 @@ def test_a_reservoir_that_nobody_measured_is_assumed_with_a_note(load):
     np.testing.assert_array_equal(trace.drive().reservoir.start, 20000.0)
 
 
+def test_a_trace_without_a_duty_asks_for_no_reservoir(load):
+    columns = HEADER.split(",")
+    kept = [place for place, column in enumerate(columns) if not column.startswith(("p_res", "pwm"))]
+    rows = [",".join(row.split(",")[place] for place in kept) for row in (HEADER, *ROWS)]
+    assert load("\n".join(rows) + "\n").notes == ()
+
+
 @pytest.mark.parametrize("name", ["x_p", "v_p", "v_d", "z", "T_act", "m_dot_in", "m_dot_out"])
 def test_states_that_simulate_writes_are_ignored_with_a_note(load, name):
     content = text(f"{HEADER},{name} [?]", tuple(f"{row},no number" for row in ROWS))
