@@ -188,7 +188,7 @@ class Tuner:
             reach = now.reach * (WIDER if cost < (1 - STALLED) * before else NARROWER)
             self._change(reach=min(max(reach, SMALLEST_REACH), LARGEST_RADIUS))
         if self.progress.here != self.progress.coordinates:
-            self._restart()
+            self._change(here=self.progress.coordinates, radius=FIRST_RADIUS)
 
     def _try(self, candidates: Float[np.ndarray, "candidates gains"]) -> tuple[float, Float[np.ndarray, " gains"]]:
         """The cheapest of several, simulated side by side, and its cost; all are remembered."""
