@@ -71,7 +71,7 @@ def _tune(job: TuneJob, folder: pathlib.Path) -> tuple[TuningProgress, float]:
     saved = ProgressFile(folder, TuningProgress, "tuning")
     with console.status("compiling the closed loops and their derivatives"):
         tuner = Tuner(job.smooth, saved.progress)
-    console.print(f"{'step':>6} {'cost':>12} {'worst um':>10} {'trials':>7} {'exact':>9} {'seconds':>8}")
+    console.print(f"{'step':>6} {'by':>11} {'cost':>12} {'worst um':>10} {'trials':>7} {'exact':>9} {'seconds':>8}")
     _show(tuner, saved.seconds)
     while not tuner.progress.finished:
         before = tuner.progress.iteration
@@ -86,12 +86,14 @@ def _tune(job: TuneJob, folder: pathlib.Path) -> tuple[TuningProgress, float]:
 
 
 def _show(tuner: Tuner, seconds: float) -> None:
-    """A line; `exact` counts the closed loops whose derivatives remember all that the problem lets them."""
+    """A line; `by` is what the step used, and `exact` counts the closed loops whose derivatives remember all that the
+    problem lets them."""
     progress = tuner.progress
     exact = f"{progress.memories.count(0)} of {len(progress.memories)}"
+    kind = ("costs" if progress.kinds[-1] else "derivatives") if progress.kinds else ""
     console.print(
-        f"{progress.iteration:6d} {progress.cost:12.6g} {1e6 * np.max(tuner.cases.rms):10.4g} {progress.trials:7d} "
-        f"{exact:>9} {seconds:8.1f}"
+        f"{progress.iteration:6d} {kind:>11} {progress.cost:12.6g} {1e6 * np.max(tuner.cases.rms):10.4g} "
+        f"{progress.trials:7d} {exact:>9} {seconds:8.1f}"
     )
 
 

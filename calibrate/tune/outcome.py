@@ -80,6 +80,9 @@ def summarise(
         "converged": progress.converged,
         "verdict": progress.verdict,
         "iterations": progress.iteration,
+        "steps_by_costs": sum(progress.kinds),
+        "evaluations": len(progress.tried),  # of all closed loops: the start's gains, and those tried
+        "linearisations": progress.linearisations,  # the same with derivatives
         "failed_steps": progress.failed,
         "design": job.study.control.design,
         "cost": {n: finite(dict(zip(("start", "tuned"), each.costs, strict=True))) for n, each in comparisons.items()},

@@ -90,4 +90,5 @@ def _crossings(
 
 
 def _log_size(response: Complex[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
-    return np.log(np.abs(response))
+    with np.errstate(divide="ignore"):  # a loop that does not answer at all is below every limit
+        return np.log(np.abs(response))

@@ -16,4 +16,11 @@ from ._remembered import APART as APART, WILD as WILD, linearise_remembered as l
 from ._sliding_margins import sliding_margins as sliding_margins
 from ._smoothing import soften as soften, soften_cases as soften_cases, wanted_widths as wanted_widths
 from ._tune import TunedGain as TunedGain, Tuning as Tuning, tune as tune
-from ._tuner import SLACK as SLACK, STALL as STALL, Tuner as Tuner, TuningProgress as TuningProgress
+from ._tuner import (
+    BATCHES as BATCHES,
+    LENGTHS as LENGTHS,
+    SLACK as SLACK,
+    STALL as STALL,
+    Tuner as Tuner,
+    TuningProgress as TuningProgress,
+)

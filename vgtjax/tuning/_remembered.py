@@ -31,8 +31,9 @@ def shaking(problem: TuningProblem, at: Linearisation) -> Float[np.ndarray, " ca
 
 def linearise_remembered(
     problem: TuningProblem, coordinates: Float[np.ndarray, " gains"], memories: Int[np.ndarray, " cases"]
-) -> tuple[Linearisation, Int[np.ndarray, " cases"]]:
-    """Derivatives that shake little, and the memory that each loop may begin with next time.
+) -> tuple[Linearisation, Int[np.ndarray, " cases"], int]:
+    """Derivatives that shake little, the memory that each loop may begin with next time, and how often all loops were
+    linearised for that.
 
     Those of a loop that still shakes in the end count for less, and where they are not finite, the loop has no say.
 
@@ -40,13 +41,14 @@ def linearise_remembered(
     """
     lengths, used = np.asarray(problem.memories), memories
     last, found = len(lengths) - 1, problem.linearise(coordinates, lengths[memories])
-    error = shaking(problem, found)
+    error, asked = shaking(problem, found), 1
     for _ in range(LINEARISATIONS - 1):
         noisy = (error > SHAKING) & (used < last)
         if _share(problem, found, noisy) < SHARE:
             break
         used = np.minimum(used + _notches(error), last)
         again = problem.linearise(coordinates, lengths[used])
+        asked += 1
         found = Linearisation(
             found.cases,
             np.where(noisy[:, None], again.slopes, found.slopes),
@@ -54,7 +56,7 @@ def linearise_remembered(
         )
         error = shaking(problem, found)
     calm = (error < CALM) & (used == memories)
-    return _believed(found, error), np.clip(used + _notches(error) - calm, 0, last)
+    return _believed(found, error), np.clip(used + _notches(error) - calm, 0, last), asked
 
 
 def _share(problem: TuningProblem, at: Linearisation, which: np.ndarray) -> float:

@@ -1,4 +1,4 @@
-"""Gauss and Newton's method on the cost of many closed loops, every step inside the conditions of the design."""
+"""Tuning under way: steps by derivatives, and steps by costs alone where those gain more."""
 
 import dataclasses
 from typing import Any
@@ -7,9 +7,10 @@ import numpy as np
 from jaxtyping import Float
 
 from .._errors import SimulationError
-from ._problem import CaseCosts, TuningProblem
+from ._problem import TuningProblem
 from ._quadratic import QuadraticModel, model_at
 from ._remembered import linearise_remembered
+from ._scatter import scatter
 
 FIRST_RADIUS, SMALLEST_RADIUS, LARGEST_RADIUS = 0.5, 0.08, 2.0
 """Of a step in the coordinates, where 0.7 doubles one positive gain. A bolder first step may end in a worse valley;
@@ -21,8 +22,19 @@ CUT = 1 / 8
 SLACK = 2e-2
 """Part of the cost that a step may lose: chance makes some places cheaper than all around them, and a step that must
 gain would stay there."""
-STALL = 3
-"""Steps after which a search that gained little is at an end."""
+BATCHES = 3
+"""Of candidates in a step by costs alone: about as much work as derivatives and their trials."""
+WIDER, NARROWER = 1.4, 0.8
+"""What a batch that gained, and one that did not, make of the reach of the next."""
+HOPED = (1.0, 0.2)
+"""What a step by derivatives, and one by costs alone, is thought to gain before one was made: the first of all has
+derivatives, and costs alone are asked when those gain little."""
+OTHERS = 0.5
+"""Of what a step gained is what one of the other kind is thought to gain at least: the place is another."""
+SMALLEST_REACH = 0.15
+"""Of candidates by costs alone."""
+STALL = 6
+"""Steps after which a search that gained little is at an end; after a third of them the other kind has its turn."""
 STALLED = 2e-2
 """Steps that together gained less than this part are no progress: another noise changes as much."""
 MAX_ITERATIONS = 60
@@ -33,23 +45,38 @@ class TuningProgress:
     """Where tuning stands after a step; enough to resume it.
 
     `coordinates` are the best so far, of the problem's transform, and `here` those of the last step; `memories` the
-    place of each closed loop's in the problem's; `history` is the best cost after every iteration, the start first.
-    `restarts` counts how often memories and radius were restarted, last after iteration `restarted`; `trials` counts
-    evaluations, `failed` those at which a closed loop left the finite numbers.
+    place of each closed loop's in the problem's; `history` is the best cost after every step, the start first.
+    `radius` and `reach` bound the next step by derivatives and the next batch by costs. `hopes` are what the next
+    step of either kind is thought to take off the logarithm of the cost; `kinds` says of every step whether it was by
+    costs.
+    `tried` and `costs` hold all gains that were simulated, the start first, no cost where a closed loop left the finite
+    numbers, which `failed` counts; `linearisations` counts evaluations with derivatives.
     """
 
     coordinates: tuple[float, ...]
     here: tuple[float, ...]
     memories: tuple[int, ...]
     radius: float = FIRST_RADIUS
-    restarts: int = 0
-    restarted: int = 0
-    iteration: int = 0
-    trials: int = 0
+    reach: float = FIRST_RADIUS
+    hopes: tuple[float, ...] = HOPED
+    kinds: tuple[bool, ...] = ()
     failed: int = 0
+    linearisations: int = 0
+    tried: tuple[tuple[float, ...], ...] = ()
+    costs: tuple[float | None, ...] = ()
     converged: bool = False
     verdict: str = ""
     history: tuple[float, ...] = ()
+
+    @property
+    def iteration(self) -> int:
+        """How many steps were made."""
+        return len(self.kinds)
+
+    @property
+    def trials(self) -> int:
+        """How many gains were simulated, beside the start's and those of derivatives."""
+        return len(self.tried) - 1
 
     @property
     def cost(self) -> float:
@@ -60,15 +87,6 @@ class TuningProgress:
     def finished(self) -> bool:
         """Whether another step would be wasted; `verdict` says why."""
         return bool(self.verdict)
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class _Found:
-    """What a step leads to."""
-
-    coordinates: Float[np.ndarray, " gains"]
-    cost: float
-    cases: CaseCosts
 
 
 class Tuner:
@@ -95,81 +113,108 @@ class Tuner:
                 f"'{failed[0]}'; start from gains that are stable there"
             )
         if start is None:
-            self.progress = dataclasses.replace(began, history=(cost,))
+            self.progress = dataclasses.replace(began, tried=(here,), costs=(cost,), history=(cost,))
 
     def step(self) -> TuningProgress:
         """One step, or the finding that these derivatives lead nowhere."""
-        here = np.asarray(self.progress.here)
-        at, memories = linearise_remembered(self.problem, here, np.asarray(self.progress.memories))
-        if not np.any(at.slopes):
+        by_costs = self._by_costs()
+        if by_costs:
+            self._scatter()
+        elif not self._descend():
             why = "no derivative with respect to a free gain is finite and other than zero; free others"
             return self._end(why, converged=False)
-        self._change(memories=tuple(memories.tolist()))
-        found = self._search(model_at(self.problem, here, at))
-        if found is not None:
-            self._accept(found)
-        now = self.progress
-        if now.iteration >= MAX_ITERATIONS:
-            return self._end(f"not converged after {MAX_ITERATIONS} iterations", converged=False)
-        since = now.iteration - now.restarted
-        if found is None or (since >= STALL and self._gained(STALL) < STALLED):
-            return self._restart(since)
-        return now
+        best, before = float(np.min(self._costs())), self.progress
+        gain = float(np.log(before.cost / best))
+        other = max(before.hopes[not by_costs], OTHERS * gain)
+        self._change(
+            hopes=(other, gain) if by_costs else (gain, other),
+            kinds=(*before.kinds, by_costs),
+            history=(*before.history, best),
+        )
+        if self._stalled(STALL) and len(set(self.progress.kinds[-STALL:])) == 2:
+            return self._end(f"{STALL} steps with and without derivatives lower the cost by less than {STALLED:.0%}")
+        if self.progress.iteration >= MAX_ITERATIONS:
+            return self._end(f"not converged after {MAX_ITERATIONS} steps", converged=False)
+        return self.progress
 
-    def _search(self, model: QuadraticModel) -> "_Found | None":
-        """The lowest cost that the model leads to, near the radius or, cut once, nearer; kept for the next step."""
+    def _by_costs(self) -> bool:
+        """Whether the next step is of the kind without derivatives: the one that is thought to gain more, but the other
+        one before the search is at an end."""
+        now = self.progress
+        last = now.kinds[-(STALL // 3) :]
+        if self._stalled(len(last)) and len(set(last)) == 1:
+            return not last[0]
+        return now.hopes[True] >= now.hopes[False]
+
+    def _stalled(self, steps: int) -> bool:
+        """Whether so many steps were made, and the last of them together took little off the cost."""
+        history = self.progress.history
+        return len(history) > steps and history[-1] > (1 - STALLED) * history[-1 - steps]
+
+    def _descend(self) -> bool:
+        """A step by derivatives from where the last one ended; or, where none is cheap enough, back to the best and
+        other memories. False where all derivatives are zero."""
+        here = np.asarray(self.progress.here)
+        at, memories, asked = linearise_remembered(self.problem, here, np.asarray(self.progress.memories))
+        self._change(linearisations=self.progress.linearisations + asked)
+        if not np.any(at.slopes):
+            return False
+        self._change(memories=tuple(memories.tolist()))
+        if not self._search(model_at(self.problem, here, at)):
+            self._restart()
+        return True
+
+    def _search(self, model: QuadraticModel) -> bool:
+        """Goes to the cheapest that the model leads to near the radius or, cut once, nearer, if it is cheap enough."""
         for _ in range(2):
             radius = self.progress.radius
-            found = self._try(np.stack([model.propose(self.problem, length * radius) for length in LENGTHS]))
-            if found.cost < (1 + SLACK) * model.cost:
-                return found
+            candidates = np.stack([model.propose(self.problem, length * radius) for length in LENGTHS])
+            cost, best = self._try(candidates)
+            if cost < (1 + SLACK) * model.cost:
+                moved = float(np.linalg.norm(best - model.here))
+                self._change(here=tuple(best.tolist()), radius=min(max(moved, SMALLEST_RADIUS), LARGEST_RADIUS))
+                return True
             self._change(radius=max(CUT * radius, SMALLEST_RADIUS))
             if radius == SMALLEST_RADIUS:
                 break
-        return None
+        return False
 
-    def _try(self, candidates: Float[np.ndarray, "candidates gains"]) -> _Found:
-        """The best of several, simulated side by side."""
+    def _scatter(self) -> None:
+        """A step by costs alone, from which the next one by derivatives begins at the best."""
+        for _ in range(BATCHES):
+            now = self.progress
+            before, trials = np.min(self._costs()), np.asarray(now.tried)
+            cost, _ = self._try(scatter(self.problem, trials, self._costs(), now.reach, seed=len(trials)))
+            reach = now.reach * (WIDER if cost < (1 - STALLED) * before else NARROWER)
+            self._change(reach=min(max(reach, SMALLEST_REACH), LARGEST_RADIUS))
+        if self.progress.here != self.progress.coordinates:
+            self._change(here=self.progress.coordinates, radius=FIRST_RADIUS)
+
+    def _try(self, candidates: Float[np.ndarray, "candidates gains"]) -> tuple[float, Float[np.ndarray, " gains"]]:
+        """The cheapest of several, simulated side by side, and its cost; all are remembered."""
         cases, before = self.problem.evaluate_all(candidates), self.progress
         costs = [self.problem.combine(case.costs) for case in cases]
-        failed = sum(bool(np.any(case.failed)) for case in cases)
-        self._change(trials=before.trials + len(cases), failed=before.failed + failed)
-        best = int(np.argmin(costs))
-        return _Found(candidates[best], costs[best], cases[best])
-
-    def _accept(self, found: _Found) -> None:
-        before, here = self.progress, tuple(found.coordinates.tolist())
-        moved, better = float(np.linalg.norm(np.subtract(here, before.here))), found.cost < before.cost
-        if better:
-            self.cases = found.cases
+        place = int(np.argmin(costs))
+        if costs[place] < np.min(self._costs()):
+            self.cases = cases[place]
+            self._change(coordinates=tuple(candidates[place].tolist()))
         self._change(
-            coordinates=here if better else before.coordinates,
-            here=here,
-            radius=min(max(moved, SMALLEST_RADIUS), LARGEST_RADIUS),
-            iteration=before.iteration + 1,
-            history=(*before.history, min(found.cost, before.cost)),
+            tried=(*before.tried, *map(tuple, candidates.tolist())),
+            costs=(*before.costs, *(cost if np.isfinite(cost) else None for cost in costs)),
+            failed=before.failed + sum(bool(np.any(case.failed)) for case in cases),
         )
+        return costs[place], candidates[place]
 
-    def _gained(self, steps: int) -> float:
-        """What the last steps together took off the cost, as a part of it."""
-        history = self.progress.history
-        return 1 - history[-1] / history[-1 - steps]
+    def _costs(self) -> Float[np.ndarray, " tried"]:
+        """Of all that was tried; infinite where a closed loop failed."""
+        return np.array([np.inf if cost is None else cost for cost in self.progress.costs])
 
-    def _restart(self, since: int) -> TuningProgress:
-        """A fresh start from the best so far after so many steps, or the end if the last one gained nothing."""
+    def _restart(self) -> None:
+        """The next step by derivatives begins at the best, with short memories if they were long, or else long ones."""
         now = self.progress
-        if now.restarts and self._gained(since) < STALLED:
-            return self._end(f"restarted, tuning lowers the cost by less than {STALLED:.0%}")
         short = max(len(self.problem.memories) - 2, 0)  # but one: one notch is left to those that shake
         memory = 0 if np.mean(now.memories) > short / 2 else short
-        self._change(
-            here=now.coordinates,
-            memories=(memory,) * len(now.memories),
-            radius=FIRST_RADIUS,
-            restarts=now.restarts + 1,
-            restarted=now.iteration,
-        )
-        return self.progress
+        self._change(here=now.coordinates, memories=(memory,) * len(now.memories), radius=FIRST_RADIUS)
 
     def _end(self, why: str, converged: bool = True) -> TuningProgress:
         self._change(verdict=why, converged=converged)

@@ -1,4 +1,4 @@
-"""Gains of two controllers by gradients, beside CMA-ES, which has none, on the same cost."""
+"""Gains of two controllers by this package's tuner, beside CMA-ES, which has no derivatives, on the same cost."""
 
 import contextlib
 import functools
@@ -20,7 +20,7 @@ from .adaptive_gains import FORMER
 UNITS = EXAMPLE.parents[1] / "fleet" / "units"
 
 BUDGET = 6
-"""Times that of the gradient."""
+"""Times that of the tuner."""
 WITHIN = (0.2, 0.1, 0.05)
 """Parts of the lowest cost that any contestant found."""
 OTHER_NOISE = range(101, 109)
@@ -119,7 +119,7 @@ PROBLEMS: dict[str, tuple[str, dict[str, float | tuple[float, ...]]]] = {
 
 
 def measure(keep: pathlib.Path | None = None) -> Section:
-    """Tunes by gradients, and gives CMA-ES several times as long.
+    """Tunes, and gives CMA-ES several times as long.
 
     **Arguments:** `keep`: a file for finished problems, from which another call goes on.
     """
@@ -139,7 +139,7 @@ def _contest(name: str) -> tuple[str, ...]:
     start = f"{problem.cost(problem.start):.4g}", f"{_unseen(unseen, problem.start):.4g}"
     cells = [f"{name}: {len(problem.selection.entries)} gains", "", "", *start, *("" for _ in WITHIN)]
     _compile(problem)
-    records = {"gradients (tune)": (first := _by_gradients(problem))}
+    records = {"tune": (first := _tuned(problem))}
     records["CMA-ES (cma)"] = _cma_es(problem, BUDGET * first.spent)
     lowest = min(record.cost for record in records.values())
     for contestant, record in records.items():
@@ -171,13 +171,13 @@ def _unseen(problems: list[TuningProblem], coordinates: np.ndarray) -> float:
     return float(np.mean([problem.cost(coordinates) for problem in problems]))
 
 
-def _by_gradients(problem: TuningProblem) -> _Record:
+def _tuned(problem: TuningProblem) -> _Record:
     record = _Record(problem.start)
     tuner = Tuner(problem)
     while not tuner.progress.finished:
         progress = tuner.step()
         record.add(progress.cost, np.asarray(progress.coordinates))
-    record.spent, record.calls = record.elapsed, f"{progress.iteration} + {progress.trials}"
+    record.spent, record.calls = record.elapsed, f"{progress.linearisations} + {progress.trials}"
     return record
 
 
@@ -191,9 +191,9 @@ def _compared(record: _Record, first: _Record, cost: float) -> str:
 
 _ABOUT = (
     "16 closed loops around a controller that knows the mean of twenty fits to simulated traces and not its plants; "
-    "everything compiled before; the first row of each is the start. Gradients: steps and trials. Times are those of "
-    "all processors. CMA-ES simulates its generations side by side, steps first by "
+    "everything compiled before; the first row of each is the start. Evaluations of `tune`: with derivatives, and "
+    "without. Times are those of all processors. CMA-ES simulates its generations side by side, steps first by "
     f"{SPREAD:g} in the logarithm of a gain, pays for gains outside the conditions of the design, and has {BUDGET} "
-    "times the gradient's time. 'Within': when each had come that close to the lowest cost that either found, in times "
-    "of the gradient's."
+    "times the tuner's time. 'Within': when each had come that close to the lowest cost that either found, in times "
+    "of the tuner's."
 )

@@ -13,6 +13,8 @@ from vgtjax import control
 from vgtjax.control import PI, PID, Constant, FrictionCompensation, Knocker, Sine
 from vgtjax.tuning import (
     APART,
+    BATCHES,
+    LENGTHS,
     SLACK,
     STALL,
     STEEPEST,
@@ -198,7 +200,13 @@ def test_a_trial_at_which_a_closed_loop_fails_is_never_taken(problem):
     progress = tuner.step()
     assert progress.coordinates == tuple(start)
     assert progress.failed == progress.trials > 0
-    assert progress.history == (progress.cost,)
+    assert set(progress.history) == {progress.cost}
+    assert set(progress.costs[1:]) == {None}
+    # Nor by costs alone, which know of it that it is bad.
+    progress = tuner.step()
+    assert progress.kinds == (False, True)
+    assert progress.coordinates == tuple(start)
+    assert progress.failed == progress.trials
 
 
 def _dearer(problem, factor):
@@ -216,20 +224,25 @@ def _dearer(problem, factor):
     return _as(problem, Dearer)
 
 
-def test_tuning_that_stalls_is_restarted_with_other_memories_before_it_ends(problem):
+def test_tuning_that_stalls_asks_both_kinds_of_steps_before_it_ends(problem):
+    """Where neither kind gains, costs alone are asked twice as often: they take longer to learn something."""
     tuner = Tuner(_dearer(problem, 1.0))
-    for step in range(1, 1 + STALL):
-        stalled = tuner.step()
-        assert not stalled.finished
-        assert stalled.iteration == step
-    assert stalled.restarts == 1
-    assert set(stalled.memories) in ({0}, {len(problem.memories) - 2})
-    assert stalled.here == stalled.coordinates == tuple(problem.start)
-    while not stalled.finished:
+    while not tuner.progress.finished:
         stalled = tuner.step()
     assert stalled.converged
-    assert stalled.iteration == 2 * STALL
+    assert stalled.kinds == (False, True, True, False, True, True)
+    assert stalled.iteration == STALL
     assert set(stalled.history) == {stalled.cost}
+    assert stalled.coordinates == tuple(problem.start)
+    assert stalled.trials == (2 + 4 * BATCHES) * len(LENGTHS)
+
+
+def test_after_a_step_without_success_memories_are_others_and_the_best_is_the_start(problem):
+    tuner = Tuner(_dearer(problem, 1 + 2 * SLACK))
+    before, after = tuner.progress, tuner.step()
+    assert after.here == after.coordinates == tuple(problem.start)
+    assert set(after.memories) in ({0}, {len(problem.memories) - 2})
+    assert set(after.memories) != set(before.memories)
 
 
 @pytest.mark.parametrize(("factor", "goes"), [(1 + 0.5 * SLACK, True), (1 + 2 * SLACK, False)])
@@ -237,7 +250,6 @@ def test_a_step_may_cost_a_little_but_the_best_is_kept(problem, factor, goes):
     tuner = Tuner(_dearer(problem, factor))
     progress = tuner.step()
     assert (progress.here != tuple(problem.start)) == goes
-    assert progress.iteration == int(goes)
     assert progress.coordinates == tuple(problem.start)
     assert set(progress.history) == {tuner.problem.combine(tuner.cases.costs)}
 
@@ -306,7 +318,8 @@ def test_only_a_loop_whose_derivatives_shake_gets_a_shorter_memory(problem):
         return dataclasses.replace(found, curvatures=found.curvatures * np.where(wild, 1e12, 1.0)[:, None, None])
 
     shaken = _spoiled(problem, shake, (np.inf, 1.0, 0.1))
-    found, memories = linearise_remembered(shaken, problem.start, np.zeros(4, int))
+    found, memories, asked = linearise_remembered(shaken, problem.start, np.zeros(4, int))
+    assert asked == 2
     exact, short = (problem.linearise(problem.start, memory) for memory in (np.inf, 0.1))
     assert memories[[0, 1, 3]].tolist() == [0, 0, 0]
     for name in ("slopes", "curvatures"):
@@ -327,7 +340,7 @@ def test_slopes_of_a_wild_loop_count_for_less(problem):
     def shake(found, memory):
         return dataclasses.replace(found, curvatures=found.curvatures * factors[:, None, None])
 
-    found, _ = linearise_remembered(_spoiled(problem, shake, (np.inf,)), problem.start, np.zeros(4, int))
+    found, *_ = linearise_remembered(_spoiled(problem, shake, (np.inf,)), problem.start, np.zeros(4, int))
     expected = at.slopes * np.minimum(1.0, (WILD / error) ** 2)[:, None]
     expected[2] = at.slopes[2] / 100
     np.testing.assert_allclose(found.slopes, expected, rtol=1e-6)
