@@ -13,6 +13,8 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 
+import click
+
 from .contributing import ROOT
 from .markdown import all_blocks, words_of
 from .shown import differences
@@ -75,5 +77,13 @@ def main(out: pathlib.Path, names: list[str]) -> int:
     return int(found > 0)
 
 
+@click.command(context_settings={"help_option_names": ["-h", "--help"]})
+@click.argument("out", type=click.Path(path_type=pathlib.Path))
+@click.argument("names", type=click.Choice([page.stem for page in sorted(TUTORIALS.glob("*.md"))]), nargs=-1)
+def _command(out: pathlib.Path, names: tuple[str, ...]) -> None:
+    """Goes through the tutorials, or those that are named, as they are printed; half an hour of a processor for all."""
+    sys.exit(main(out, list(names)))
+
+
 if __name__ == "__main__":
-    sys.exit(main(pathlib.Path(sys.argv[1]), sys.argv[2:]))
+    _command(prog_name="python -m calibrate.manual.tutorials")
