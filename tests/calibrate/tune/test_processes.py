@@ -89,7 +89,7 @@ def kill_one(folder: pathlib.Path, victim: int, after: int) -> tuple[int, str]:
     """Kills one of two processes once so many steps are saved; the status of the other one, and its errors."""
     both, deadline = start_both(folder, "killed"), time.monotonic() + 240
     progress = folder / "killed" / PROGRESS
-    while not progress.exists() or read(progress)["progress"]["iteration"] < after:
+    while not progress.exists() or len(read(progress)["progress"]["kinds"]) < after:
         assert time.monotonic() < deadline, "no step came"
         assert both[0].poll() is None, "it ended before one could be killed"
         time.sleep(0.01)
