@@ -3,6 +3,7 @@
 import contextlib
 import os
 import sys
+import traceback
 from collections.abc import Callable, Iterator
 from typing import Any, TypeVar, cast
 
@@ -10,7 +11,7 @@ import jax
 import numpy as np
 from jax.experimental import multihost_utils
 
-from vgtjax import InputError
+from vgtjax import InputError, SimulationError
 
 from .output.console import console
 
@@ -48,15 +49,21 @@ def bereaved() -> Iterator[None]:
     """Ends this process, with one sentence and exit status 1, where another one of the run has died.
 
     The next exchange with it fails, at once where a connection broke. Then at once, as JAX's own farewell waits minutes
-    for the dead.
+    for the dead. What nobody foresaw ends it at once too, with its traceback, so that the others notice.
     """
     try:
         yield
-    except jax.errors.JaxRuntimeError as error:
-        if jax.process_count() == 1 or not any(word in str(error) for word in EXCHANGE):
+    except (InputError, SimulationError, OSError):
+        raise
+    except Exception as error:
+        if jax.process_count() == 1:
             raise
+        if isinstance(error, jax.errors.JaxRuntimeError) and any(word in str(error) for word in EXCHANGE):
+            end = "failed: another process of this run has died; start all of them again, and they go on\n"
+        else:
+            end = traceback.format_exc()
         sys.stdout.flush()
-        os.write(2, b"failed: another process of this run has died; start all of them again, and they go on\n")
+        os.write(2, end.encode())
         os._exit(1)
 
 

@@ -8,13 +8,11 @@ import subprocess
 import sys
 import time
 
-import jax
 import numpy as np
 import pytest
 from commands import read
 
 from calibrate.output.files import PROGRESS
-from calibrate.processes import bereaved
 
 STUDY = """
 name = "a quick PI, shared"
@@ -94,9 +92,12 @@ def kill_one(folder: pathlib.Path, victim: int, after: int) -> tuple[int, str]:
         assert both[0].poll() is None, "it ended before one could be killed"
         time.sleep(0.01)
     both[victim].send_signal(signal.SIGKILL)
-    # A step, half a second, goes before the next exchange; JAX's own watch over its processes takes 100 s.
-    _, errors = both[1 - victim].communicate(timeout=20)
-    both[victim].communicate()
+    try:  # A step, half a second, goes before the next exchange; JAX's own watch over its processes takes 100 s.
+        _, errors = both[1 - victim].communicate(timeout=20)
+    finally:
+        both[1 - victim].kill()
+        both[1 - victim].communicate()
+        both[victim].communicate()
     return both[1 - victim].returncode, errors
 
 
@@ -116,7 +117,20 @@ def test_a_process_that_dies_is_noticed_in_seconds_and_the_run_goes_on_once_it_i
     np.testing.assert_allclose(mine["history"], alone["history"], rtol=1e-6)  # as above
 
 
-def test_trouble_of_ones_own_is_no_other_processs_death(monkeypatch):
-    monkeypatch.setattr(jax, "process_count", lambda: 2)
-    with pytest.raises(jax.errors.JaxRuntimeError, match="out of memory"), bereaved():
-        raise jax.errors.JaxRuntimeError("RESOURCE_EXHAUSTED: out of memory")
+OWN_TROUBLE = """
+import jax
+from calibrate.processes import bereaved
+jax.process_count = lambda: 2
+with bereaved():
+    raise jax.errors.JaxRuntimeError("RESOURCE_EXHAUSTED: out of memory")
+print("it went on")
+"""
+
+
+def test_trouble_of_ones_own_is_no_other_processs_death_but_ends_it_as_well():
+    """In a process of its own, which it ends: one that waited for the others would leave them waiting for it."""
+    ended = subprocess.run([sys.executable, "-c", OWN_TROUBLE], capture_output=True, text=True, timeout=60, check=False)
+    assert ended.returncode == 1
+    assert ended.stderr.splitlines()[-1].endswith("RESOURCE_EXHAUSTED: out of memory")
+    assert "has died" not in ended.stderr
+    assert not ended.stdout
