@@ -108,7 +108,8 @@ def found_besides(calibration: Calibration) -> list[str]:
     if calibration.duty_delay_error is not None:
         delay, error = 1e3 * calibration.duty_delay, 1e3 * calibration.duty_delay_error
         way = "later" if delay > 0 else "earlier"
-        sentences.append(f"the duty reaches the valve {abs(delay):.3f} +- {error:.3f} ms {way} than the traces say")
+        known = f" +- {error:.3f} ms {way}" if np.isfinite(error) else f" ms {way}, by no more than a guess,"
+        sentences.append(f"the duty reaches the valve {abs(delay):.3f}{known} than the traces say")
     sentences += _edges_found(calibration) + _inputs_found(calibration)
     for entry, (value, error) in calibration.instruments.items():
         kind, _, channel = entry.partition(".")

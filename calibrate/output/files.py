@@ -4,6 +4,7 @@ import contextlib
 import csv
 import io
 import json
+import math
 import os
 import pathlib
 from collections.abc import Iterator, Mapping
@@ -20,12 +21,14 @@ SUMMARY, REPORT = "summary.json", "report.html"
 
 
 def finite(values: Any) -> Any:
-    """Numbers for JSON, which has neither NaN nor infinity: `None` where there is none."""
+    """The same for JSON, which has neither NaN nor infinity: `None` where a number is none, arrays as lists."""
     if isinstance(values, dict):
         return {key: finite(value) for key, value in values.items()}
-    if np.ndim(values):
+    if isinstance(values, list | tuple):
         return [finite(value) for value in values]
-    return float(values) if np.isfinite(values) else None
+    if hasattr(values, "__array__"):
+        return finite(np.asarray(values).tolist())
+    return None if isinstance(values, float) and not math.isfinite(values) else values
 
 
 @contextlib.contextmanager
@@ -52,8 +55,8 @@ def columns_csv(columns: Mapping[str, Float[np.ndarray, " rows"]]) -> str:
 
 
 def write_json(path: pathlib.Path, content: Any) -> None:
-    """Writes JSON; NaN and infinity are bugs, not values."""
-    write_text(path, json.dumps(content, indent=2, allow_nan=False) + "\n")
+    """Writes JSON, with null for what is not finite: a fit that got lost has such figures."""
+    write_text(path, json.dumps(finite(content), indent=2, allow_nan=False) + "\n")
 
 
 def read_json(path: pathlib.Path) -> Any:

@@ -13,6 +13,7 @@ from ..simulation import model_dtype
 from ._beginning import first_progress, transform_of
 from ._calibration import RUNAWAY, Calibration
 from ._corrections import trusted
+from ._duty import meets_noise
 from ._duty_questions import asking_of_duty
 from ._edges import responses_of
 from ._evaluation import Evaluation, Steps, ask
@@ -103,6 +104,22 @@ class Calibrator:
         return calibrator
 
     def searching(self, report: Report) -> "Steps[Calibrator]":
+        """A search to its end; begun again by shorter moves, once, if it got stuck above the noise.
+
+        What is tried is not reported: a fit that is interrupted meanwhile tries all of it again.
+        """
+        ended = yield from self._searching(report)
+        progress = ended.minimiser.progress
+        if progress.corrections or (progress.converged and not progress.stalled) or meets_noise(ended.minimiser):
+            return ended
+        calibrator = yield from starting(self.task, progress.begun_again(), self.notes)
+        again = yield from calibrator._searching(quiet)
+        if again.minimiser.progress.cost >= progress.cost:
+            return ended
+        report(again.minimiser.progress)
+        return again
+
+    def _searching(self, report: Report) -> "Steps[Calibrator]":
         """A search to its end, on without what ran away."""
         calibrator = self
         yield from calibrator._search(report)

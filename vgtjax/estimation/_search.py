@@ -91,7 +91,8 @@ class LevenbergMarquardt:
         point = Point.of(problem, here, slopes.evaluated, slopes)
         # A search that goes on elsewhere than where it was has another cost there.
         history = (*progress.history[:-1], 0.5 * point.chi2 / problem.count)
-        return cls(problem, dataclasses.replace(progress, history=history), slopes, point, corrected_later)
+        began = dataclasses.replace(progress, history=history, began=progress.began or progress.coordinates)
+        return cls(problem, began, slopes, point, corrected_later)
 
     def step(self) -> Progress:
         """Takes one step, which is as far as one Jacobian leads, and says where the fit stands then."""
@@ -102,7 +103,8 @@ class LevenbergMarquardt:
         problem, before = self.problem, self.progress
         here = np.array(before.coordinates, float)
         stand = yield from self._moved(_Stand(here, self.point.residuals, before.step_size))
-        accepted, gain = stand.here is not here, self.point.chi2 - stand.chi2
+        accepted, chi2 = stand.here is not here, self.point.chi2
+        gain = chi2 - stand.chi2
         if accepted:
             self.slopes = yield from Slopes.find(problem, stand.here)
             self.point = Point.of(problem, stand.here, self.slopes.evaluated, self.slopes)
@@ -123,7 +125,9 @@ class LevenbergMarquardt:
             after,
             converged=converged or stalled,
             stalled=stalled and not converged,
-            stuck=not (accepted or stalled),
+            # Programs with and without derivatives round differently, which friction that sticks and slips makes more
+            # of: by that alone a search gained from one place, fifty times, while its moves went to 1e-300.
+            stuck=not (converged or stalled or (accepted and self.point.chi2 < (1 - LEAST_GAIN) * chi2)),
         )
         return self.progress
 
@@ -158,7 +162,7 @@ class LevenbergMarquardt:
         for _ in range(1 + retries):
             sizes = [stand.size * factor for factor in SPREAD]
             # A trial outside the bounds goes to the nearest point inside; what it then gains is judged by that move.
-            moved, clip = stand.here + reduced.damped_steps(sizes), self.problem.transform.clip
+            moved, clip = stand.here + self._near(reduced.damped_steps(sizes)), self.problem.transform.clip
             trials = [np.asarray(clip(trial)) for trial in moved]
             found = yield from side_by_side([misfit_at(self.problem, trial) for trial in trials])
             chi2 = [np.inf if each is None else float(each @ each) for each in found]
@@ -168,6 +172,11 @@ class LevenbergMarquardt:
                 return _Stand(trials[best], residuals, sizes[best], failed, stand.rejected)
             stand = dataclasses.replace(stand, size=SMALLER * stand.size, failed=failed, rejected=stand.rejected + 1)
         return stand
+
+    def _near(self, steps: Float[np.ndarray, "sizes coordinates"]) -> Float[np.ndarray, "sizes coordinates"]:
+        """Steps along the same ways, none so long that nothing is known of where it ends."""
+        longest = np.max(np.abs(steps), axis=1, keepdims=True, initial=0.0)
+        return steps * np.minimum(1.0, self.progress.longest / np.maximum(longest, 1e-300))
 
     def uncertainty(self) -> LeastSquares:
         """Of the linear problem at the accepted coordinates."""

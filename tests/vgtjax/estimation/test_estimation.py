@@ -160,7 +160,8 @@ def test_a_trial_whose_simulation_fails_is_rejected_and_shortened(monkeypatch):
     transform = build_transform(vgtjax.parameter_table(task.model), ["chamber.volume"], np.array([3.2e-5]), {})
     broken = float(transform.to_coordinates(jnp.asarray([1e-6]))[0])
     assert not np.any(np.isfinite(problem.residuals(jnp.asarray([broken]))))  # never zero, never NaN
-    far = Progress(tuple(np.asarray(transform.to_coordinates(jnp.asarray([3.2e-5]))).tolist()))
+    start = tuple(np.asarray(transform.to_coordinates(jnp.asarray([3.2e-5]))).tolist())
+    far = Progress(start, longest=np.inf)
     minimiser = run_alone(LevenbergMarquardt.begin(problem, far))
     usual, asked = Reduced.damped_steps, []
 
