@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from known_truth import bench
+from known_truth import TRUTH, bench
 
 import vgtjax
 from vgtjax import estimation
@@ -15,7 +15,7 @@ from vgtjax.estimation._search import MOST_MOVES
 
 def far_task() -> estimation.Task:
     """The chamber's volume from nearly half of it, 0.58 away in its logarithm."""
-    return plan_task(vgtjax.Actuator(), [bench(0)], free=["chamber.volume"], values={"chamber.volume": 3.2e-5})
+    return plan_task(vgtjax.Actuator(), [bench(0)], free=["chamber.volume"], values={**TRUTH, "chamber.volume": 3.2e-5})
 
 
 def far_search(**progress) -> LevenbergMarquardt:
