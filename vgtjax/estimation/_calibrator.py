@@ -35,7 +35,7 @@ from ._least_squares import LeastSquares
 from ._measured import Sensors, white_sensors
 from ._point import Point, Slopes
 from ._programs import run_alone
-from ._progress import Progress, Report, quiet
+from ._progress import LENGTHS, Progress, Report, quiet
 from ._residuals import FitProblem, build_fit_problem
 from ._search import LevenbergMarquardt
 from ._starts import best_of, searching_from, starts_of
@@ -104,20 +104,29 @@ class Calibrator:
         return calibrator
 
     def searching(self, report: Report) -> "Steps[Calibrator]":
-        """A search to its end; begun again by shorter moves, once, if it got stuck above the noise.
+        """A search to its end; begun again by moves of other lengths while it gets stuck above the noise.
 
         What is tried is not reported: a fit that is interrupted meanwhile tries all of it again.
         """
-        ended = yield from self._searching(report)
-        progress = ended.minimiser.progress
-        if progress.corrections or (progress.converged and not progress.stalled) or meets_noise(ended.minimiser):
-            return ended
-        calibrator = yield from starting(self.task, progress.begun_again(), self.notes)
-        again = yield from calibrator._searching(quiet)
-        if again.minimiser.progress.cost >= progress.cost:
-            return ended
-        report(again.minimiser.progress)
-        return again
+        first = ended = yield from self._searching(report)
+        for longest in LENGTHS[1:]:
+            if not ended._got_stuck():
+                break
+            onward = ended.minimiser.progress.begun_again(longest)
+            calibrator = yield from starting(self.task, onward, self.notes)
+            again = yield from calibrator._searching(quiet)
+            ended = min(
+                ended, again, key=lambda end: (not end.minimiser.progress.converged, end.minimiser.progress.cost)
+            )
+        if ended is not first:
+            report(ended.minimiser.progress)
+        return ended
+
+    def _got_stuck(self) -> bool:
+        """Whether a search has ended above the noise where its moves led nowhere."""
+        progress = self.minimiser.progress
+        smoothly = progress.converged and not progress.stalled
+        return not (progress.corrections or smoothly or meets_noise(self.minimiser))
 
     def _searching(self, report: Report) -> "Steps[Calibrator]":
         """A search to its end, on without what ran away."""

@@ -11,9 +11,10 @@ STALL_TOLERANCE = 0.1
 that grazes its seat, a rod that sticks) leave a linear gain that no step reaches: on the slow loops of an actuator,
 the steps after such a stall gained 0.3 of 18000 in sum, in 20 trials."""
 MAX_ITERATIONS = 100
-LONGEST, SHORTER = 2.0, 0.25
-"""Largest move of a coordinate by one trial, and its factor for a search that is begun again. Units of a fleet took 29,
-6, 9, 29, 6 and 12 Jacobians without it, and one was lost where friction shakes the rod; they take 4 to 7."""
+LENGTHS = (2.0, 0.5, 30.0)
+"""Largest move of a coordinate by one trial, and those of searches that begin again since one got stuck. Without any,
+units of a fleet took 29, 6, 9, 29, 6 and 12 Jacobians, and one was lost where friction shakes the rod; with the first
+they take 4 to 8. Bristles of an axis whose misfit is 2000 times the noise end well by the last only."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -39,7 +40,7 @@ class Progress:
 
     coordinates: tuple[float, ...]
     step_size: float = 1.0
-    longest: float = LONGEST
+    longest: float = LENGTHS[0]
     began: tuple[float, ...] = ()
     iteration: int = 0
     accepted: int = 0
@@ -90,9 +91,9 @@ class Progress:
         again = dataclasses.replace(self, step_size=1.0, converged=False, stalled=False, stuck=False)
         return dataclasses.replace(again, coordinates=tuple(coordinates), began=())
 
-    def begun_again(self) -> "Progress":
-        """A search that begins again where this one did, by shorter moves."""
-        return dataclasses.replace(self.elsewhere(self.began), longest=SHORTER * self.longest, held=(), let_go=None)
+    def begun_again(self, longest: float) -> "Progress":
+        """A search that begins again where this one did, by moves of another length."""
+        return dataclasses.replace(self.elsewhere(self.began), longest=longest, held=(), let_go=None)
 
     def freed(self) -> "Progress":
         """A search that goes on with nothing held."""

@@ -9,7 +9,7 @@ from known_truth import TRUTH, bench
 import vgtjax
 from vgtjax import estimation
 from vgtjax.estimation import LevenbergMarquardt, Progress, Reduced, plan_task, run_alone, start_calibration
-from vgtjax.estimation._progress import LONGEST, SHORTER
+from vgtjax.estimation._progress import LENGTHS
 from vgtjax.estimation._search import MOST_MOVES
 
 
@@ -46,16 +46,17 @@ def test_a_gain_by_rounding_alone_ends_a_search(monkeypatch):
     assert progress.finished
 
 
-def test_a_search_that_got_stuck_begins_again_by_shorter_moves(monkeypatch):
+@pytest.mark.parametrize("good", LENGTHS[1:])
+def test_a_search_that_got_stuck_begins_again_by_moves_of_other_lengths(monkeypatch, good):
     usual = LevenbergMarquardt._near
 
-    def short_only(self, steps):
-        return usual(self, steps) * (self.progress.longest < LONGEST)
+    def one_length_only(self, steps):
+        return usual(self, steps) * (self.progress.longest == good)
 
-    monkeypatch.setattr(LevenbergMarquardt, "_near", short_only)
+    monkeypatch.setattr(LevenbergMarquardt, "_near", one_length_only)
     seen: list[Progress] = []
     found = start_calibration(far_task()).run(seen.append)
     assert found.converged
     assert found.values[0] == pytest.approx(57e-6, rel=0.02)  # as above
     assert seen[0].stuck
-    assert found.progress.longest == SHORTER * LONGEST
+    assert found.progress.longest == good
