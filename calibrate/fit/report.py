@@ -108,7 +108,7 @@ def found_besides(calibration: Calibration) -> list[str]:
     if calibration.duty_delay_error is not None:
         delay, error = 1e3 * calibration.duty_delay, 1e3 * calibration.duty_delay_error
         way = "later" if delay > 0 else "earlier"
-        known = f" +- {error:.3f} ms {way}" if np.isfinite(error) else f" ms {way}, by no more than a guess,"
+        known = f" +- {error:.3f} ms {way}" if np.isfinite(error) else f" ms {way} (not determined by these traces)"
         sentences.append(f"the duty reaches the valve {abs(delay):.3f}{known} than the traces say")
     sentences += _edges_found(calibration) + _inputs_found(calibration)
     for entry, (value, error) in calibration.instruments.items():
