@@ -13,7 +13,8 @@ import pickle
 import re
 import tempfile
 import threading
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Generator, Hashable, Sequence
+from concurrent.futures import Future
 from typing import Any, Generic, ParamSpec, TypeVar
 
 import equinox as eqx
@@ -26,12 +27,13 @@ from ._naming import Unnamed, name_call
 
 P = ParamSpec("P")
 R = TypeVar("R")
+T = TypeVar("T")
 
 FOLDER: pathlib.Path | None = None
 """Where programs are kept, set by [`configure`][]; without it a function is compiled as `equinox.filter_jit` does."""
 
 _FINDING = threading.Lock()
-"""Fits that go on side by side want the same programs at the same time."""
+"""Fits that go on side by side want the same programs at the same time: who comes first makes it."""
 _KNOWN_CALLS = ("lapack", "Sharding", "SPMD")
 """Calls to the outside that mean the same in another process, unlike those to functions of Python."""
 
@@ -62,21 +64,37 @@ class Kept(Generic[P, R]):
         functools.update_wrapper(self, function)
         self._function: Callable[..., Any] = function
         self._compiled: Callable[..., R] = eqx.filter_jit(function)
-        self._programs: dict[Hashable, _Program | None] = {}
+        self._programs: dict[Hashable, Future[_Program | None]] = {}
 
     def __call__(self, *args: P.args, **kwargs: P.kwargs) -> R:
         """The function's value: the same bits, whether its program was kept or not."""
-        arrays, rest = eqx.partition(args, eqx.is_array)
-        leaves, structure = jax.tree.flatten(arrays)
+        leaves = jax.tree.leaves(eqx.filter(args, eqx.is_array))
         if FOLDER is None or kwargs or any(isinstance(leaf, jax.core.Tracer) for leaf in leaves):
             return self._compiled(*args, **kwargs)
+        program = self._program(FOLDER, args)
+        return self._compiled(*args) if program is None else program(leaves)
+
+    def prepare(self, *args: P.args, **kwargs: P.kwargs) -> None:
+        """Finds or makes the program for such arguments, which another thread may want meanwhile; runs nothing."""
+        if FOLDER is not None and not kwargs:
+            self._program(FOLDER, args)
+
+    def _program(self, folder: pathlib.Path, args: tuple[Any, ...]) -> _Program | None:
+        """The program for such arguments, made once; none if it can't be named."""
+        arrays, rest = eqx.partition(args, eqx.is_array)
+        leaves, structure = jax.tree.flatten(arrays)
         placed = tuple((leaf.shape, leaf.dtype, getattr(leaf, "sharding", None)) for leaf in leaves)
         key = (structure, jax.tree.structure(rest), *jax.tree.leaves(rest), placed)
         with _FINDING:
-            if key not in self._programs:
-                self._programs[key] = self._find(FOLDER, args)
-        program = self._programs[key]
-        return self._compiled(*args) if program is None else program(leaves)
+            known = self._programs.get(key)
+            program = self._programs.setdefault(key, Future())
+        if known is None:
+            try:
+                program.set_result(self._find(folder, args))
+            except BaseException as error:
+                del self._programs[key]  # whoever comes next tries again
+                program.set_exception(error)
+        return program.result()
 
     def _find(self, folder: pathlib.Path, args: tuple[Any, ...]) -> _Program | None:
         """The program for such arguments: the one that was kept, or else a new one; none if it can't be named."""
@@ -115,6 +133,26 @@ def keep_compiled(function: Callable[P, R]) -> Kept[P, R]:
     What is made of a user's own classes is compiled in each process, since their code may have changed.
     """
     return Kept(function)
+
+
+@contextlib.contextmanager
+def preparing(jobs: Sequence[T], prepare: Callable[[T], None]) -> Generator[None]:
+    """Compiles for one job after the other in a thread of its own, as long as the block runs."""
+    ended = threading.Event()
+
+    def work() -> None:
+        for job in jobs:
+            # What fails here fails again where it is asked, and is reported there.
+            with contextlib.suppress(Exception):
+                if not ended.is_set():
+                    prepare(job)
+
+    if jobs and FOLDER is not None:
+        threading.Thread(target=work, name="compiling ahead").start()
+    try:
+        yield
+    finally:
+        ended.set()
 
 
 def _save(file: pathlib.Path, compiled: jax.stages.Compiled, about: tuple[Any, int, bool]) -> None:

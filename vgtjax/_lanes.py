@@ -54,12 +54,12 @@ def map_rows(
     lanes, chunks = fill_devices(lanes), []
     for begin in range(0, count, lanes):
         places = np.minimum(np.arange(begin, begin + lanes), count - 1)
-        found = _bring_home(function(_share_out(rows(places))))
+        found = _bring_home(function(share_out(rows(places))))
         chunks.append(jax.tree.map(lambda leaf, left=count - begin: leaf[:left], found))
     return jax.tree.map(lambda *leaves: np.concatenate(leaves), *chunks)
 
 
-def _share_out(rows: PyTree) -> PyTree[Array]:
+def share_out(rows: PyTree) -> PyTree[Array]:
     """Arrays that every process has whole, with their first axis spread over the devices of all processes."""
     sharding = _sharding("lane")
     if jax.process_count() == 1:

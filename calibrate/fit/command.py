@@ -6,7 +6,7 @@ from typing import Any
 
 from vgtjax import SimulationError
 from vgtjax.assurance import Information, certifying, require_blackjax
-from vgtjax.estimation import Calibrator, End, Progress, Steps, run_alone, run_together
+from vgtjax.estimation import Calibrator, End, Progress, Question, Steps, foreseen, run_alone, run_together
 from vgtjax.identification import starting_fit
 
 from ..output.console import console, say
@@ -57,17 +57,18 @@ def _fit_units(job: Job, folders: Folders) -> None:
     """Fits the units that are left, side by side if the study has several, and writes the files of each as it ends."""
     if len(job.units) == 1:
         for unit, folder in folders:
-            _write(job, unit, folder, _outcome_alone(_fitting(job, unit, folder)))
+            _write(job, unit, folder, _outcome_alone(_fitting(job, unit, folder), foreseen(plan(job, unit))))
         return
     names = {unit.name: (unit, folder) for unit, folder in folders}
     fits = {name: _fitting(job, *place) for name, place in names.items()}
     with console.status(f"{len(fits)} fits side by side"):
-        run_together(fits, lambda name, outcome: _write(job, *names[name], outcome))
+        first = foreseen(plan(job, folders[0][0]))
+        run_together(fits, lambda name, outcome: _write(job, *names[name], outcome), first)
 
 
-def _outcome_alone(fit: Steps[Fitted]) -> Fitted | SimulationError:
+def _outcome_alone(fit: Steps[Fitted], ahead: Sequence[Question]) -> Fitted | SimulationError:
     try:
-        return run_alone(fit)
+        return run_alone(fit, ahead)
     except SimulationError as error:
         return error
 

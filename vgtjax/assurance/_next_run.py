@@ -69,7 +69,8 @@ def _columns(
     whole = {kind: _finest([run for run in runs if (run.kind, run.turbine_pressure) == kind]) for kind in kinds}
     model = task.selection.unpack(task.model, known.values)
     traces = [run.trace(_reservoir(task)) for run in whole.values()]
-    bundles = bundle_traces(model, traces, task.stepping)
+    recorded = bundle_traces(model, task.fit, task.stepping)
+    bundles = bundle_traces(model, traces, task.stepping, like=recorded)
     evaluated = yield from ask(Evaluation(model, bundles, None, task.selection))
     if evaluated.failed:
         raise SimulationError("a standard run can't be simulated with these values; check that they are physical")

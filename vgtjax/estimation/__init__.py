@@ -2,7 +2,7 @@
 
 from ._bands import spread_along as spread_along
 from ._budget import Budget as Budget
-from ._bundle import CHANNELS as CHANNELS, SEGMENT as SEGMENT, Bundle as Bundle, bundle_traces as bundle_traces
+from ._bundle import CHANNELS as CHANNELS, Bundle as Bundle, bundle_traces as bundle_traces
 from ._calibration import (
     NORMAL_95 as NORMAL_95,
     RUNAWAY as RUNAWAY,
@@ -14,6 +14,7 @@ from ._calibration import (
 from ._calibrator import (
     Calibrator as Calibrator,
     calibrate as calibrate,
+    foreseen as foreseen,
     start_calibration as start_calibration,
     starting as starting,
 )
@@ -31,6 +32,7 @@ from ._evidence import (
     observe_traces as observe_traces,
     sharp_bundles as sharp_bundles,
 )
+from ._layout import SEGMENT as SEGMENT
 from ._least_squares import (
     LeastSquares as LeastSquares,
     clustered_errors as clustered_errors,
@@ -46,7 +48,7 @@ from ._least_squares import (
 from ._measured import Sensors as Sensors
 from ._point import Point as Point, Reduced as Reduced, Secant as Secant, Slopes as Slopes, misfit_at as misfit_at
 from ._profiles import Profile as Profile, Profiles as Profiles, profiling as profiling
-from ._programs import run_alone as run_alone, run_together as run_together
+from ._programs import Question as Question, run_alone as run_alone, run_together as run_together
 from ._progress import CHI2_TOLERANCE as CHI2_TOLERANCE, Progress as Progress
 from ._remains import VERDICTS as VERDICTS, Remains as Remains, find_remains as find_remains
 from ._residuals import FitProblem as FitProblem, build_fit_problem as build_fit_problem

@@ -17,7 +17,8 @@ from ..parameters import Selection
 from ..parts import with_tables
 from ..plants import AbstractModel, State
 from ..simulation import march
-from ._bundle import SEGMENT, Bundle
+from ._bundle import Bundle
+from ._layout import SEGMENT
 from ._values import Choose, Gradient, Pushed, chooser, pull_values
 
 Cotangent = Float[Array, "lanes sample channel"]

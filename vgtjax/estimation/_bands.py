@@ -53,7 +53,7 @@ def predicted_spread(
     found, missing = spread_of(asked.bundles, slopes, covariance), nothing[len(task.fit) :]
     if not others:
         return found
-    bundles = bundle_traces(asked.model, others, task.stepping)
+    bundles = bundle_traces(asked.model, others, task.stepping, asked.bundles)
     try:
         beyond = yield from ask(dataclasses.replace(asked, bundles=bundles))
     except SimulationError:

@@ -1,5 +1,6 @@
 """Traces laid out for batched simulation and for the segment-parallel Jacobian."""
 
+import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
@@ -9,15 +10,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from .._lanes import fill_devices
 from .._types import Scalar
 from ..plants import AbstractModel
-from ..simulation import FixedMarch, FixedStep, model_dtype
+from ..simulation import CountedMarch, FixedStep, ReversibleMarch, model_dtype
 from ..traces import Drive, Start, Trace, cast, delay_duty, require
-
-SEGMENT = 50
-"""Samples a segment of the parallel Jacobian: long enough that chaining segments costs little, short enough for many
-lanes. Between 25 and 100 its time changes by a tenth."""
+from ._layout import SEGMENT, Group, Layout, Shape, packed
 
 CHANNELS = ("x_d", "p_act")
 """The measured signals, in the order of every array with a channel axis."""
@@ -27,25 +24,41 @@ class Bundle(eqx.Module):
     """Traces that take the same steps, padded to equal length and cut into lanes of `SEGMENT` samples.
 
     `drive` has leaves `(time, traces)`; padded intervals have no duration, so nothing moves there. A lane is one
-    segment of one trace: `lane_trace` and `lane_segment` say which. `samples[i]` is the number of times of trace `i`,
-    which is trace number `indices[i]` of the list that the bundle was made from.
+    segment of one trace: `lane_trace` and `lane_segment` say which. Trace `i` is number `numbers[i]` of the list that
+    the bundle was made from, or none where that is -1; it has `samples[i]` times.
     """
 
-    indices: tuple[int, ...] = eqx.field(static=True)
+    numbers: Int[np.ndarray, " traces"]
     samples: Int[np.ndarray, " traces"]
-    plan: FixedMarch
+    plan: CountedMarch | ReversibleMarch
     drive: Drive
     start: Start
     lane_drive: Drive
     lane_trace: Int[np.ndarray, " lanes"]
     lane_segment: Int[np.ndarray, " lanes"]
 
+    @property
+    def indices(self) -> tuple[int, ...]:
+        """The numbers of its traces."""
+        return tuple(self.numbers[self.numbers >= 0].tolist())
+
+    @property
+    def shape(self) -> Shape:
+        """What its programs are compiled for."""
+        length, traces = self.drive.duration.shape
+        return Shape(length // SEGMENT, traces, len(self.lane_trace))
+
+    def reversible(self) -> "Bundle":
+        """The same traces for reverse mode."""
+        assert isinstance(self.plan, CountedMarch), "traces are made reversible once"
+        return dataclasses.replace(self, plan=self.plan.reversible())
+
     def from_lanes(self, lanes: Float[np.ndarray, "lanes sample ..."]) -> list[np.ndarray]:
         """One array a trace, without padding."""
         owned = self._owned()
         return [
-            lanes[owned[self.lane_trace[owned] == i]].reshape(-1, *lanes.shape[2:])[:count]
-            for i, count in enumerate(self.samples)
+            lanes[owned[self.lane_trace[owned] == i]].reshape(-1, *lanes.shape[2:])[: self.samples[i]]
+            for i in range(len(self.indices))
         ]
 
     def with_late_duty(self, delay: Scalar) -> tuple["Bundle", Float[Array, "sample lanes"]]:
@@ -74,53 +87,64 @@ class Bundle(eqx.Module):
         return np.arange(int(np.sum(-(-self.samples // SEGMENT))))
 
 
-def _stack(arrays: Sequence[np.ndarray], length: int, fill: float | None) -> np.ndarray:
-    """Arrays side by side `(length, traces)`, padded by `fill` or by their last value."""
-    columns = []
-    for array in arrays:
-        tail = np.full(length - len(array), array[-1] if fill is None else fill, dtype=array.dtype)
-        columns.append(np.concatenate([array, tail]))
-    return np.stack(columns, axis=1)
+def _stack(arrays: Sequence[np.ndarray], length: int) -> np.ndarray:
+    """Arrays side by side `(length, traces)`, padded by their last value."""
+    return np.stack([np.pad(array, (0, length - len(array)), mode="edge") for array in arrays], axis=1)
 
 
-def bundle_traces(model: AbstractModel, traces: Sequence[Trace], stepping: FixedStep | None = None) -> list[Bundle]:
+def bundle_traces(
+    model: AbstractModel,
+    traces: Sequence[Trace],
+    stepping: FixedStep | None = None,
+    like: Sequence[Bundle] = (),
+) -> list[Bundle]:
     """Bundles of traces that can run side by side: same steps an interval, same kind of input.
+
+    **Arguments:** `like`: bundles of the same model whose programs are compiled already: what has room in the shape of
+    one is laid out in that.
 
     **Raises:** `InputError` when a trace lacks a column that the model needs, or steps are not fixed.
     """
     stepping = FixedStep() if stepping is None else stepping
-    plans: dict[Any, FixedMarch] = {}
-    groups: dict[Any, list[int]] = {}
+    kinds: dict[Any, dict[int, Group]] = {}
     for index, trace in enumerate(traces):
         require(trace, model.needs)
-        plan = stepping.plan_intervals(model, trace.longest_interval)
-        key = (plan.substeps, jax.tree.structure(trace.drive()))
-        plans[key] = plan
-        groups.setdefault(key, []).append(index)
-    return [_bundle(model, [traces[i] for i in indices], indices, plans[key]) for key, indices in groups.items()]
+        substeps, drive = stepping.plan_intervals(model, trace.longest_interval).substeps, trace.drive()
+        rates = kinds.setdefault(jax.tree.structure(drive), {})
+        rates.setdefault(substeps, {})[index] = Layout(trace, drive)
+    bundles = []
+    for kind, rates in kinds.items():
+        shapes = [bundle.shape for bundle in like if jax.tree.structure(bundle.drive) == kind]
+        for substeps, shape, group in packed(rates, shapes):
+            plan = CountedMarch(np.asarray(substeps), stepping.solver)
+            bundles.append(_bundle(group, shape, plan, model_dtype(model)))
+    return bundles
 
 
-def _bundle(model: AbstractModel, traces: list[Trace], indices: list[int], plan: FixedMarch) -> Bundle:
-    dtype = model_dtype(model)
-    samples = [len(trace.time) for trace in traces]
-    segments = [-(-count // SEGMENT) for count in samples]
-    length = max(segments) * SEGMENT
-    drives = [trace.drive() for trace in traces]
-    drive = jax.tree.map(lambda *leaves: _stack(leaves, length, None), *drives)
+def _bundle(group: Group, shape: Shape, plan: CountedMarch, dtype: np.dtype) -> Bundle:
+    """Traces, by their number, in a shape that has room for them."""
+    empty = shape.traces - len(group)
+    drives = [each.drive for each in group.values()]
+    samples = [len(drive.duration) for drive in drives]
+    segments = [each.segments for each in group.values()]
     # Padding holds the last inputs over no time at all: their rates are those of the last sample, zero.
-    start = jax.tree.map(lambda *leaves: np.stack(leaves), *[trace.start() for trace in traces])
-    trace_of = np.repeat(np.arange(len(traces)), segments)
+    nothing = jax.tree.map(lambda leaf: leaf[-1:], drives[0])
+    length = shape.segments * SEGMENT
+    drive = jax.tree.map(lambda *leaves: _stack(leaves, length), *drives, *[nothing] * empty)
+    starts = [each.trace.start() for each in group.values()]
+    start = jax.tree.map(lambda *leaves: np.stack(leaves), *starts, *starts[:1] * empty)
+    trace_of = np.repeat(np.arange(len(group)), segments)
     segment_of = np.concatenate([np.arange(count) for count in segments])
-    fill = fill_devices(len(trace_of)) - len(trace_of)
+    fill = shape.lanes - len(trace_of)
     lane_trace, lane_segment = np.pad(trace_of, (0, fill)), np.pad(segment_of, (0, fill))
 
     def to_lanes(leaf: np.ndarray) -> np.ndarray:
-        return leaf.reshape(max(segments), SEGMENT, -1)[lane_segment, :, lane_trace].T
+        return leaf.reshape(shape.segments, SEGMENT, -1)[lane_segment, :, lane_trace].T
 
     lane_drive = jax.tree.map(to_lanes, drive)
     return Bundle(
-        indices=tuple(indices),
-        samples=np.asarray(samples),
+        numbers=np.pad(np.array(list(group)), (0, empty), constant_values=-1),
+        samples=np.pad(np.array(samples), (0, empty)),
         plan=plan,
         drive=cast(drive, dtype),
         start=cast(start, dtype),

@@ -12,7 +12,7 @@ from ..parameters import Transform, parameter_table, table_row
 from ..plants import AbstractModel
 from ..traces import SIGNALS, Trace
 from ._budget import Budget
-from ._bundle import CHANNELS, bundle_traces
+from ._bundle import CHANNELS, Bundle, bundle_traces
 from ._duties import in_seconds, read_duties
 from ._evaluation import Steps
 from ._evidence import observe_traces
@@ -278,10 +278,10 @@ def comparing(
     errors: Sequence[np.ndarray] | None = None,
 ) -> Steps[list[TraceResult]]:
     """`compare` as a computation; `errors` `(time, channel)` of what is observed of every trace, those to fit first."""
-    results = []
+    results, bundles = [], list[Bundle]()
     left: Iterator[np.ndarray | None] = itertools.repeat(None) if errors is None else iter(errors)
     for use, traces, edges in (("fit", task.fit, task.edges), ("validate", task.validate, ())):
-        bundles = bundle_traces(model, read_duties(traces, task.linear, edges), task.stepping)
+        bundles = bundle_traces(model, read_duties(traces, task.linear, edges), task.stepping, bundles)
         observed = yield from observe_traces(model, bundles, delay if task.late_duty else None)
         known = sensors if use == "fit" and sensors is not None else white_sensors(traces, task.channels)
         for trace, seen, each in zip(traces, observed, known, strict=True):

@@ -5,46 +5,36 @@ import dataclasses
 import numpy as np
 from jaxtyping import Bool, Float
 
-from .._errors import InputError, SimulationError
-from .._types import Vector
+from .._errors import InputError
 from ..parameters import Transform
 from ..parts import with_sharp_seat
 from ..simulation import model_dtype
 from ._beginning import first_progress, transform_of
 from ._calibration import RUNAWAY, Calibration
-from ._corrections import trusted
-from ._duty import meets_noise
+from ._corrections import correcting
 from ._duty_questions import asking_of_duty
 from ._edges import responses_of
 from ._evaluation import Evaluation, Steps, ask
 from ._evidence import (
-    EVIDENT,
-    MOST_CORRECTIONS,
     NEARBY,
-    SETTLED,
-    SHORTEST,
-    SMALL_GAIN,
     by_trace,
     learn_sensors,
     observe_traces,
     sharp_bundles,
-    turns,
 )
 from ._finish import finishing
 from ._least_squares import LeastSquares
 from ._measured import Sensors, white_sensors
 from ._point import Point, Slopes
-from ._programs import run_alone
-from ._progress import LENGTHS, Progress, Report, quiet
+from ._programs import WIDE, run_alone
+from ._progress import Progress, Report, quiet
 from ._residuals import FitProblem, build_fit_problem
 from ._search import LevenbergMarquardt
-from ._starts import best_of, searching_from, starts_of
+from ._searches import from_many_starts, searching
 from ._task import Task
 
 HELD_MATTERS = 9.0
 """Increase of chi^2 from which a value that ran away was worth something: three standard errors of one parameter."""
-MOST_RESCUES = 4
-"""Times that a search goes on without what ran away before it is lost."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -80,7 +70,7 @@ class Calibrator:
 
     def ending(self, report: Report = quiet) -> "Steps[Calibrator]":
         """`run` as a computation, as far as to the end of all steps."""
-        calibrator = yield from (yield from self._from_many_starts(report)).searching(report)
+        calibrator = yield from searching((yield from from_many_starts(self, report)), report)
         progress = calibrator.minimiser.progress
         if self.task.late_duty and not (progress.corrections or progress.edges):
             calibrator = yield from asking_of_duty(calibrator, report)
@@ -89,70 +79,20 @@ class Calibrator:
             report(calibrator.minimiser.progress)
         return calibrator
 
-    def _from_many_starts(self, report: Report) -> "Steps[Calibrator]":
-        """The search at the best of the ends that it reaches from many starts, if there are to be several."""
-        task, progress = self.task, self.minimiser.progress
-        if task.starts < 2 or progress.iteration or progress.waterfall:
-            return self
-        first = first_progress(task)
-        starts = starts_of(task, transform_of(task, first), task.starts)
-        ended = yield from searching_from(first, starts, lambda progress: starting(task, progress))
-        waterfall = tuple(each.row for each in ended)
-        onward = dataclasses.replace(first, coordinates=best_of(ended).coordinates, waterfall=waterfall)
-        calibrator = yield from starting(task, onward, self.notes)
-        report(calibrator.minimiser.progress)
-        return calibrator
+    def at(self, progress: Progress) -> "Steps[Calibrator]":
+        """The same task at another place."""
+        return (yield from starting(self.task, progress, self.notes))
 
-    def searching(self, report: Report) -> "Steps[Calibrator]":
-        """A search to its end; begun again by moves of other lengths while it gets stuck above the noise.
-
-        What is tried is not reported: a fit that is interrupted meanwhile tries all of it again.
-        """
-        first = ended = yield from self._searching(report)
-        for longest in LENGTHS[1:]:
-            if not ended._got_stuck():
-                break
-            onward = ended.minimiser.progress.begun_again(longest)
-            calibrator = yield from starting(self.task, onward, self.notes)
-            again = yield from calibrator._searching(quiet)
-            ended = min(
-                ended, again, key=lambda end: (not end.minimiser.progress.converged, end.minimiser.progress.cost)
-            )
-        if ended is not first:
-            report(ended.minimiser.progress)
-        return ended
-
-    def _got_stuck(self) -> bool:
-        """Whether a search has ended above the noise where its moves led nowhere."""
-        progress = self.minimiser.progress
-        smoothly = progress.converged and not progress.stalled
-        return not (progress.corrections or smoothly or meets_noise(self.minimiser))
-
-    def _searching(self, report: Report) -> "Steps[Calibrator]":
-        """A search to its end, on without what ran away."""
-        calibrator = self
-        yield from calibrator._search(report)
-        for _ in range(MOST_RESCUES):
-            onward = yield from calibrator._without_runaways()
-            if onward is calibrator:
-                break
-            calibrator = onward
-            yield from calibrator._search(report)
-        return calibrator
+    def corrected(self, progress: Progress) -> "Steps[Calibrator]":
+        """The same task at a place of its corrections, with the derivatives that are known."""
+        search = self.minimiser
+        return (yield from corrected_calibration(self.task, search.problem, progress, search.slopes, self.notes))
 
     def searching_from(self, progress: Progress, report: Report = quiet) -> "Steps[Calibrator]":
         """A search of the same task to its end, from another place."""
-        calibrator = yield from starting(self.task, progress, self.notes)
+        calibrator = yield from self.at(progress)
         report(calibrator.minimiser.progress)
-        return (yield from calibrator.searching(report))
-
-    def _search(self, report: Report) -> Steps[None]:
-        """Steps until the search has ended, and what was held on the way is judged."""
-        while not self.minimiser.progress.finished:
-            report((yield from self.minimiser.steps()))
-        progress = self.minimiser.progress
-        if progress.let_go is not None and not progress.corrections:
-            self.minimiser.progress = dataclasses.replace(progress, lost=self.worth(progress.cost - progress.let_go))
+        return (yield from searching(calibrator, report))
 
     def correct(self) -> "Calibrator | None":
         """The next correction of a search that has converged, or `None` where there is none, or none that matters."""
@@ -160,65 +100,15 @@ class Calibrator:
 
     def correcting(self) -> "Steps[Calibrator | None]":
         """`correct` as a computation."""
-        progress = self.minimiser.progress
-        lost = progress.lost or bool(np.any(self._away()))
-        if not (self.task.unknown.anything and progress.converged) or progress.settled or lost:
-            return None
-        nowhere = np.zeros(len(progress.coordinates))
-        if not progress.corrections:
-            return (yield from self._try(nowhere, 1.0, nowhere))
-        found = self.uncertainty()
-        errors = np.where(found.determined, found.std_errors, np.inf)
-        step = np.where(found.determined, -found.values, 0.0)
-        wanted = (*progress.wanted, tuple(step.tolist()))
-        part = 1 / (1 + len(turns(np.array(wanted) / errors)))
-        small = bool(np.all(np.abs(part * step) <= SETTLED * errors))
-        if not small and progress.corrections < MOST_CORRECTIONS:
-            following = yield from self._try(step, part, SETTLED * errors)
-            if following is not None:
-                return following
-            small = found.gain < SMALL_GAIN
-        self.minimiser.progress = dataclasses.replace(progress, wanted=wanted, settled=small)
-        return None
+        return (yield from correcting(self))
 
-    def _try(self, step: Vector, part: float, least: Vector) -> "Steps[Calibrator | None]":
-        """Corrected after a part of a step, or less of it where the misfit does not bear it out or a simulation fails;
-        `None` where that is so for all of it, or what is left moves nothing by more than `least`."""
-        search = self.minimiser
-        here = np.asarray(search.progress.coordinates)
-        while part > SHORTEST:
-            there = here
-            if np.any(step):
-                there = yield from trusted(search.problem, search.point, here, step, part)
-                if np.all(np.abs(there - here) <= least):
-                    return None
-            try:
-                return (yield from self._go_on(step, there))
-            except SimulationError:
-                part /= 4
-        return None
-
-    def _away(self) -> Bool[np.ndarray, " coordinates"]:
+    def away(self) -> Bool[np.ndarray, " coordinates"]:
         """Which coordinates the search has carried to where nothing is known of them."""
         transform, count = self.transform, len(self.task.selection.entries)
         here = np.asarray(self.minimiser.progress.coordinates)
         moved = np.abs(here - np.asarray(transform.to_coordinates(self.task.first_guess)))
         away = (moved > np.log(RUNAWAY)) & transform.positive & ~np.asarray(transform.at_bound(here))
         return away & (np.arange(len(here)) < count)
-
-    def _without_runaways(self) -> "Steps[Calibrator]":
-        """The search gone on with what ran away held at its start, as a value that changes nothing spoils no other; or
-        freed again, if the search had only lost its way: then holding has made it better."""
-        progress, away = self.minimiser.progress, self._away()
-        if np.any(away):
-            start = np.asarray(self.transform.to_coordinates(self.task.first_guess))
-            coordinates = np.where(away, start, np.asarray(progress.coordinates))
-            onward = progress.holding(np.flatnonzero(away).tolist(), coordinates.tolist())
-        elif progress.let_go is not None and self.worth(progress.let_go - progress.cost):
-            onward = progress.freed()
-        else:
-            return self
-        return (yield from starting(self.task, onward, self.notes))
 
     def worth(self, cost: float) -> bool:
         """Whether a difference of costs is evident."""
@@ -227,19 +117,7 @@ class Calibrator:
     def is_lost(self) -> bool:
         """Whether a search has ended where its values may not be used."""
         progress = self.minimiser.progress
-        return not progress.converged or progress.lost or bool(np.any(self._away()))
-
-    def _go_on(self, step: Vector, there: Vector) -> "Steps[Calibrator]":
-        """Corrected at `there` on the way of the step that is wanted, without a delay that may as well be none."""
-        progress, errors = self.minimiser.progress, self.uncertainty().std_errors
-        coordinates = np.array(there)
-        if progress.late and self.task.unknown.duty_delay is not True:
-            evident = abs(coordinates[-1]) > EVIDENT * np.nan_to_num(errors[-1])
-            coordinates[-1] *= evident
-            progress = dataclasses.replace(progress, late=bool(evident))
-        slopes = self.minimiser.slopes
-        corrected = progress.corrected(coordinates.tolist(), step.tolist(), slopes.at.tolist())
-        return (yield from corrected_calibration(self.task, self.minimiser.problem, corrected, slopes, self.notes))
+        return not progress.converged or progress.lost or bool(np.any(self.away()))
 
     def uncertainty(self) -> LeastSquares:
         """Of the linear problem at the current coordinates, without the scatter of corrections."""
@@ -275,18 +153,8 @@ def starting(
         )
     progress = first_progress(task) if resume is None else resume
     task = dataclasses.replace(task, linear=progress.linear, edges=progress.edges)
-    transform = transform_of(task, progress)
     sensors = white_sensors(task.traces, task.channels)
-    problem = build_fit_problem(
-        task.model,
-        task.selection,
-        transform,
-        task.traces,
-        channels=task.channels,
-        sensors=sensors,
-        stepping=task.stepping,
-        prior=task.prior,
-    )
+    problem = _problem_of(task, progress, sensors)
     if progress.edges:
         responses = yield from responses_of(task, problem, progress.edges, np.array(progress.edges_seen))
         problem = problem.with_edges(responses, sum(map(len, progress.edges)))
@@ -295,6 +163,33 @@ def starting(
         return Calibrator(task, sensors, minimiser, notes)
     slopes = yield from Slopes.find(problem, np.array(progress.linearised))
     return (yield from corrected_calibration(task, problem, progress, slopes, notes))
+
+
+def _problem_of(task: Task, progress: Progress, sensors: Sensors) -> FitProblem:
+    return build_fit_problem(
+        task.model,
+        task.selection,
+        transform_of(task, progress),
+        task.traces,
+        channels=task.channels,
+        sensors=sensors,
+        stepping=task.stepping,
+        prior=task.prior,
+    )
+
+
+def foreseen(task: Task) -> list[list[Evaluation]]:
+    """What a fit asks soon after its start, and its gradient certificate in the end: the longest to compile last."""
+    progress = first_progress(task)
+    problem = _problem_of(task, progress, white_sensors(task.traces, task.channels))
+    here = np.array(progress.coordinates)
+    plain, slopes = problem.evaluation(here), problem.evaluation(here, slopes=True)
+    nothing = [np.zeros((*np.shape(each.values),)) for each in problem.measured]
+    exact = dataclasses.replace(
+        plain, model=with_sharp_seat(plain.model), bundles=sharp_bundles(task.model, task.traces, task.stepping)
+    )
+    sharp = [[exact]] if task.unknown.numerics else []
+    return [[plain] * WIDE, [plain], *sharp, [dataclasses.replace(slopes, cotangent=nothing)]]
 
 
 def corrected_calibration(

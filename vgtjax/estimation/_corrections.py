@@ -1,8 +1,14 @@
-"""Steps of corrections: as long as the misfit bears out what its linear model promises."""
+"""Corrections of a search that has converged: steps as long as the misfit bears out what its linear model promises."""
+
+import dataclasses
+from typing import Any, TypeVar
 
 import numpy as np
 
+from .._errors import SimulationError
+from .._types import Vector
 from ._evaluation import Steps
+from ._evidence import EVIDENT, MOST_CORRECTIONS, SETTLED, SHORTEST, SMALL_GAIN, turns
 from ._point import Coordinates, Point, misfit_at
 from ._residuals import FitProblem
 
@@ -15,6 +21,9 @@ CHATTER = 1.0
 """Rise of chi^2 that is no rise: one standard error, and what a rod that sticks or slips a sample later makes."""
 LONGEST_STEP = 0.5
 """Coordinates by which a correction moves at most; farther no linear model reaches."""
+
+C = TypeVar("C", bound=Any)
+"""A calibrator, which corrects itself like this."""
 
 
 def trusted(problem: FitProblem, point: Point, here: Coordinates, full: Coordinates, part: float) -> Steps[Coordinates]:
@@ -37,3 +46,58 @@ def trusted(problem: FitProblem, point: Point, here: Coordinates, full: Coordina
         if rise < lowest:
             best, lowest = there, rise
     return best
+
+
+def correcting(calibrator: C) -> Steps[C | None]:
+    """The next correction, or `None` where there is none, or none that matters."""
+    progress = calibrator.minimiser.progress
+    lost = progress.lost or bool(np.any(calibrator.away()))
+    if not (calibrator.task.unknown.anything and progress.converged) or progress.settled or lost:
+        return None
+    nowhere = np.zeros(len(progress.coordinates))
+    if not progress.corrections:
+        return (yield from _try(calibrator, nowhere, 1.0, nowhere))
+    found = calibrator.uncertainty()
+    errors = np.where(found.determined, found.std_errors, np.inf)
+    step = np.where(found.determined, -found.values, 0.0)
+    wanted = (*progress.wanted, tuple(step.tolist()))
+    part = 1 / (1 + len(turns(np.array(wanted) / errors)))
+    small = bool(np.all(np.abs(part * step) <= SETTLED * errors))
+    if not small and progress.corrections < MOST_CORRECTIONS:
+        following = yield from _try(calibrator, step, part, SETTLED * errors)
+        if following is not None:
+            return following
+        small = found.gain < SMALL_GAIN
+    calibrator.minimiser.progress = dataclasses.replace(progress, wanted=wanted, settled=small)
+    return None
+
+
+def _try(calibrator: C, step: Vector, part: float, least: Vector) -> Steps[C | None]:
+    """Corrected after a part of a step, or less of it where the misfit does not bear it out or a simulation fails;
+    `None` where that is so for all of it, or what is left moves nothing by more than `least`."""
+    search = calibrator.minimiser
+    here = np.asarray(search.progress.coordinates)
+    while part > SHORTEST:
+        there = here
+        if np.any(step):
+            there = yield from trusted(search.problem, search.point, here, step, part)
+            if np.all(np.abs(there - here) <= least):
+                return None
+        try:
+            return (yield from _go_on(calibrator, step, there))
+        except SimulationError:
+            part /= 4
+    return None
+
+
+def _go_on(calibrator: C, step: Vector, there: Vector) -> Steps[C]:
+    """Corrected at `there` on the way of the step that is wanted, without a delay that may as well be none."""
+    progress, errors = calibrator.minimiser.progress, calibrator.uncertainty().std_errors
+    coordinates = np.array(there)
+    if progress.late and calibrator.task.unknown.duty_delay is not True:
+        evident = abs(coordinates[-1]) > EVIDENT * np.nan_to_num(errors[-1])
+        coordinates[-1] *= evident
+        progress = dataclasses.replace(progress, late=bool(evident))
+    slopes = calibrator.minimiser.slopes
+    corrected = progress.corrected(coordinates.tolist(), step.tolist(), slopes.at.tolist())
+    return (yield from calibrator.corrected(corrected))

@@ -11,7 +11,8 @@ from jaxtyping import Array, Float, Int
 
 from .._kept import keep_compiled
 from ..traces import Trace
-from ._bundle import CHANNELS, SEGMENT, Bundle
+from ._bundle import CHANNELS, Bundle
+from ._layout import SEGMENT
 from ._sensors import MEMORY, Sensor, white_sensor
 
 SMALLEST = 1e-300

@@ -12,9 +12,11 @@ import jax
 import numpy as np
 
 from .._errors import SimulationError
-from .._lanes import fill_devices, map_rows
+from .._kept import preparing
+from .._lanes import fill_devices, map_rows, share_out
+from ..parts import has_tables
 from ._evaluation import Evaluated, Evaluation, Steps
-from ._sensitivities import observe, observe_backwards, observe_together, observe_with_jacobian
+from ._sensitivities import observe, observe_backwards, observe_together, observe_with_jacobian, prepare
 
 T = TypeVar("T")
 Name = TypeVar("Name", bound=Hashable)
@@ -34,8 +36,16 @@ WAVES = 4
 """Programs that all fits under way fill: with fewer, the last ones run half empty more often."""
 
 
-def run_alone(computation: Steps[T]) -> T:
-    """Drives one computation to its end; each evaluation is spread over all devices, or many of one question are."""
+def run_alone(computation: Steps[T], foreseen: Sequence[Question] = ()) -> T:
+    """Drives one computation to its end; each evaluation is spread over all devices, or many of one question are.
+
+    **Arguments:** `foreseen`: what it will ask, whose programs are compiled beside it.
+    """
+    with preparing(foreseen, _prepare_alone):
+        return _run_alone(computation)
+
+
+def _run_alone(computation: Steps[T]) -> T:
     answers: Answer | None = None
     while True:
         try:
@@ -45,11 +55,22 @@ def run_alone(computation: Steps[T]) -> T:
         answers = _wide_answer(asked) if _wide(asked) else [_evaluate(each) for each in asked]
 
 
-def run_together(computations: Mapping[Name, Steps[T]], finished: Callable[[Name, T | SimulationError], None]) -> None:
+def run_together(
+    computations: Mapping[Name, Steps[T]],
+    finished: Callable[[Name, T | SimulationError], None],
+    foreseen: Sequence[Question] = (),
+) -> None:
     """Drives computations of one kind side by side, and calls `finished` with what came of each as it ends.
 
     What fails touches no other; where one ends the next begins. Neither changes the bits of those beside it.
+
+    **Arguments:** `foreseen`: what each will ask, whose programs are compiled beside them.
     """
+    with preparing(foreseen, _prepare_together):
+        _run_together(computations, finished)
+
+
+def _run_together(computations: Mapping[Name, Steps[T]], finished: Callable[[Name, T | SimulationError], None]) -> None:
     waiting, running, board = deque(computations.items()), dict[Name, Steps[T]](), _Board[Name](_width_together())
     with ThreadPoolExecutor(os.cpu_count()) as threads:
         answered: list[tuple[Name, Answer | None]] = []
@@ -112,6 +133,36 @@ def _evaluate(asked: Evaluation) -> Evaluated:
     return Evaluated([np.asarray(observed) for observed, _ in found], [np.asarray(columns) for _, columns in found])
 
 
+def _prepare_alone(question: Question) -> None:
+    """Compiles what `run_alone` answers a question by."""
+    if _wide(question):
+        _prepare_lanes(question[0], fill_devices(WIDE))
+        return
+    for each in question:
+        for part in each.parts():
+            prepare(*part)
+
+
+def _prepare_together(question: Question) -> None:
+    """Compiles what `run_together` answers a question by."""
+    _prepare_lanes(question[0], _lanes_of(question[0], _width_together() if _wide(question) else _fits_of_a_program()))
+
+
+def _prepare_lanes(asked: Evaluation, lanes: int) -> None:
+    """Compiles the program of so many evaluations side by side."""
+    if has_tables(asked.model):
+        return
+    for part in asked.parts():
+        each = _Part.of((None, 0, 0), part, lanes)
+        rows = jax.tree.map(lambda leaf: np.stack([leaf] * fill_devices(lanes)), each.arrays)
+        observe_together.prepare(share_out(rows), each.rest, each.substeps)
+
+
+def _lanes_of(asked: Evaluation, wide: int) -> int:
+    """Evaluations in one program: one with derivatives fills vector units by itself."""
+    return wide if asked.selection is None else _fits_of_a_program()
+
+
 def _wide_answer(question: Question) -> Answer:
     board = _Board[None](fill_devices(WIDE))
     board.ask(None, question)
@@ -121,25 +172,33 @@ def _wide_answer(question: Question) -> Answer:
 
 
 class _Part(NamedTuple):
-    """One simulation: whose it is and where its answer belongs, its arrays, the rest of it, what others that share a
-    program with it have alike, how many these are, and the steps that it takes, those of derivatives included."""
+    """One simulation: whose it is and where its answer belongs, its arrays, the rest of it, its steps an interval, what
+    others that run beside it have alike, how many these are, and its work: all steps, those of derivatives included."""
 
     belongs: tuple[Hashable, int, int]
     arrays: Any
     rest: Any
+    substeps: np.ndarray
     shape: Hashable
     lanes: int
-    steps: int
+    work: int
 
     @staticmethod
     def of(belongs: tuple[Hashable, int, int], part: tuple[Any, ...], lanes: int) -> "_Part":
-        _, selection, bundle, *_ = part
-        arrays, rest = eqx.partition(part, eqx.is_array_like)
+        model, selection, bundle, delay, cotangent = part
+        substeps = int(bundle.plan.substeps)
+        # The steps of all are given by themselves: those of its own would make every fit wait for the others.
+        alike = (
+            bundle.reversible()
+            if cotangent is not None
+            else eqx.tree_at(lambda bundle: bundle.plan.substeps, bundle, 0)
+        )
+        arrays, rest = eqx.partition((model, selection, alike, delay, cotangent), eqx.is_array_like)
         arrays = jax.tree.map(np.asarray, arrays)
         shapes = tuple((leaf.shape, leaf.dtype.str) for leaf in jax.tree.leaves(arrays))
-        shape = (jax.tree.structure(arrays), *jax.tree.leaves(rest), shapes, lanes)
-        columns = 1 if selection is None else 1 + len(selection.entries)
-        return _Part(belongs, arrays, rest, shape, lanes, bundle.drive.duration.size * bundle.plan.substeps * columns)
+        shape = (jax.tree.structure(arrays), *jax.tree.leaves(rest), shapes, lanes, substeps)
+        work = bundle.drive.duration.size * substeps * (1 if selection is None else 1 + len(selection.entries))
+        return _Part(belongs, arrays, rest, np.asarray(substeps), shape, lanes, work)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -161,9 +220,8 @@ class _Board(Generic[Name]):
         self.asked[name] = question
         wide = self.wide if _wide(question) else _fits_of_a_program()
         for which, evaluation in enumerate(question):
-            lanes = wide if evaluation.selection is None else _fits_of_a_program()
             for place, part in enumerate(evaluation.parts()):
-                each = _Part.of((name, which, place), part, lanes)
+                each = _Part.of((name, which, place), part, _lanes_of(evaluation, wide))
                 self.waiting.setdefault(each.shape, []).append(each)
 
     def run(self) -> None:
@@ -171,7 +229,7 @@ class _Board(Generic[Name]):
         gone on to them."""
         full = {shape: len(parts) - len(parts) % parts[0].lanes for shape, parts in self.waiting.items()}
         if self.waiting and not any(full.values()):
-            shortest = min(self.waiting, key=lambda shape: self.waiting[shape][0].steps)
+            shortest = min(self.waiting, key=lambda shape: self.waiting[shape][0].work)
             full = {shortest: len(self.waiting[shortest])}
         for shape, count in full.items():
             parts = self.waiting.pop(shape)
@@ -207,6 +265,6 @@ def _simulate(group: Sequence[_Part]) -> list[tuple[np.ndarray | None, np.ndarra
     def rows(places: np.ndarray) -> Any:
         return jax.tree.map(lambda *leaves: np.stack(leaves), *[group[place].arrays for place in places])
 
-    rest, count, lanes = group[0].rest, len(group), group[0].lanes
-    found = map_rows(lambda arrays: observe_together(arrays, rest), rows, count, lanes)
+    rest, substeps, lanes = group[0].rest, group[0].substeps, group[0].lanes
+    found = map_rows(lambda arrays: observe_together(arrays, rest, substeps), rows, len(group), lanes)
     return [jax.tree.map(lambda leaf, i=i: leaf[i], found) for i in range(len(group))]

@@ -17,8 +17,9 @@ from ..parameters import Selection, Transform
 from ..plants import AbstractModel
 from ..simulation import FixedStep
 from ..traces import Trace
-from ._bundle import CHANNELS, SEGMENT, Bundle, bundle_traces
+from ._bundle import CHANNELS, Bundle, bundle_traces
 from ._evaluation import Evaluation
+from ._layout import SEGMENT
 from ._measured import (
     Measured,
     Sensors,

@@ -10,19 +10,20 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from .._errors import SimulationError
 from .._kept import keep_compiled
 from .._lanes import replicate, spread
 from .._types import Scalar
 from ..parameters import Selection, select
-from ..parts import with_tables
+from ..parts import has_tables, with_tables
 from ..plants import AbstractModel, State, rows_along, tabulated_along
-from ..simulation import FixedStep, march
+from ..simulation import CountedMarch, FixedStep, march
 from ..traces import Drive, Trace
 from ._adjoint import pull_back
-from ._bundle import CHANNELS, SEGMENT, Bundle, bundle_traces
+from ._bundle import CHANNELS, Bundle, bundle_traces
+from ._layout import SEGMENT
 from ._values import Choose, Pushed, chooser, push_all, push_values, values_before
 
 Lanes = Float[Array, "lanes sample channel"]
@@ -111,7 +112,28 @@ def observe_backwards(
 ) -> Float[Array, " parameters"]:
     """See [`pull_back`][]."""
     values = values_before(model, selection, bundle)
-    return _pulled_back(model, selection, bundle, delay, jnp.asarray(cotangent), values)
+    return _pulled_back(model, selection, bundle.reversible(), delay, jnp.asarray(cotangent), values)
+
+
+def prepare(
+    model: AbstractModel,
+    selection: Selection | None,
+    bundle: Bundle,
+    delay: Scalar | None,
+    cotangent: Array | np.ndarray | None,
+) -> None:
+    """Compiles what answers `observe`, `observe_with_jacobian` or `observe_backwards`, and runs nothing.
+
+    Not of a model with tables: these are computed on the way.
+    """
+    if has_tables(model):
+        return
+    if selection is None:
+        observe.prepare(model, bundle, delay)
+    elif cotangent is None:
+        _spread_jacobian.prepare(model, selection, bundle, delay, None)
+    else:
+        _pulled_back.prepare(model, selection, bundle.reversible(), delay, jnp.asarray(cotangent), None)
 
 
 @keep_compiled
@@ -135,17 +157,19 @@ def _pulled_back(
 
 @keep_compiled
 def observe_together(
-    dynamic: tuple[Any, ...], static: tuple[Any, ...]
+    dynamic: tuple[Any, ...], static: tuple[Any, ...], substeps: Int[np.ndarray, ""] | Int[Array, ""]
 ) -> tuple[Float[Array, "fits lanes sample channel"] | None, Float[Array, "fits ..."] | None]:
     """`observe` of many fits, or `observe_with_jacobian` where there is a selection, or `observe_backwards` where there
     is a cotangent, each on one device.
 
-    **Arguments:** the arrays of `(model, selection, bundle, delay, cotangent)` with a leading axis of fits, and the
-    rest of it.
+    **Arguments:** the arrays of `(model, selection, bundle, delay, cotangent)` with a leading axis of fits, the rest of
+    it, and the steps an interval of all of them: those of its own would make every fit wait for the others.
     """
 
     def one(leaves: tuple[Any, ...]) -> tuple[Array | None, Array | None]:
         model, selection, bundle, delay, cotangent = eqx.combine(leaves, static)
+        if isinstance(bundle.plan, CountedMarch):
+            bundle = eqx.tree_at(lambda bundle: bundle.plan.substeps, bundle, substeps)
         if cotangent is not None:
             return None, _backwards(model, selection, bundle, delay, cotangent)
         if selection is not None:

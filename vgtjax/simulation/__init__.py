@@ -7,7 +7,9 @@ from ._stepping import (
     AbstractMarch as AbstractMarch,
     AbstractStepping as AbstractStepping,
     AdaptiveStep as AdaptiveStep,
+    CountedMarch as CountedMarch,
     FixedMarch as FixedMarch,
     FixedStep as FixedStep,
+    ReversibleMarch as ReversibleMarch,
     scan_in_blocks as scan_in_blocks,
 )

@@ -48,11 +48,15 @@ class AbstractStepping(eqx.Module):
         """
 
 
-class FixedMarch(AbstractMarch):
+class AbstractFixedMarch(AbstractMarch):
     """`substeps` equal steps of a solver over every interval; by default of [`StabilisedHeun`][]."""
 
-    substeps: int = eqx.field(static=True)
-    solver: diffrax.AbstractSolver | None = None
+    substeps: eqx.AbstractVar[Any]
+    solver: eqx.AbstractVar[diffrax.AbstractSolver | None]
+
+    @abc.abstractmethod
+    def _repeat(self, one: Callable[[Any, Array], Any], carry: Any, unroll: int) -> Any:
+        """What is carried on by all steps of an interval, each made by `one` of that and its number."""
 
     def advance(
         self, model: AbstractModel, state: State, drive: Drive, unroll: int = 1
@@ -66,16 +70,13 @@ class FixedMarch(AbstractMarch):
         step = drive.duration / self.substeps
         memory = solver.init(term, jnp.zeros_like(step), step, state, drive)
 
-        def one(carry, index):
+        def one(carry, number):
             y, memory, solved = carry
-            begin = index * step
+            begin = number.astype(step.dtype) * step
             y, _, _, memory, result = solver.step(term, begin, begin + step, y, drive, memory, made_jump=False)
-            return (y, memory, solved & (result == diffrax.RESULTS.successful)), None
+            return y, memory, solved & (result == diffrax.RESULTS.successful)
 
-        first = (state, memory, jnp.asarray(True))
-        (state, _, solved), _ = jax.lax.scan(
-            one, first, jnp.arange(self.substeps, dtype=step.dtype), unroll=min(unroll, self.substeps)
-        )
+        state, _, solved = self._repeat(one, (state, memory, jnp.asarray(True)), unroll)
         return state, solved
 
     def __call__(
@@ -90,6 +91,49 @@ class FixedMarch(AbstractMarch):
 
         (_, solved), states = scan_in_blocks(interval, (state, jnp.asarray(True)), drive, adjoint)
         return states, judge(states, choose(solved, RESULTS.successful, RESULTS.root_not_found))
+
+
+class FixedMarch(AbstractFixedMarch):
+    """A number of steps that is part of what is compiled."""
+
+    substeps: int = eqx.field(static=True)
+    solver: diffrax.AbstractSolver | None = None
+
+    def _repeat(self, one: Callable[[Any, Array], Any], carry: Any, unroll: int) -> Any:
+        numbers = jnp.arange(self.substeps)
+        unroll = min(unroll, self.substeps)
+        return jax.lax.scan(lambda carry, number: (one(carry, number), None), carry, numbers, unroll=unroll)[0]
+
+
+class CountedMarch(AbstractFixedMarch):
+    """A number of steps that is a number like others, so that records of all rates share what is compiled.
+
+    Not for reverse mode, which must know how many steps it keeps.
+    """
+
+    substeps: Int[np.ndarray, ""] | Int[Array, ""]
+    solver: diffrax.AbstractSolver | None = None
+
+    def _repeat(self, one: Callable[[Any, Array], Any], carry: Any, unroll: int) -> Any:
+        return jax.lax.fori_loop(0, self.substeps, lambda number, carry: one(carry, jnp.asarray(number)), carry)
+
+    def reversible(self) -> "ReversibleMarch":
+        """The same steps for reverse mode."""
+        return ReversibleMarch(int(self.substeps), self.solver)
+
+
+class ReversibleMarch(AbstractFixedMarch):
+    """A number of steps that is compiled in; reverse mode keeps the states between steps, and makes the rest again.
+
+    To keep all that a step computes takes half as long again to compile, and as much longer to run.
+    """
+
+    substeps: int = eqx.field(static=True)
+    solver: diffrax.AbstractSolver | None = None
+
+    def _repeat(self, one: Callable[[Any, Array], Any], carry: Any, unroll: int) -> Any:
+        again = jax.checkpoint(one)
+        return jax.lax.scan(lambda carry, number: (again(carry, number), None), carry, jnp.arange(self.substeps))[0]
 
 
 class FixedStep(AbstractStepping):

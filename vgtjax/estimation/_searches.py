@@ -1,0 +1,95 @@
+"""Searches to their end: from many starts, begun again where one got stuck, and on without what ran away."""
+
+import dataclasses
+from typing import Any, TypeVar
+
+import numpy as np
+
+from ._beginning import first_progress, transform_of
+from ._duty import meets_noise
+from ._evaluation import Steps
+from ._progress import LENGTHS, Report, quiet
+from ._starts import best_of, searching_from, starts_of
+
+MOST_RESCUES = 4
+"""Times that a search goes on without what ran away before it is lost."""
+
+C = TypeVar("C", bound=Any)
+"""A calibrator, which searches like this itself."""
+
+
+def from_many_starts(calibrator: C, report: Report) -> Steps[C]:
+    """The search at the best of the ends that it reaches from many starts, if there are to be several."""
+    task, progress = calibrator.task, calibrator.minimiser.progress
+    if task.starts < 2 or progress.iteration or progress.waterfall:
+        return calibrator
+    first = first_progress(task)
+    starts = starts_of(task, transform_of(task, first), task.starts)
+    ended = yield from searching_from(first, starts, calibrator.at)
+    waterfall = tuple(each.row for each in ended)
+    best = yield from calibrator.at(
+        dataclasses.replace(first, coordinates=best_of(ended).coordinates, waterfall=waterfall)
+    )
+    report(best.minimiser.progress)
+    return best
+
+
+def searching(calibrator: C, report: Report) -> Steps[C]:
+    """A search to its end; begun again by moves of other lengths while it gets stuck above the noise.
+
+    What is tried is not reported: a fit that is interrupted meanwhile tries all of it again.
+    """
+    first = ended = yield from _searching(calibrator, report)
+    for longest in LENGTHS[1:]:
+        if not _got_stuck(ended):
+            break
+        onward = yield from calibrator.at(ended.minimiser.progress.begun_again(longest))
+        again = yield from _searching(onward, quiet)
+        ended = min(ended, again, key=lambda end: (not end.minimiser.progress.converged, end.minimiser.progress.cost))
+    if ended is not first:
+        report(ended.minimiser.progress)
+    return ended
+
+
+def _got_stuck(calibrator: C) -> bool:
+    """Whether a search has ended above the noise where its moves led nowhere."""
+    progress = calibrator.minimiser.progress
+    smoothly = progress.converged and not progress.stalled
+    return not (progress.corrections or smoothly or meets_noise(calibrator.minimiser))
+
+
+def _searching(calibrator: C, report: Report) -> Steps[C]:
+    """A search to its end, on without what ran away."""
+    yield from _search(calibrator, report)
+    for _ in range(MOST_RESCUES):
+        onward = yield from _without_runaways(calibrator)
+        if onward is calibrator:
+            break
+        calibrator = onward
+        yield from _search(calibrator, report)
+    return calibrator
+
+
+def _search(calibrator: C, report: Report) -> Steps[None]:
+    """Steps until the search has ended, and what was held on the way is judged."""
+    minimiser = calibrator.minimiser
+    while not minimiser.progress.finished:
+        report((yield from minimiser.steps()))
+    progress = minimiser.progress
+    if progress.let_go is not None and not progress.corrections:
+        minimiser.progress = dataclasses.replace(progress, lost=calibrator.worth(progress.cost - progress.let_go))
+
+
+def _without_runaways(calibrator: C) -> Steps[C]:
+    """The search gone on with what ran away held at its start, as a value that changes nothing spoils no other; or
+    freed again, if the search had only lost its way: then holding has made it better."""
+    progress, away = calibrator.minimiser.progress, calibrator.away()
+    if np.any(away):
+        start = np.asarray(calibrator.transform.to_coordinates(calibrator.task.first_guess))
+        coordinates = np.where(away, start, np.asarray(progress.coordinates))
+        onward = progress.holding(np.flatnonzero(away).tolist(), coordinates.tolist())
+    elif progress.let_go is not None and calibrator.worth(progress.let_go - progress.cost):
+        onward = progress.freed()
+    else:
+        return calibrator
+    return (yield from calibrator.at(onward))
