@@ -134,7 +134,9 @@ def _evaluate(asked: Evaluation) -> Evaluated:
 
 
 def _prepare_alone(question: Question) -> None:
-    """Compiles what `run_alone` answers a question by."""
+    """Compiles what `run_alone` answers a question by; not for models with tables, which are computed on the way."""
+    if has_tables(question[0].model):
+        return
     if _wide(question):
         _prepare_lanes(question[0], fill_devices(WIDE))
         return
@@ -144,14 +146,14 @@ def _prepare_alone(question: Question) -> None:
 
 
 def _prepare_together(question: Question) -> None:
-    """Compiles what `run_together` answers a question by."""
-    _prepare_lanes(question[0], _lanes_of(question[0], _width_together() if _wide(question) else _fits_of_a_program()))
+    """Compiles what `run_together` answers a question by, but for models with tables."""
+    if not has_tables(question[0].model):
+        wide = _width_together() if _wide(question) else _fits_of_a_program()
+        _prepare_lanes(question[0], _lanes_of(question[0], wide))
 
 
 def _prepare_lanes(asked: Evaluation, lanes: int) -> None:
     """Compiles the program of so many evaluations side by side."""
-    if has_tables(asked.model):
-        return
     for part in asked.parts():
         each = _Part.of((None, 0, 0), part, lanes)
         rows = jax.tree.map(lambda leaf: np.stack([leaf] * fill_devices(lanes)), each.arrays)

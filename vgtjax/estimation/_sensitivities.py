@@ -17,7 +17,7 @@ from .._kept import keep_compiled
 from .._lanes import replicate, spread
 from .._types import Scalar
 from ..parameters import Selection, select
-from ..parts import has_tables, with_tables
+from ..parts import with_tables
 from ..plants import AbstractModel, State, rows_along, tabulated_along
 from ..simulation import CountedMarch, FixedStep, march
 from ..traces import Drive, Trace
@@ -122,12 +122,8 @@ def prepare(
     delay: Scalar | None,
     cotangent: Array | np.ndarray | None,
 ) -> None:
-    """Compiles what answers `observe`, `observe_with_jacobian` or `observe_backwards`, and runs nothing.
-
-    Not of a model with tables: these are computed on the way.
-    """
-    if has_tables(model):
-        return
+    """Compiles what answers `observe`, `observe_with_jacobian` or `observe_backwards` of a model without tables, and
+    runs nothing."""
     if selection is None:
         observe.prepare(model, bundle, delay)
     elif cotangent is None:
