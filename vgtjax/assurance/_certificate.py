@@ -25,9 +25,10 @@ WRONG_ALONE = 0.3
 UNEQUAL = 1e-6
 """Part by which a derivative may differ between forward and reverse mode, which differ by rounding alone: in fits of
 ours by 1e-12, where a rod sticks and slips by 1e-9."""
-NEARER = 0.25
-"""Part of the way on which such a column is asked once more: a kink beside the end is beyond it then, and what is wrong
-stays wrong. One column of loops that stick and slip missed 0.1 or 0.31, as rounding had it."""
+NEARER = (0.25, 0.0625, 0.02)
+"""Parts of the way on which such a column is asked again: a kink beside the end is beyond it then, and what is wrong
+stays wrong. One column of loops that stick and slip missed 0.1 or 0.31, as rounding had it, another 0.67 on the first
+of these ways. The nearest is still twice what counts as a change."""
 FARTHEST = 0.05
 """Coordinates by which nothing is moved farther, however little it shows."""
 DEAD = 1e-3
@@ -97,7 +98,7 @@ class Certificate:
 
 def certifying(calibrator: Calibrator) -> Steps[Certificate]:
     """The certificate of a calibration at its end, as a computation: one sweep in reverse mode, two simulations a
-    direction, and two or four an entry where these disagree."""
+    direction, and two to eight an entry where these disagree."""
     search, entries = calibrator.minimiser, calibrator.task.selection.entries
     problem, at = search.problem, search.slopes.at
     columns = np.asarray(search.point.columns)
@@ -118,9 +119,10 @@ def certifying(calibrator: Calibrator) -> Steps[Certificate]:
     suspects = [number for number in suspects if np.isfinite(lengths[number]) and not held[number]]
     axes = {names[number]: np.eye(len(at))[number] * (steps[number] or DEAD) for number in suspects}
     parts = yield from _alone(problem, at, clean, axes)
-    again = {name: NEARER * axis for name, axis in axes.items() if parts[name] > WRONG_ALONE}
-    nearer = yield from _alone(problem, at, clean, again)
-    parts |= {name: min(parts[name], part) for name, part in nearer.items() if not np.isnan(part)}
+    for part in NEARER:
+        again = {name: part * axis for name, axis in axes.items() if parts[name] > WRONG_ALONE}
+        nearer = yield from _alone(problem, at, clean, again)
+        parts |= {name: min(parts[name], found) for name, found in nearer.items() if not np.isnan(found)}
     return Certificate(
         mismatches,
         modes,
@@ -139,7 +141,7 @@ def _reverse(
     The product of a random combination of columns with all of them: forward mode has it from the columns themselves.
     """
     observed, nothing = slopes.evaluated.observed, np.full(len(moves), np.nan).tolist()
-    columns = columns[: sum(lanes.size for lanes in observed)]  # without what is known beforehand
+    columns = columns[: sum(bundle.rows for bundle in problem.bundles)]  # without what is known beforehand
     combined = columns @ moves.sum(axis=0)
     asked = problem.evaluation(slopes.at, slopes=True)
     question = dataclasses.replace(asked, cotangent=problem.pulled(combined, observed))

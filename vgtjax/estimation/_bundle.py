@@ -48,6 +48,16 @@ class Bundle(eqx.Module):
         length, traces = self.drive.duration.shape
         return Shape(length // SEGMENT, traces, len(self.lane_trace))
 
+    @property
+    def owned(self) -> int:
+        """Lanes that belong to a trace: the first; others only fill up a shape."""
+        return int(np.sum(-(-self.samples // SEGMENT)))
+
+    @property
+    def rows(self) -> int:
+        """Values of both channels in the lanes that belong to a trace."""
+        return self.owned * SEGMENT * len(CHANNELS)
+
     def reversible(self) -> "Bundle":
         """The same traces for reverse mode."""
         assert isinstance(self.plan, CountedMarch), "traces are made reversible once"
@@ -55,9 +65,9 @@ class Bundle(eqx.Module):
 
     def from_lanes(self, lanes: Float[np.ndarray, "lanes sample ..."]) -> list[np.ndarray]:
         """One array a trace, without padding."""
-        owned = self._owned()
+        trace = self.lane_trace[: self.owned]
         return [
-            lanes[owned[self.lane_trace[owned] == i]].reshape(-1, *lanes.shape[2:])[: self.samples[i]]
+            lanes[: self.owned][trace == i].reshape(-1, *lanes.shape[2:])[: self.samples[i]]
             for i in range(len(self.indices))
         ]
 
@@ -81,10 +91,6 @@ class Bundle(eqx.Module):
     def first_lane(self, trace: int) -> int:
         """Where the lanes of a trace begin."""
         return int(np.sum(-(-self.samples[:trace] // SEGMENT)))
-
-    def _owned(self) -> Int[np.ndarray, " owned"]:
-        """Lanes that belong to a trace; those that only fill up a device follow them."""
-        return np.arange(int(np.sum(-(-self.samples // SEGMENT))))
 
 
 def _stack(arrays: Sequence[np.ndarray], length: int) -> np.ndarray:

@@ -81,7 +81,7 @@ class FitProblem(eqx.Module):
     def residuals_of(self, observed: Sequence[np.ndarray]) -> Float[np.ndarray, " residuals"]:
         """Residuals in units of the noise, of what was observed of every bundle."""
         blocks = [residual_block(*block) for block in zip(self.measured, map(jnp.asarray, observed), strict=True)]
-        return np.concatenate([np.asarray(block) for block in blocks])
+        return self._owned(blocks)
 
     def everything_of(
         self, observed: Sequence[np.ndarray], coordinates: Float[np.ndarray, " coordinates"]
@@ -99,22 +99,30 @@ class FitProblem(eqx.Module):
     def whitened(self, columns: Sequence[np.ndarray]) -> Float[np.ndarray, "residuals columns"]:
         """Derivatives of `residuals_of`, from those of what is observed, with respect to the same quantities."""
         blocks = [jacobian_block(*block) for block in zip(self.measured, map(jnp.asarray, columns), strict=True)]
-        return np.concatenate([np.asarray(block) for block in blocks])
+        return self._owned(blocks)
+
+    def _owned(self, blocks: Sequence[Array]) -> np.ndarray:
+        """Rows of lanes that belong to a trace."""
+        return np.concatenate(
+            [np.asarray(block)[: bundle.rows] for bundle, block in zip(self.bundles, blocks, strict=True)]
+        )
 
     def pulled(
         self, cotangent: Float[np.ndarray, " residuals"], observed: Sequence[np.ndarray]
     ) -> list[Float[np.ndarray, "lanes sample channel"]]:
         """A cotangent of `residuals_of` what was observed as one of that, bundle by bundle."""
-        sizes = np.cumsum([lanes.size for lanes in observed])[:-1]
-        parts = zip(self.measured, observed, np.split(cotangent, sizes), strict=True)
-        return [np.asarray(pull_block(known, jnp.asarray(seen), jnp.asarray(part))) for known, seen, part in parts]
+        ends = np.cumsum([bundle.rows for bundle in self.bundles])[:-1]
+        parts = [
+            np.pad(part, (0, seen.size - len(part)))
+            for part, seen in zip(np.split(cotangent, ends), observed, strict=True)
+        ]
+        pairs = zip(self.measured, observed, parts, strict=True)
+        return [np.asarray(pull_block(known, jnp.asarray(seen), jnp.asarray(part))) for known, seen, part in pairs]
 
     @property
     def owner(self) -> Int[np.ndarray, " residuals"]:
         """The number of the trace of every residual."""
-        owners = [
-            np.asarray(each.indices)[known.owner] for each, known in zip(self.bundles, self.measured, strict=True)
-        ]
+        owners = [np.asarray(bundle.indices)[bundle.lane_trace[: bundle.owned]] for bundle in self.bundles]
         return np.repeat(np.concatenate(owners), SEGMENT * len(CHANNELS))
 
     def with_sensors(self, traces: Sequence[Trace], sensors: Sensors) -> "FitProblem":

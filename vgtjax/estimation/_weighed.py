@@ -87,14 +87,12 @@ class Linearised:
 
 def _owners(problem: FitProblem) -> tuple[Int[np.ndarray, " rows"], Int[np.ndarray, " rows"]]:
     """The trace and the block that every residual belongs to."""
-    traces, blocks = [], []
-    for bundle, measured in zip(problem.bundles, problem.measured, strict=True):
-        segments = np.bincount(bundle.lane_trace[bundle._owned()])[bundle.lane_trace]
-        trace = np.array(bundle.indices)[bundle.lane_trace]
-        rows = int(np.prod(np.shape(measured.weights)[1:]))
-        traces.append(np.repeat(trace, rows))
-        blocks.append(np.repeat(BLOCKS * trace + BLOCKS * bundle.lane_segment // segments, rows))
-    return np.concatenate(traces), np.concatenate(blocks)
+    blocks = []
+    for bundle in problem.bundles:
+        owner, segment = bundle.lane_trace[: bundle.owned], bundle.lane_segment[: bundle.owned]
+        part = BLOCKS * segment // np.bincount(owner)[owner]
+        blocks.append(np.repeat(BLOCKS * np.array(bundle.indices)[owner] + part, bundle.rows // bundle.owned))
+    return problem.owner, np.concatenate(blocks)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

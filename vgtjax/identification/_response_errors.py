@@ -51,8 +51,7 @@ class Linearised:
     @functools.cached_property
     def owner(self) -> np.ndarray:
         """The number of the motion of every row."""
-        traces = [np.asarray(bundle.indices)[bundle.lane_trace] for bundle in self.problem.bundles]
-        return self.by_row(np.concatenate(traces))
+        return self.problem.owner[self.rows]
 
     def by_row(self, lanes: np.ndarray) -> np.ndarray:
         """What is known of every lane, for every row."""
@@ -134,10 +133,10 @@ def _blocks(whole: Linearised, seconds: float) -> np.ndarray:
     """The stretch of so many seconds of every row."""
     blocks, first = [], 0
     for bundle in whole.problem.bundles:
-        trace = np.asarray(bundle.indices)[bundle.lane_trace]
+        trace = np.asarray(bundle.indices)[bundle.lane_trace[: bundle.owned]]
         interval = np.array([motion.interval for motion in whole.motions])[trace]
         lanes = np.maximum(np.round(seconds / (SEGMENT * interval)), 1.0)
-        key = np.stack([trace, np.floor(bundle.lane_segment / lanes).astype(int)])
+        key = np.stack([trace, np.floor(bundle.lane_segment[: bundle.owned] / lanes).astype(int)])
         number = np.unique(key, axis=1, return_inverse=True)[1].reshape(-1)
         blocks.append(first + number)
         first += int(number.max()) + 1
