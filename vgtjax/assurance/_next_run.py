@@ -69,6 +69,9 @@ def _columns(
     whole = {kind: _finest([run for run in runs if (run.kind, run.turbine_pressure) == kind]) for kind in kinds}
     model = task.selection.unpack(task.model, known.values)
     traces = [run.trace(_reservoir(task)) for run in whole.values()]
+    if all(trace.p_act is not None for trace in task.fit) and "pwm" in model.needs:
+        # With the same channels they may share the programs of the fit; at rest it is what they begin with anyway.
+        traces = [trace.replace(p_act=np.full(len(trace.time), trace.atmosphere)) for trace in traces]
     recorded = bundle_traces(model, task.fit, task.stepping)
     bundles = bundle_traces(model, traces, task.stepping, like=recorded)
     evaluated = yield from ask(Evaluation(model, bundles, None, task.selection))
