@@ -28,7 +28,7 @@ ours by 1e-12, where a rod sticks and slips by 1e-9."""
 NEARER = (0.25, 0.0625, 0.02)
 """Parts of the way on which such a column is asked again: a kink beside the end is beyond it then, and what is wrong
 stays wrong. One column of loops that stick and slip missed 0.1 or 0.31, as rounding had it, another 0.67 on the first
-of these ways. The nearest is still twice what counts as a change."""
+of these ways."""
 FARTHEST = 0.05
 """Coordinates by which nothing is moved farther, however little it shows."""
 DEAD = 1e-3
@@ -122,7 +122,8 @@ def certifying(calibrator: Calibrator) -> Steps[Certificate]:
     for part in NEARER:
         again = {name: part * axis for name, axis in axes.items() if parts[name] > WRONG_ALONE}
         nearer = yield from _alone(problem, at, clean, again)
-        parts |= {name: min(parts[name], found) for name, found in nearer.items() if not np.isnan(found)}
+        # Neither what failed nor a move that changes nothing clears a derivative.
+        parts |= {name: min(parts[name], found) for name, found in nearer.items() if found > 0}
     return Certificate(
         mismatches,
         modes,
