@@ -16,6 +16,8 @@ from ..estimation import (
     build_fit_problem,
     clustered_gram,
     least_squares,
+    misfit_at,
+    run_alone,
     start_calibration,
 )
 from ..parameters import Transform, build_transform, parameter_table
@@ -103,7 +105,7 @@ def drive_variances(whole: Linearised, held: Bool[np.ndarray, " entries"]) -> Fl
     noisy = [number for number, motion in enumerate(whole.motions) if motion.drive_noise > 0]
     bread, task = _bread(whole, held), whole.task
     values = np.asarray(task.selection.pack(task.model))
-    here = whole.transform.to_coordinates(values)
+    here = np.asarray(whole.transform.to_coordinates(values))
     variances, random = np.zeros(len(values)), np.random.default_rng(0)
     for _ in range(EXPERIMENTS if noisy else 0):
         traces = [motion.with_fresh_noise(random).trace for motion in whole.motions]
@@ -115,8 +117,10 @@ def drive_variances(whole: Linearised, held: Bool[np.ndarray, " entries"]) -> Fl
             channels=task.channels,
             stepping=task.stepping,
         )
-        residuals = np.asarray(problem.residuals(here))[whole.rows] * np.sqrt(problem.count)
-        change = residuals - whole.residuals
+        residuals = run_alone(misfit_at(problem, here))
+        if residuals is None:  # nothing can be told of noise with which nothing can be simulated
+            return np.full(len(values), np.inf)
+        change = residuals[whole.rows] - whole.residuals
         moves = [bread @ (whole.columns.T @ (change * (whole.owner == number))) for number in noisy]
         variances += np.sum(np.square(moves), axis=0) / EXPERIMENTS
     return variances

@@ -11,7 +11,9 @@ import vgtjax
 from vgtjax.estimation import Unknown
 from vgtjax.traces import STANDARD_ATMOSPHERE
 
-FREE = ("diaphragm.stiffness", "friction.coulomb_force")
+FREE = ("diaphragm.stiffness", "diaphragm.preload")
+"""Not friction: where the rod comes to rest is a kink, and a search ends there within a hundredth of a standard error,
+by rounding."""
 FACTORS = {"%": 1.0, "mbar gauge": 100.0, "mm": 1e-3}
 FINE = {name: 0.01 * step for name, step in STEPS.items()}
 PLAIN = Unknown(duty_delay=False, duty_hold=False, noise="white", loss="gaussian", numerics=False)
@@ -20,8 +22,8 @@ BINARY = [name for name in WRITERS if name != "run.csv"]
 
 
 def quantised(slow: int = 1) -> Campaign:
-    """The step of the example in counts of a converter; position and reservoir every `slow` samples."""
-    trace, found = vgtjax.load_trace(EXAMPLE / "step_80.csv").window(0.4, 1.001), {}
+    """The beginning of a step of the example in counts of a converter; position and reservoir every `slow` samples."""
+    trace, found = vgtjax.load_trace(EXAMPLE / "step_80.csv").window(0.45, 0.601), {}
     for name, unit in UNITS.items():
         every = slow if name in ("x_d", "p_res") else 1
         gauge = STANDARD_ATMOSPHERE if unit == "mbar gauge" else 0.0
@@ -61,4 +63,4 @@ def test_two_rates(tmp_path, reference, name):
 def test_they_are_fits_of_their_own(reference):
     """Fewer samples of the position are another fit, of the same spring."""
     assert np.all(reference[1] != reference[5])
-    assert reference[5][0] == pytest.approx(reference[1][0], rel=0.01)  # what is left of the noise in half a second
+    assert reference[5][1] == pytest.approx(reference[1][1], rel=0.01)  # what is left of the noise in 0.15 s
