@@ -8,6 +8,7 @@ from ._beginning import transform_of
 from ._evidence import EVIDENT
 from ._holds import Holds, read_holds
 from ._point import Point
+from ._residuals import FitProblem
 from ._search import LevenbergMarquardt
 from ._task import Task
 
@@ -16,10 +17,12 @@ MEETS_NOISE = 1.05
 plant had held."""
 
 
-def tells_of_delay(task: Task, search: LevenbergMarquardt) -> bool:
-    """Whether the traces tell of a delay where a search ended that took the duty for timely."""
+def told_delay(task: Task, search: LevenbergMarquardt) -> float:
+    """The delay in standard errors of which the traces tell where a search ended that took the duty for timely; zero
+    where they tell of none."""
     found = _with_delay(task, search).uncertainty(search.problem.count)
-    return bool(found.determined[-1] and abs(found.values[-1]) > EVIDENT * found.std_errors[-1])
+    errors = -found.values[-1] / found.std_errors[-1] if found.determined[-1] else 0.0
+    return float(errors) if abs(errors) > EVIDENT else 0.0
 
 
 def meets_noise(search: LevenbergMarquardt) -> bool:
@@ -43,9 +46,13 @@ def holds_of_duty(task: Task, search: LevenbergMarquardt) -> Holds | None:
     return holds if progress.late or not holds.linear else Holds((), delay, False)
 
 
+def freeing_delay(task: Task, search: LevenbergMarquardt) -> FitProblem:
+    """The problem of a search with the delay of the duty free."""
+    transform = transform_of(task, dataclasses.replace(search.progress, late=True))
+    return dataclasses.replace(search.problem, transform=transform)
+
+
 def _with_delay(task: Task, search: LevenbergMarquardt) -> Point:
     """The linear problem where a search stands, with the delay of the duty free."""
     here = np.asarray(search.progress.coordinates)
-    transform = transform_of(task, dataclasses.replace(search.progress, late=True))
-    problem = dataclasses.replace(search.problem, transform=transform)
-    return Point.of(problem, here, search.slopes.evaluated, search.slopes)
+    return Point.of(freeing_delay(task, search), here, search.slopes.evaluated, search.slopes)

@@ -16,7 +16,7 @@ from ..traces import Trace
 from ._bundle import bundle_traces
 from ._duties import Late, read_duties
 from ._evaluation import Steps, ask, side_by_side
-from ._holds import sample_interval
+from ._holds import late_by_kind, sample_interval
 from ._least_squares import reduce_rows
 from ._point import Point, Slopes
 from ._residuals import FitProblem
@@ -100,10 +100,19 @@ def whole_samples(traces: Sequence[Trace], delay: float, late: Late) -> tuple[fl
     return whole, moved(late, rest)
 
 
-def find_edges(problem: FitProblem, slopes: Slopes, late: Late) -> FoundEdges:
-    """The linear problem of parameters and edges together, of a problem that knows what edges move."""
+def find_edges(
+    problem: FitProblem, slopes: Slopes, late: Late, delayed: Sequence[Trace] | None = None
+) -> FoundEdges:
+    """The linear problem of parameters and edges together, of a problem that knows what edges move.
+
+    With `delayed`, the traces that it fits, the gain is what edges bring beyond a delay of each kind of trace: how far
+    their times differ from each other. The delay must then be free in `problem`.
+    """
     plain = problem.without_edges()
     point = Point.of(plain, slopes.at, slopes.evaluated, slopes)
+    if delayed is not None:
+        _, kinds = late_by_kind(point.columns[:, -1], plain.owner, delayed)
+        point = dataclasses.replace(point, columns=np.column_stack([point.columns[:, :-1], kinds]))
     assert problem.responses is not None, "what edges move is not known"
     responses = plain.whitened(problem.responses)
     owner, counts = plain.owner, [len(each) for each in late]
