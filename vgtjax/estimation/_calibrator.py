@@ -12,7 +12,7 @@ from ..simulation import model_dtype
 from ._beginning import first_progress, transform_of
 from ._calibration import RUNAWAY, Calibration
 from ._corrections import correcting
-from ._duty_questions import asking_of_duty
+from ._duty_questions import asking_of_duty, asking_of_edges
 from ._edges import responses_of
 from ._evaluation import Evaluation, Steps, ask
 from ._evidence import (
@@ -30,7 +30,7 @@ from ._programs import WIDE, run_alone
 from ._progress import Progress, Report, quiet
 from ._residuals import FitProblem, build_fit_problem
 from ._search import LevenbergMarquardt
-from ._searches import from_many_starts, searching
+from ._searches import beginning_again, from_many_starts, searching, searching_once
 from ._task import Task
 
 HELD_MATTERS = 9.0
@@ -70,10 +70,13 @@ class Calibrator:
 
     def ending(self, report: Report = quiet) -> "Steps[Calibrator]":
         """`run` as a computation, as far as to the end of all steps."""
-        calibrator = yield from searching((yield from from_many_starts(self, report)), report)
-        progress = calibrator.minimiser.progress
-        if self.task.late_duty and not (progress.corrections or progress.edges):
-            calibrator = yield from asking_of_duty(calibrator, report)
+        first = yield from searching_once((yield from from_many_starts(self, report)), report)
+        progress = first.minimiser.progress
+        ask_of_duty = self.task.late_duty and not (progress.corrections or progress.edges)
+        calibrator = (yield from asking_of_edges(first, report, differing=True)) if ask_of_duty else first
+        if calibrator is first:
+            calibrator = yield from beginning_again(first, report)
+            calibrator = (yield from asking_of_duty(calibrator, report)) if ask_of_duty else calibrator
         while (following := (yield from calibrator.correcting())) is not None:
             calibrator = following
             report(calibrator.minimiser.progress)

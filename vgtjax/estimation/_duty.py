@@ -17,12 +17,10 @@ MEETS_NOISE = 1.05
 plant had held."""
 
 
-def told_delay(task: Task, search: LevenbergMarquardt) -> float:
-    """The delay in standard errors of which the traces tell where a search ended that took the duty for timely; zero
-    where they tell of none."""
+def tells_of_delay(task: Task, search: LevenbergMarquardt) -> bool:
+    """Whether the traces tell of a delay where a search ended that took the duty for timely."""
     found = _with_delay(task, search).uncertainty(search.problem.count)
-    errors = -found.values[-1] / found.std_errors[-1] if found.determined[-1] else 0.0
-    return float(errors) if abs(errors) > EVIDENT else 0.0
+    return bool(found.determined[-1] and abs(found.values[-1]) > EVIDENT * found.std_errors[-1])
 
 
 def meets_noise(search: LevenbergMarquardt) -> bool:

@@ -7,8 +7,8 @@ import numpy as np
 
 from ._beginning import first_progress
 from ._duties import as_recorded
-from ._duty import freeing_delay, holds_of_duty, meets_noise, told_delay
-from ._edges import NEAR_ENOUGH, ROUNDS, find_edges, moved, responses_of, whole_samples
+from ._duty import freeing_delay, holds_of_duty, meets_noise, tells_of_delay
+from ._edges import NEAR_ENOUGH, ROUNDS, alike, find_edges, moved, responses_of, whole_samples
 from ._evaluation import Steps
 from ._progress import Progress, Report, quiet
 
@@ -17,27 +17,21 @@ C = TypeVar("C", bound=Any)
 
 
 def asking_of_duty(calibrator: C, report: Report) -> Steps[C]:
-    """The search where the duty is read as the traces tell, gone on to its end.
-
-    What they tell is read without numerical errors: a smooth seat alone made a duty late by five standard errors.
-    """
-    if calibrator.minimiser.progress.late:
-        ended = yield from _searching_beside(calibrator)
-    else:
-        timely = (yield from calibrator.correcting()) or calibrator
-        told = np.inf if timely.is_lost() else told_delay(calibrator.task, timely.minimiser)
-        if told <= 0.0 and not meets_noise(timely.minimiser):
-            edged = yield from _asking_of_edges(calibrator, report, delays_beside=True)
-            if edged is not calibrator:
-                return edged
-        ended = yield from _asking_of_delay(calibrator, timely, bool(told), report)
-    ended = yield from _asking_of_hold(ended, report)
-    return (yield from _asking_of_edges(ended, report))
+    """The search where the duty is read as the traces tell, gone on to its end."""
+    ended = yield from _asking_of_hold(calibrator, report)
+    return (yield from asking_of_edges(ended, report))
 
 
 def _asking_of_hold(calibrator: C, report: Report) -> Steps[C]:
-    """The search begun again where the traces tell of a duty that was not held between samples."""
-    ended, progress = calibrator, calibrator.minimiser.progress
+    """The search begun again where the traces tell of a late duty, or of one that was not held between samples.
+
+    What they tell is read without numerical errors: a smooth seat alone made a duty late by five standard errors.
+    A delay that is free from the first step on trades with the time constants of the plunger, and searches lost
+    their way.
+    """
+    late = calibrator.minimiser.progress.late
+    ended = yield from (_searching_beside(calibrator) if late else _asking_of_delay(calibrator, report))
+    progress = ended.minimiser.progress
     if progress.late and not progress.corrections:
         report(progress)
         ended = (yield from ended.correcting()) or ended
@@ -53,13 +47,14 @@ def _asking_of_hold(calibrator: C, report: Report) -> Steps[C]:
     return (yield from ended.searching_from(onward, report))
 
 
-def _asking_of_delay(calibrator: C, timely: C, told: bool, report: Report) -> Steps[C]:
-    """The search with a free delay where the traces tell of one, or else the first correction of this one, `timely`.
+def _asking_of_delay(calibrator: C, report: Report) -> Steps[C]:
+    """The search with a free delay where the traces tell of one, or else the first correction of this one.
 
     Where the misfit stays above the noise they are searched for a delay as well: at a delay of none it may have a
-    small minimum, where slopes tell of no other. A delay that is free from the first step on trades with the time
-    constants of the plunger, and searches lost their way.
+    small minimum, where slopes tell of no other.
     """
+    timely = (yield from calibrator.correcting()) or calibrator
+    told = timely.is_lost() or tells_of_delay(calibrator.task, timely.minimiser)
     if not told and meets_noise(timely.minimiser):
         return timely
     late = yield from _searching_late(calibrator, timely.minimiser.progress, report if told else quiet)
@@ -67,44 +62,45 @@ def _asking_of_delay(calibrator: C, timely: C, told: bool, report: Report) -> St
     return late if told or (not late.is_lost() and meets_noise(late.minimiser)) else timely
 
 
-def _asking_of_edges(calibrator: C, report: Report, *, delays_beside: bool = False) -> Steps[C]:
+def asking_of_edges(calibrator: C, report: Report, *, differing: bool = False) -> Steps[C]:
     """The search with the times of the duty's edges free, where the misfit stays above the noise and this brings it
-    down to that; with `delays_beside` only where they differ from each other, so that no delay explains them.
+    down to that; if `differing`, only of edges whose times differ from each other, which no delay explains.
 
-    A record shows no edge before it was, so traces whose edges lie between samples tell of a duty that came early. A
-    search with a free delay followed them: 1.6 ms early with the plunger's group at 0.35 of the truth, at thirty
-    standard errors. What is tried is not reported: a fit that is interrupted meanwhile tries all of it again.
+    A record shows no edge before it was, so edges between samples look like a duty that comes early. Searches with a
+    free delay followed that: 1.6 ms early, with a plunger of 0.35 of the truth at thirty standard errors. So edges that
+    differ are asked first. What is tried is not reported: a fit that is interrupted meanwhile tries all of it again.
     """
-    progress, edges = calibrator.minimiser.progress, as_recorded(calibrator.task.fit)
-    may_be = calibrator.task.unknown.duty_hold and any(edges) and not progress.linear
+    task, progress, edges = calibrator.task, calibrator.minimiser.progress, as_recorded(calibrator.task.fit)
+    may_be = task.unknown.duty_hold and any(edges) and not progress.linear
     if not may_be or meets_noise(calibrator.minimiser) or calibrator.is_lost():
         return calibrator
     problem, slopes = calibrator.minimiser.problem, calibrator.minimiser.slopes
-    responses = yield from responses_of(calibrator.task, problem, edges, slopes.at)
-    knowing = problem.with_edges(responses, 0)
-    if delays_beside:
-        free = dataclasses.replace(knowing, transform=freeing_delay(calibrator.task, calibrator.minimiser).transform)
-        if not find_edges(free, slopes, edges, calibrator.task.fit).evident:
-            return calibrator
+    knowing = problem.with_edges((yield from responses_of(task, problem, edges, slopes.at)), 0)
     found = find_edges(knowing, slopes, edges)
-    if not found.evident:
+    delayed = dataclasses.replace(knowing, transform=freeing_delay(task, calibrator.minimiser).transform)
+    if not (find_edges(delayed, slopes, edges, task.fit) if differing else found).evident:
         return calibrator
     delay = float(calibrator.transform.scale[-1]) * progress.coordinates[-1]
-    whole, edges = whole_samples(calibrator.task.fit, delay, moved(edges, found.late))
-    coordinates = (*progress.coordinates[:-1], whole / float(calibrator.transform.scale[-1]))
-    onward = progress.moving_edges(coordinates, bool(whole), edges)
+    whole, edges = whole_samples(task.fit, delay, moved(edges, found.late))
+    for begin in (progress.coordinates, first_progress(task).coordinates):
+        coordinates = (*begin[:-1], whole / float(calibrator.transform.scale[-1]))
+        end = yield from _searching_edges(calibrator, progress.moving_edges(coordinates, bool(whole), edges))
+        met = not end.is_lost() and meets_noise(end.minimiser)
+        if met and not (differing and alike(end.minimiser.progress.edges)):
+            report(end.minimiser.progress)
+            return end
+    return calibrator
+
+
+def _searching_edges(calibrator: C, onward: Progress) -> Steps[C]:
+    """The searches with edges of unknown times, each with them where the one before has found them, until they stay."""
     for _ in range(ROUNDS):
         end = yield from calibrator.searching_from(onward)
-        if end.is_lost():
-            return calibrator
-        found = find_edges(end.minimiser.problem, end.minimiser.slopes, edges)
-        if found.farthest < NEAR_ENOUGH:
+        progress = end.minimiser.progress
+        found = find_edges(end.minimiser.problem, end.minimiser.slopes, progress.edges)
+        if end.is_lost() or found.farthest < NEAR_ENOUGH:
             break
-        progress, edges = end.minimiser.progress, moved(edges, found.late)
-        onward = progress.moving_edges(progress.coordinates, progress.late, edges)
-    if not meets_noise(end.minimiser):
-        return calibrator
-    report(end.minimiser.progress)
+        onward = progress.moving_edges(progress.coordinates, progress.late, moved(progress.edges, found.late))
     return end
 
 

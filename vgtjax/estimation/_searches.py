@@ -35,16 +35,22 @@ def from_many_starts(calibrator: C, report: Report) -> Steps[C]:
 
 
 def searching(calibrator: C, report: Report) -> Steps[C]:
-    """A search to its end; begun again by moves of other lengths while it gets stuck above the noise.
+    """A search to its end; begun again while it gets stuck above the noise."""
+    return (yield from beginning_again((yield from searching_once(calibrator, report)), report))
+
+
+def beginning_again(ended: C, report: Report) -> Steps[C]:
+    """The best of a search that has ended and of those by moves of other lengths, as long as all get stuck above the
+    noise.
 
     What is tried is not reported: a fit that is interrupted meanwhile tries all of it again.
     """
-    first = ended = yield from _searching(calibrator, report)
+    first = ended
     for longest in LENGTHS[1:]:
         if not _got_stuck(ended):
             break
-        onward = yield from calibrator.at(ended.minimiser.progress.begun_again(longest))
-        again = yield from _searching(onward, quiet)
+        onward = yield from ended.at(ended.minimiser.progress.begun_again(longest))
+        again = yield from searching_once(onward, quiet)
         ended = min(ended, again, key=lambda end: (not end.minimiser.progress.converged, end.minimiser.progress.cost))
     if ended is not first:
         report(ended.minimiser.progress)
@@ -58,7 +64,7 @@ def _got_stuck(calibrator: C) -> bool:
     return not (progress.corrections or smoothly or meets_noise(calibrator.minimiser))
 
 
-def _searching(calibrator: C, report: Report) -> Steps[C]:
+def searching_once(calibrator: C, report: Report) -> Steps[C]:
     """A search to its end, on without what ran away."""
     yield from _search(calibrator, report)
     for _ in range(MOST_RESCUES):
