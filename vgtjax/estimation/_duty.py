@@ -8,7 +8,6 @@ from ._beginning import transform_of
 from ._evidence import EVIDENT
 from ._holds import Holds, read_holds
 from ._point import Point
-from ._residuals import FitProblem
 from ._search import LevenbergMarquardt
 from ._task import Task
 
@@ -44,13 +43,9 @@ def holds_of_duty(task: Task, search: LevenbergMarquardt) -> Holds | None:
     return holds if progress.late or not holds.linear else Holds((), delay, False)
 
 
-def freeing_delay(task: Task, search: LevenbergMarquardt) -> FitProblem:
-    """The problem of a search with the delay of the duty free."""
-    transform = transform_of(task, dataclasses.replace(search.progress, late=True))
-    return dataclasses.replace(search.problem, transform=transform)
-
-
 def _with_delay(task: Task, search: LevenbergMarquardt) -> Point:
     """The linear problem where a search stands, with the delay of the duty free."""
     here = np.asarray(search.progress.coordinates)
-    return Point.of(freeing_delay(task, search), here, search.slopes.evaluated, search.slopes)
+    transform = transform_of(task, dataclasses.replace(search.progress, late=True))
+    problem = dataclasses.replace(search.problem, transform=transform)
+    return Point.of(problem, here, search.slopes.evaluated, search.slopes)

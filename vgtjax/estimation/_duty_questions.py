@@ -7,7 +7,7 @@ import numpy as np
 
 from ._beginning import first_progress
 from ._duties import as_recorded
-from ._duty import freeing_delay, holds_of_duty, meets_noise, tells_of_delay
+from ._duty import holds_of_duty, meets_noise, tells_of_delay
 from ._edges import NEAR_ENOUGH, ROUNDS, alike, find_edges, moved, responses_of, whole_samples
 from ._evaluation import Steps
 from ._progress import Progress, Report, quiet
@@ -64,11 +64,12 @@ def _asking_of_delay(calibrator: C, report: Report) -> Steps[C]:
 
 def asking_of_edges(calibrator: C, report: Report, *, differing: bool = False) -> Steps[C]:
     """The search with the times of the duty's edges free, where the misfit stays above the noise and this brings it
-    down to that; if `differing`, only of edges whose times differ from each other, which no delay explains.
+    down to that; if `differing`, only of edges whose times differ by parts of a sample, which no delay explains.
 
     A record shows no edge before it was, so edges between samples look like a duty that comes early. Searches with a
     free delay followed that: 1.6 ms early, with a plunger of 0.35 of the truth at thirty standard errors. So edges that
-    differ are asked first. What is tried is not reported: a fit that is interrupted meanwhile tries all of it again.
+    differ are asked first; not where they are later by whole samples, as searches with edges lose such a delay. What is
+    tried is not reported: a fit that is interrupted meanwhile tries all of it again.
     """
     task, progress, edges = calibrator.task, calibrator.minimiser.progress, as_recorded(calibrator.task.fit)
     may_be = task.unknown.duty_hold and any(edges) and not progress.linear
@@ -77,11 +78,12 @@ def asking_of_edges(calibrator: C, report: Report, *, differing: bool = False) -
     problem, slopes = calibrator.minimiser.problem, calibrator.minimiser.slopes
     knowing = problem.with_edges((yield from responses_of(task, problem, edges, slopes.at)), 0)
     found = find_edges(knowing, slopes, edges)
-    delayed = dataclasses.replace(knowing, transform=freeing_delay(task, calibrator.minimiser).transform)
-    if not (find_edges(delayed, slopes, edges, task.fit) if differing else found).evident:
+    if not (find_edges(knowing, slopes, edges, beyond_delays=True) if differing else found).evident:
         return calibrator
     delay = float(calibrator.transform.scale[-1]) * progress.coordinates[-1]
     whole, edges = whole_samples(task.fit, delay, moved(edges, found.late))
+    if differing and whole:
+        return calibrator
     for begin in (progress.coordinates, first_progress(task).coordinates):
         coordinates = (*begin[:-1], whole / float(calibrator.transform.scale[-1]))
         end = yield from _searching_edges(calibrator, progress.moving_edges(coordinates, bool(whole), edges))

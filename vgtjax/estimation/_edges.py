@@ -16,7 +16,7 @@ from ..traces import Trace
 from ._bundle import bundle_traces
 from ._duties import Late, read_duties
 from ._evaluation import Steps, ask, side_by_side
-from ._holds import late_by_kind, sample_interval
+from ._holds import sample_interval
 from ._least_squares import reduce_rows
 from ._point import Point, Slopes
 from ._residuals import FitProblem
@@ -108,33 +108,31 @@ def whole_samples(traces: Sequence[Trace], delay: float, late: Late) -> tuple[fl
     return whole, moved(late, rest)
 
 
-def find_edges(
-    problem: FitProblem, slopes: Slopes, late: Late, delayed: Sequence[Trace] | None = None
-) -> FoundEdges:
+def find_edges(problem: FitProblem, slopes: Slopes, late: Late, *, beyond_delays: bool = False) -> FoundEdges:
     """The linear problem of parameters and edges together, of a problem that knows what edges move.
 
-    With `delayed`, the traces that it fits, the gain is what edges bring beyond a delay of each kind of trace: how far
-    their times differ from each other. The delay must then be free in `problem`.
+    With `beyond_delays` the gain is what edges bring beyond a delay of each trace, its edges all as late as each other.
     """
     plain = problem.without_edges()
     point = Point.of(plain, slopes.at, slopes.evaluated, slopes)
-    if delayed is not None:
-        _, kinds = late_by_kind(point.columns[:, -1], plain.owner, delayed)
-        point = dataclasses.replace(point, columns=np.column_stack([point.columns[:, :-1], kinds]))
     assert problem.responses is not None, "what edges move is not known"
     responses = plain.whitened(problem.responses)
     owner, counts = plain.owner, [len(each) for each in late]
     ends = np.cumsum([0, *counts])
     columns = np.zeros((len(point.residuals) + ends[-1], ends[-1]))
+    delays = np.zeros((len(columns), len(late)))
     for trace, (begin, end) in enumerate(itertools.pairwise(ends)):
         mine = np.flatnonzero(owner == trace)
         columns[mine, begin:end] = responses[mine, : end - begin]
+        delays[:, trace] = np.sum(columns[:, begin:end], axis=1)
     columns[len(point.residuals) :] = np.eye(ends[-1])  # known beforehand to a sample of its record
     padded = np.concatenate([point.columns, np.zeros((ends[-1], point.columns.shape[1]))])
+    if beyond_delays:
+        padded = np.column_stack([padded, delays])
     residuals = np.concatenate([point.residuals, *late])
     alone, _ = _solved(residuals, padded)
     together, values = _solved(residuals, np.column_stack([padded, columns]))
-    moved = -values[point.columns.shape[1] :]
+    moved = -values[padded.shape[1] :]
     found = tuple(tuple(moved[begin:end].tolist()) for begin, end in itertools.pairwise(ends))
     return FoundEdges(found, alone - together)
 

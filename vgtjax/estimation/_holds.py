@@ -42,7 +42,7 @@ def sample_interval(trace: Trace) -> float:
 def read_holds(
     residuals: Float[np.ndarray, " rows"],
     columns: Float[np.ndarray, "rows coordinates"],
-    owner: Int[np.ndarray, " rows"],
+    owner: Int[np.ndarray, " residuals"],
     traces: Sequence[Trace],
     delay: float,
     slope: float,
@@ -51,28 +51,18 @@ def read_holds(
     """How the duty of traces was held, by a fit that took all of it for held and `delay` s late.
 
     **Arguments:** `residuals` and `columns` at the end of the fit, the delay last, in units of `slope` s; `owner`: the
-    trace of every row.
+    trace of every row, behind which may be rows of what is known beforehand.
     """
-    kinds, late = late_by_kind(columns[:, -1], owner, traces)
+    intervals = np.array([sample_interval(trace) for trace in traces])
+    kinds = np.unique(intervals)
+    mine = np.zeros((len(columns), len(kinds)))
+    mine[: len(owner)] = intervals[owner][:, None] == kinds
+    late = columns[:, -1:] * mine
     found = estimate_uncertainty(*reduce_rows(residuals, np.column_stack([columns[:, :-1], late])), count)
     last = slice(columns.shape[1] - 1, None)
     if not np.all(found.determined[last]):
         return Holds((), delay, False)
     return judge_holds(delay - slope * found.values[last], slope**2 * found.covariance[last, last], kinds)
-
-
-def late_by_kind(
-    late: Float[np.ndarray, " rows"], owner: Int[np.ndarray, " residuals"], traces: Sequence[Trace]
-) -> tuple[Float[np.ndarray, " kinds"], Float[np.ndarray, "rows kinds"]]:
-    """Sample intervals in s that occur among traces, and for each the column of a delay of those that have it.
-
-    **Arguments:** `late`: the column of one delay of all; behind its `residuals` may be rows of what is known beforehand.
-    """
-    intervals = np.array([sample_interval(trace) for trace in traces])
-    kinds = np.unique(intervals)
-    mine = np.zeros((len(late), len(kinds)))
-    mine[: len(owner)] = intervals[owner][:, None] == kinds
-    return kinds, late[:, None] * mine
 
 
 def judge_holds(

@@ -9,19 +9,21 @@ from support import duty_trace
 
 import vgtjax
 from vgtjax import simulate
-from vgtjax.estimation import Progress, Unknown, plan_task, start_calibration
-from vgtjax.estimation._edges import find_edges, responses_of, whole_samples
+from vgtjax.estimation import Progress, Unknown, _duty_questions, plan_task, start_calibration
+from vgtjax.estimation._edges import alike, find_edges, responses_of, whole_samples
 
 LEVELS = (0, 0.051), (70, 0.152), (40, 0.149), (60, 0.151), (30, 0.148), (65, 0.151), (0, 0.15)
 """Edges at 51, 203, 352, 503, 651 and 802 ms: every second one lies between the samples of a record with 500 Hz."""
+ALIKE = (0, 0.051), (70, 0.152), (40, 0.15), (60, 0.15), (30, 0.148), (65, 0.152), (0, 0.15)
+"""Edges at 51, 203, 353, 503, 651 and 803 ms: all of them do."""
 LATE = (-0.5, -0.5, 0.0, -0.5, -0.5, 0.0)
 """Samples of that record."""
 CHOICES = Unknown(duty_hold="evidence", noise="white", loss="gaussian", numerics=False, start_state=False)
 
 
-def recorded(seed, keep=2):
+def recorded(seed, keep=2, levels=LEVELS):
     """Every second sample of what a bench shows that runs at 1 kHz."""
-    trace, rng = duty_trace(*LEVELS, p_res=2.0e4), np.random.default_rng(seed)
+    trace, rng = duty_trace(*levels, p_res=2.0e4), np.random.default_rng(seed)
     run = simulate(vgtjax.replace_parameters(vgtjax.Actuator(), TRUTH), trace)
     x_d = np.asarray(run.x_d) + rng.normal(0, NOISE["x_d"], len(trace.time))
     p_act = np.asarray(run.p_act) + rng.normal(0, NOISE["p_act"], len(trace.time))
@@ -121,3 +123,44 @@ def test_what_edges_have_in_common_is_a_delay():
     whole, rest = whole_samples([trace], 3.5e-3, ((0.25, -0.25, 0.3, -0.3),))
     assert whole == pytest.approx(4e-3)
     np.testing.assert_allclose(rest, [(0.0, -0.5, 0.05, -0.55)], atol=1e-12)
+
+
+@pytest.mark.parametrize(("levels", "differ"), [(LEVELS, True), (ALIKE, False)], ids=["differ", "alike"])
+def test_what_edges_tell_beyond_a_delay(levels, differ):
+    """All half a sample early are a delay of that, but for what a linear step leaves over; measured: 0.81 and 0.07."""
+    calibrator = start_calibration(task_of(recorded(1, levels=levels)))
+    task, search = calibrator.task, calibrator.minimiser
+    while not search.progress.finished:
+        search.step()
+    edges = ((0.0,) * len(LATE),)
+    knowing = search.problem.with_edges(answered(responses_of(task, search.problem, edges, search.slopes.at)), 0)
+    found = find_edges(knowing, search.slopes, edges)
+    assert found.evident
+    part = find_edges(knowing, search.slopes, edges, beyond_delays=True).gain / found.gain
+    assert part > 0.5 if differ else part < 0.1
+
+
+def test_edges_that_are_all_as_late_leave_parameters_right():
+    """Asked as edges that differ they end alike, so that a delay is asked for first."""
+    again = start_calibration(task_of(recorded(1, levels=ALIKE))).run()
+    assert again.converged
+    assert alike(again.progress.edges)
+    assert np.all(np.abs(scores(again)) < 4)
+
+
+def test_edges_that_differ_are_found_without_a_free_delay(found, monkeypatch):
+    """Searches with a free delay followed the mean of such edges, a duty that came early, and lost the plunger."""
+
+    def refused(*_):
+        raise AssertionError("no search with a free delay is needed")
+
+    monkeypatch.setattr(_duty_questions, "_searching_late", refused)
+    again = start_calibration(found.task).run()
+    assert again.converged
+    np.testing.assert_array_equal(again.values, found.values)
+
+
+def test_edges_that_end_as_late_as_each_other_are_a_delay():
+    """By hand: a trace whose edges scatter is enough to tell them from a delay, one without edges says nothing."""
+    assert alike(((0.5, 0.52, 0.48), ()))
+    assert not alike(((0.5, 0.5, 0.5), LATE))

@@ -119,6 +119,19 @@ def test_where_nothing_is_wrong_nothing_is_found(plain):
     assert np.all(np.abs(scores(plain)) < 4)
 
 
+def test_what_is_known_beforehand_disturbs_no_question(plain):
+    """A prior is rows behind those of the traces: it answers no question of the duty, and says what it knows."""
+    known = {"diaphragm.preload": 0.5 * float(plain.std_errors[FREE.index("diaphragm.preload")])}
+    task = plan_task(vgtjax.Actuator(), plain.task.fit, free=FREE, unknown=Unknown(), deviations=known)
+    told = start_calibration(dataclasses.replace(task, model=plain.model)).run()  # about what was found
+    assert told.converged
+    assert (told.progress.hold_decided, told.duty_delay) == (True, 0.0)
+    np.testing.assert_allclose(told.values, plain.values, rtol=1e-3)
+    place = list(told.task.selection.entries).index("diaphragm.preload")
+    # Two independent sources: one over the root of the sum of their squared inverses.
+    assert told.std_errors[place] == pytest.approx(plain.std_errors[place] / np.sqrt(5), rel=0.1)
+
+
 @pytest.fixture(scope="module")
 def late():
     return fit(recorded(1, late=4))
