@@ -12,7 +12,7 @@ from ..simulation import model_dtype
 from ._beginning import first_progress, transform_of
 from ._calibration import RUNAWAY, Calibration
 from ._corrections import correcting
-from ._duty_questions import asking_of_duty, asking_of_edges
+from ._duty_questions import asking_of_duty
 from ._edges import responses_of
 from ._evaluation import Evaluation, Steps, ask
 from ._evidence import (
@@ -72,11 +72,8 @@ class Calibrator:
         """`run` as a computation, as far as to the end of all steps."""
         first = yield from searching_once((yield from from_many_starts(self, report)), report)
         progress = first.minimiser.progress
-        ask_of_duty = self.task.late_duty and not (progress.corrections or progress.edges)
-        calibrator = (yield from asking_of_edges(first, report, differing=True)) if ask_of_duty else first
-        if calibrator is first:
-            calibrator = yield from beginning_again(first, report)
-            calibrator = (yield from asking_of_duty(calibrator, report)) if ask_of_duty else calibrator
+        asked = progress.corrections or progress.edges or not self.task.late_duty
+        calibrator = yield from (beginning_again if asked else asking_of_duty)(first, report)
         while (following := (yield from calibrator.correcting())) is not None:
             calibrator = following
             report(calibrator.minimiser.progress)

@@ -11,15 +11,27 @@ from ._duty import holds_of_duty, meets_noise, tells_of_delay
 from ._edges import NEAR_ENOUGH, ROUNDS, alike, find_edges, moved, responses_of, whole_samples
 from ._evaluation import Steps
 from ._progress import Progress, Report, quiet
+from ._searches import beginning_again
 
 C = TypeVar("C", bound=Any)
 """A calibrator, which asks these questions itself."""
 
 
 def asking_of_duty(calibrator: C, report: Report) -> Steps[C]:
-    """The search where the duty is read as the traces tell, gone on to its end."""
-    ended = yield from _asking_of_hold(calibrator, report)
-    return (yield from asking_of_edges(ended, report))
+    """A search that has ended once, gone on to its end where the duty is read as the traces tell.
+
+    Edges that differ are asked first, also before a search begins again that may be stuck because of them.
+    """
+    edged = yield from _asking_of_edges(calibrator, report, differing=True)
+    if edged is not calibrator:
+        return edged
+    again = yield from beginning_again(calibrator, report)
+    if again is not calibrator:
+        edged = yield from _asking_of_edges(again, report, differing=True)
+        if edged is not again:
+            return edged
+    ended = yield from _asking_of_hold(again, report)
+    return (yield from _asking_of_edges(ended, report))
 
 
 def _asking_of_hold(calibrator: C, report: Report) -> Steps[C]:
@@ -62,7 +74,7 @@ def _asking_of_delay(calibrator: C, report: Report) -> Steps[C]:
     return late if told or (not late.is_lost() and meets_noise(late.minimiser)) else timely
 
 
-def asking_of_edges(calibrator: C, report: Report, *, differing: bool = False) -> Steps[C]:
+def _asking_of_edges(calibrator: C, report: Report, *, differing: bool = False) -> Steps[C]:
     """The search with the times of the duty's edges free, where the misfit stays above the noise and this brings it
     down to that; if `differing`, only of edges whose times differ by parts of a sample, which no delay explains.
 
