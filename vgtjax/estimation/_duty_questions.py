@@ -79,7 +79,7 @@ def _asking_of_edges(calibrator: C, report: Report, *, differing: bool = False) 
     down to that; if `differing`, only of edges whose times differ by parts of a sample, which no delay explains.
 
     A record shows no edge before it was, so edges between samples look like a duty that comes early. Searches with a
-    free delay followed that: 1.6 ms early, with a plunger of 0.35 of the truth at thirty standard errors. So edges that
+    free delay followed that: 1.1 ms early, a plunger of 0.4 of the truth, twenty standard errors off. So edges that
     differ are asked first; not where they are later by whole samples, as searches with edges lose such a delay. What is
     tried is not reported: a fit that is interrupted meanwhile tries all of it again.
     """
