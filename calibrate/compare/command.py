@@ -1,15 +1,15 @@
 """The command `compare`: fits the alternatives of every component, resumably, and ranks them."""
 
+import dataclasses
 import functools
 import pathlib
 import shutil
 import time
 from collections.abc import Mapping
-from typing import Any
 
 from vgtjax import Calibration, InputError, SimulationError
 from vgtjax.estimation import Progress, Steps, run_alone, run_together
-from vgtjax.identification import Compared, comparing_structures, starting_fit
+from vgtjax.identification import Begin, Compared, comparing_structures, starting_fit
 
 from ..output.console import console
 from ..output.files import REPORT, SUMMARY, write_json, write_text
@@ -58,23 +58,23 @@ Outcome = tuple[Compared, float]
 def _comparing(job: Job, unit: Unit, folder: pathlib.Path) -> Steps[Outcome]:
     began, own = time.monotonic(), own_structure(job.study)
 
-    def fitting(structure: Mapping[str, str], values: Mapping[str, Any], again: bool) -> Steps[Calibration]:
-        return _fitting(job, unit, folder, structure, values, again=again)
+    def fitting(structure: Mapping[str, str], begin: Begin) -> Steps[Calibration]:
+        return _fitting(job, unit, folder, structure, begin)
 
     compared = yield from comparing_structures(own, options(job.study, unit), fitting, WIDER)
     return compared, time.monotonic() - began
 
 
 def _fitting(
-    job: Job, unit: Unit, folder: pathlib.Path, structure: Mapping[str, str], values: Mapping[str, Any], *, again: bool
+    job: Job, unit: Unit, folder: pathlib.Path, structure: Mapping[str, str], begin: Begin
 ) -> Steps[Calibration]:
     """The fit of one structure, which keeps its progress on disk."""
-    name = "+".join((*structure.values(), *(["again"] if again else [])))
+    name = "+".join((*structure.values(), *(["again"] if begin.again else [])))
     who = name if unit.name is None else f"{unit.name}: {name}"
     place = folder / FITS / name
     place.mkdir(parents=True, exist_ok=True)
     try:
-        task = plan(job, unit, structure, values)
+        task = dataclasses.replace(plan(job, unit, structure, begin.values), ceiling=begin.ceiling)
     except InputError as error:
         raise SimulationError(f"it has no start: {error}") from error
     saved = ProgressFile(place, Progress, f"the fit of {who}")

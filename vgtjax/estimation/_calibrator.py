@@ -72,6 +72,8 @@ class Calibrator:
         """`run` as a computation, as far as to the end of all steps."""
         first = yield from searching_once((yield from from_many_starts(self, report)), report)
         progress = first.minimiser.progress
+        if progress.given_up:
+            return first
         asked = progress.corrections or progress.edges or not self.task.late_duty
         calibrator = yield from (beginning_again if asked else asking_of_duty)(first, report)
         while (following := (yield from calibrator.correcting())) is not None:

@@ -24,7 +24,8 @@ class Progress:
     `coordinates` are the accepted coordinates of the transform, `step_size` is the inverse of the damping, `history`
     the cost after every iteration, the start first (half the mean squared residual in units of the noise). An iteration
     is a step: all moves by one Jacobian. `rejected` counts how often no trial lowered the cost, `failed` trials whose
-    simulation failed. `began` is where the search began, and `longest` how far a trial may move a coordinate.
+    simulation failed. `given_up` says that the task has a `ceiling` of the cost to which the steps would not have come
+    down. `began` is where the search began, and `longest` how far a trial may move a coordinate.
 
     A search that has converged may be corrected, in full linear steps, for what it tells of sensors and of numerical
     errors: `corrections` counts these, and `settled` says whether the last one would move anything that matters.
@@ -49,6 +50,7 @@ class Progress:
     converged: bool = False
     stalled: bool = False
     stuck: bool = False
+    given_up: bool = False
     history: tuple[float, ...] = ()
     corrections: int = 0
     settled: bool = False
@@ -88,7 +90,7 @@ class Progress:
 
     def elsewhere(self, coordinates: Iterable[float]) -> "Progress":
         """A search that goes on from these coordinates."""
-        again = dataclasses.replace(self, step_size=1.0, converged=False, stalled=False, stuck=False)
+        again = dataclasses.replace(self, step_size=1.0, converged=False, stalled=False, stuck=False, given_up=False)
         return dataclasses.replace(again, coordinates=tuple(coordinates), began=())
 
     def begun_again(self, longest: float) -> "Progress":
@@ -119,9 +121,14 @@ class Progress:
         return self.history[-1]
 
     @property
+    def searched(self) -> float:
+        """Cost where the search is or was before it was corrected."""
+        return self.history[-1 - self.corrections]
+
+    @property
     def finished(self) -> bool:
         """Whether another step would be wasted."""
-        return self.converged or self.stuck or self.iteration >= MAX_ITERATIONS
+        return self.converged or self.stuck or self.given_up or self.iteration >= MAX_ITERATIONS
 
     @property
     def verdict(self) -> str:
@@ -134,6 +141,8 @@ class Progress:
             return f"all trials of the last step lowered chi^2 by less than {STALL_TOLERANCE:g}"
         if self.converged:
             return "the last step lowered chi^2 by next to nothing, or another one would"
+        if self.given_up:
+            return f"given up after {self.iteration} steps, far from what another structure reaches and hardly nearer"
         if self.stuck:
             return "stuck, no trial of the last step lowered the cost"
         if self.iteration >= MAX_ITERATIONS:

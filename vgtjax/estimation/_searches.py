@@ -8,11 +8,15 @@ import numpy as np
 from ._beginning import first_progress, transform_of
 from ._duty import meets_noise
 from ._evaluation import Steps
-from ._progress import LENGTHS, Report, quiet
+from ._progress import LENGTHS, Progress, Report, quiet
 from ._starts import best_of, searching_from, starts_of
 
 MOST_RESCUES = 4
 """Times that a search goes on without what ran away before it is lost."""
+
+TRIED, FAR_ABOVE, MOST_TO_GO = 4, 1000.0, 20
+"""Steps before a search may be given up, chi^2 above its ceiling from which it may, and more steps like its last one than
+that would not bring it down to it."""
 
 C = TypeVar("C", bound=Any)
 """A calibrator, which searches like this itself."""
@@ -80,10 +84,21 @@ def _search(calibrator: C, report: Report) -> Steps[None]:
     """Steps until the search has ended, and what was held on the way is judged."""
     minimiser = calibrator.minimiser
     while not minimiser.progress.finished:
-        report((yield from minimiser.steps()))
+        yield from minimiser.steps()
+        hopeless = _is_hopeless(minimiser.progress, calibrator.task.ceiling, minimiser.problem.count)
+        minimiser.progress = dataclasses.replace(minimiser.progress, given_up=hopeless)
+        report(minimiser.progress)
     progress = minimiser.progress
     if progress.let_go is not None and not progress.corrections:
         minimiser.progress = dataclasses.replace(progress, lost=calibrator.worth(progress.cost - progress.let_go))
+
+
+def _is_hopeless(progress: Progress, ceiling: float, count: int) -> bool:
+    """Whether a search is far above a cost, and its last step brought little of the way."""
+    above = progress.cost - ceiling
+    if progress.finished or progress.iteration < TRIED or 2 * count * above < FAR_ABOVE:
+        return False
+    return MOST_TO_GO * (progress.history[-2] - progress.cost) < above
 
 
 def _without_runaways(calibrator: C) -> Steps[C]:

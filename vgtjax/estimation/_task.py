@@ -39,7 +39,8 @@ class Task:
     the sample intervals in s of traces whose duty is linear between samples, though they don't say so, `edges` by how
     many samples every edge of the duty of each trace is late, where that is not as it is recorded. `starts` is from how
     many places a search begins, `gains` by channel how well the gain of each sensor is known, relative, `inputs` what
-    is known of the sensor of the pressure by which each trace to fit is driven, which is read without its noise.
+    is known of the sensor of the pressure by which each trace to fit is driven, which is read without its noise. A
+    search that hardly comes nearer to a cost of `ceiling`, and is far above it, is given up.
     """
 
     model: AbstractModel
@@ -56,6 +57,7 @@ class Task:
     starts: int = 1
     gains: dict[str, float] = dataclasses.field(default_factory=dict)
     inputs: Sequence[InputSensor | None] = ()
+    ceiling: float = np.inf
 
     @property
     def plant(self) -> AbstractModel:

@@ -39,6 +39,7 @@ from ._result import Curve as Curve, Identified as Identified, NotPossible as No
 from ._second_order import identify_mass_and_damping as identify_mass_and_damping
 from ._spring import identify_spring as identify_spring
 from ._structures import (
+    Begin as Begin,
     Compared as Compared,
     compare_structures as compare_structures,
     comparing_structures as comparing_structures,

@@ -161,7 +161,7 @@ def worst_verdict(remains: Sequence[Remains]) -> str:
 
 def _at_best(fit: Linearised, sensors: Sensors) -> Steps[Linearised]:
     """A fit where it is best in the weights of another one's sensors."""
-    if fit.evaluated.failed or fit.weighed(sensors).uncertainty.gain < SMALL:
+    if fit.evaluated.failed or fit.calibration.progress.given_up or fit.weighed(sensors).uncertainty.gain < SMALL:
         return fit
     return (yield from fit.searched(sensors))
 

@@ -20,8 +20,20 @@ Wider = Mapping[str, Sequence[str]]
 """Which variants of a component contain which others as a limit."""
 Values = Mapping[str, Any]
 """Values of parameters by name, to start from those that a structure has."""
-Fitting = Callable[[Structure, Values, bool], Steps[Calibration]]
-"""The fit of a structure that starts from given values; `True` for the second one of a structure."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Begin:
+    """How the fit of a structure begins: from which `values`, whether it is `again`, the second of that structure, and
+    the `ceiling` of its task: the cost that another structure reaches."""
+
+    values: Values
+    again: bool = False
+    ceiling: float = np.inf
+
+
+Fitting = Callable[[Structure, Begin], Steps[Calibration]]
+"""The fit of a structure."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -95,34 +107,49 @@ class _Search:
 
     def rank(self, base: Structure, component: str, names: Sequence[str]) -> Steps[Ranking]:
         """The variants of a component in a structure, those fitted that aren't yet."""
-        yield from self._fit(base, {})
+        yield from self._fit(base, Begin({}))
         structures = {name: {**base, component: name} for name in names}
         for structure in structures.values():
-            yield from self._fit(structure, self._values(base))
+            yield from self._fit_beside(structure, Begin(self._values(base), ceiling=self._ceiling(base)))
         ranking = yield from rank(
             {name: self._fits[_key(structure)] for name, structure in structures.items()}, self._wider
         )
         if ranking.best is None or ranking.best == base[component] or _key(base) in self._again:
             return ranking
         # The others began where the base ended; the base may begin at the best one's end as well.
-        yield from self._fit(base, self._values(structures[ranking.best]), again=True)
+        yield from self._fit(base, Begin(self._values(structures[ranking.best]), again=True))
         return (
             yield from rank({name: self._fits[_key(structure)] for name, structure in structures.items()}, self._wider)
         )
 
-    def _fit(self, structure: Structure, values: Values, *, again: bool = False) -> Steps[None]:
+    def _fit_beside(self, structure: Structure, begin: Begin) -> Steps[None]:
+        """A fit from the values of another structure or, if these can't be simulated, from its own."""
+        yield from self._fit(structure, begin)
+        if begin.values and isinstance(self._fits[_key(structure)], str):
+            del self._fits[_key(structure)]
+            yield from self._fit(structure, dataclasses.replace(begin, values={}))
+
+    def _fit(self, structure: Structure, begin: Begin) -> Steps[None]:
         key = _key(structure)
-        if key in self._fits and not again:
+        if key in self._fits and not begin.again:
             return
         try:
-            calibration = yield from self._fitting(structure, values, again)
+            calibration = yield from self._fitting(structure, begin)
             found: Outcome = yield from Linearised.of(calibration)
         except SimulationError as error:
             found = str(error)
-        if again:
+        if begin.again:
             self._again.add(key)
             found = _of_two(self._fits[key], found)
         self._fits[key] = found
+
+    def _ceiling(self, structure: Structure) -> float:
+        """The cost to which others must come down; none where the duty is not as recorded, as these first see it so."""
+        found = self._fits[_key(structure)]
+        if not isinstance(found, Linearised) or unusable(found):
+            return np.inf
+        progress = found.calibration.progress
+        return np.inf if progress.late or progress.edges or progress.linear else progress.searched
 
     def _values(self, structure: Structure) -> Values:
         """Where another structure begins: at the end of this one's fit, unless that is nowhere near the traces. Its

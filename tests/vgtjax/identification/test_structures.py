@@ -1,0 +1,77 @@
+"""How the fits of structures begin beside each other, and which of them are given up."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from known_truth import FREE, bench
+
+import vgtjax
+from vgtjax import SimulationError
+from vgtjax.estimation import Progress, plan_task, start_calibration
+from vgtjax.estimation._searches import FAR_ABOVE, MOST_TO_GO, TRIED, _is_hopeless
+from vgtjax.identification import compare_structures
+
+COUNT = 2000
+"""Measurements, so that chi^2 is as many times 2."""
+
+
+@pytest.fixture(scope="module")
+def task():
+    return plan_task(vgtjax.Actuator(), [bench(1)], free=FREE)
+
+
+@pytest.mark.parametrize(
+    ("history", "hopeless"),
+    [
+        ((9.0, 5.0, 4.9, 4.89, 4.88), True),
+        ((9.0, 5.0, 4.9, 4.89, 4.5), False),  # eleven steps more like the last one do
+        ((9.0, 5.0, 4.9, 4.89), False),  # hardly begun
+        ((0.9, 0.7, 0.62, 0.6, 0.6), False),  # near
+    ],
+)
+def test_what_is_given_up(history, hopeless):
+    progress = Progress((0.0,), history=history, iteration=len(history) - 1)
+    assert _is_hopeless(progress, 0.5, COUNT) == hopeless
+    assert not _is_hopeless(progress, np.inf, COUNT)
+
+
+def test_limits_of_giving_up():
+    """By hand: the last step brought a twentieth of the way, or the way is a chi^2 of so much."""
+    above = FAR_ABOVE / (2 * COUNT)
+    for far, gain, hopeless in (
+        (1.01, 0.99 / MOST_TO_GO, True),
+        (0.99, 0.0, False),
+        (1.01, 1.03 / MOST_TO_GO, False),
+    ):
+        costs = (2.0,) * (TRIED - 1) + (0.5 + above * (far + gain), 0.5 + above * far)
+        assert _is_hopeless(Progress((0.0,), history=costs, iteration=TRIED), 0.5, COUNT) == hopeless
+
+
+def test_a_search_that_is_given_up_is_asked_nothing_more(task, monkeypatch):
+    seen = []
+    monkeypatch.setattr("vgtjax.estimation._searches.TRIED", 1)
+    monkeypatch.setattr("vgtjax.estimation._searches.MOST_TO_GO", 0)
+    found = start_calibration(dataclasses.replace(task, ceiling=-1e6)).run(seen.append)
+    assert not found.converged
+    assert found.verdict == "given up after 1 steps, far from what another structure reaches and hardly nearer"
+    assert len(seen) == 1
+    again = start_calibration(task, dataclasses.replace(seen[-1], given_up=False)).run()
+    assert again.converged
+    assert not again.progress.given_up
+
+
+def test_a_structure_that_values_of_another_spoil_begins_at_its_own(task):
+    begun = []
+
+    def fitting(structure, begin):
+        begun.append((structure["friction"], bool(begin.values), begin.ceiling))
+        if structure["friction"] == "dahl" and begin.values:
+            raise SimulationError("these values can't be simulated")
+        return (yield from start_calibration(dataclasses.replace(task, ceiling=begin.ceiling)).steps())
+
+    compared = compare_structures({"friction": "lugre"}, {"friction": ["lugre", "dahl"]}, fitting)
+    assert compared.fit is not None
+    reached = compared.fit.calibration.progress.searched
+    assert begun == [("lugre", False, np.inf), ("dahl", True, reached), ("dahl", False, reached)]
+    assert {row.name: row.reason for row in compared.rankings["friction"].rows} == {"lugre": "", "dahl": ""}
