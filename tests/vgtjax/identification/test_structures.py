@@ -54,7 +54,7 @@ def test_a_search_that_is_given_up_is_asked_nothing_more(task, monkeypatch):
     monkeypatch.setattr("vgtjax.estimation._searches.MOST_TO_GO", 0)
     found = start_calibration(dataclasses.replace(task, ceiling=-1e6)).run(seen.append)
     assert not found.converged
-    assert found.verdict == "given up after 1 steps, far from what another structure reaches and hardly nearer"
+    assert found.verdict == "given up, far from what another structure reaches and hardly nearer"
     assert len(seen) == 1
     again = start_calibration(task, dataclasses.replace(seen[-1], given_up=False)).run()
     assert again.converged
