@@ -24,8 +24,7 @@ def tells_of_delay(task: Task, search: LevenbergMarquardt) -> bool:
 
 def meets_noise(search: LevenbergMarquardt) -> bool:
     """Whether a search without corrections ended where the traces leave their noise."""
-    progress = search.progress
-    return 2 * progress.history[: -1 if progress.corrections else None][-1] <= MEETS_NOISE
+    return 2 * search.progress.searched <= MEETS_NOISE
 
 
 def holds_of_duty(task: Task, search: LevenbergMarquardt) -> Holds | None:

@@ -102,7 +102,8 @@ def _asking_of_edges(calibrator: C, report: Report, *, differing: bool = False) 
         coordinates = (*begin[:-1], whole / float(calibrator.transform.scale[-1]))
         end = yield from _searching_edges(calibrator, progress.moving_edges(coordinates, bool(whole), edges))
         met = not end.is_lost() and meets_noise(end.minimiser)
-        if met and not (differing and alike(end.minimiser.progress.edges)):
+        better = calibrator.worth(progress.cost - end.minimiser.progress.cost)
+        if met and better and not (differing and alike(end.minimiser.progress.edges)):
             report(end.minimiser.progress)
             return end
     return calibrator

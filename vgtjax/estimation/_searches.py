@@ -15,8 +15,8 @@ MOST_RESCUES = 4
 """Times that a search goes on without what ran away before it is lost."""
 
 TRIED, FAR_ABOVE, MOST_TO_GO = 4, 1000.0, 20
-"""Steps before a search may be given up, chi^2 above its ceiling from which it may be, and as many more steps like its
-last one would have to bring it down to that."""
+"""A search may be given up after so many steps, if chi^2 is so much above its ceiling, and so many more steps like the
+last one would not bring it down to that."""
 
 C = TypeVar("C", bound=Any)
 """A calibrator, which searches like this itself."""
