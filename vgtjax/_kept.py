@@ -13,6 +13,7 @@ import pickle
 import re
 import tempfile
 import threading
+import uuid
 from collections.abc import Callable, Generator, Hashable, Sequence
 from concurrent.futures import Future
 from typing import Any, Generic, ParamSpec, TypeVar
@@ -118,8 +119,9 @@ class Kept(Generic[P, R]):
             output[:] = [eqx.combine(holes, others)]
             return values
 
-        # With a name of its own it is not found in JAX's cache: what came from there can't be serialised again.
-        flat.__name__ = flat.__qualname__ = file.stem
+        # What comes from JAX's cache can't be serialised again: it is saved and loaded without an error, but can't be
+        # called. With a name that no other process has it is not found there, not even where two make it at once.
+        flat.__name__ = flat.__qualname__ = f"{self._function.__name__}_{uuid.uuid4().hex}"
         lowered = jax.jit(flat).lower(*leaves)
         compiled, calls = lowered.compile(), set(re.findall(r"custom_call @(\w+)", lowered.as_text()))
         if all(call.startswith(_KNOWN_CALLS) for call in calls):

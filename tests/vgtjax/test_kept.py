@@ -85,6 +85,22 @@ def test_a_spoilt_file_is_made_anew(folder):
         np.testing.assert_array_equal(keep_compiled(linear)(MATRIX, PAIR, 2)["solved"], first["solved"])
 
 
+def test_a_program_that_was_made_before_can_be_kept_again(folder):
+    """Two processes may make the same one at the same time, and the second finds in JAX's cache what the first left
+    there: kept like that it was loaded without an error, and could not be called."""
+    assert jax.config.jax_compilation_cache_dir
+
+    def bent(x):
+        return jnp.sin(x) * jnp.cumsum(x)
+
+    bent.__module__, bent.__qualname__ = linear.__module__, "bent"
+    x = np.linspace(0.0, 1.0, 1000)
+    first = keep_compiled(bent)(x)
+    files(folder)[0].unlink()
+    for _ in range(2):
+        np.testing.assert_array_equal(keep_compiled(bent)(x), first)
+
+
 def test_what_a_user_wrote_is_not_kept(folder):
     def own(x):
         return x + 1
