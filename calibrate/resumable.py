@@ -14,7 +14,7 @@ import numpy as np
 from vgtjax import InputError
 
 from .output.console import console, say_notes
-from .output.files import PROGRESS, REPORT, SUMMARY, claim, read_json, write_json, write_text
+from .output.files import PROGRESS, REPORT, SUMMARY, claim, read_json, release, write_json, write_text
 from .processes import agree, leads, together
 from .study.units import Job, Unit
 
@@ -39,7 +39,12 @@ def run_once(out: pathlib.Path, command: str, fingerprint: str, compute: Callabl
     if agree((out / REPORT).exists()):
         console.print(f"nothing to do: {out} holds the results already")
     else:
-        compute()
+        try:
+            compute()
+        except InputError:
+            if leads():
+                release(out)
+            raise
     if (out / REPORT).exists():
         console.print(f"report: {(out / REPORT).resolve()}")
 

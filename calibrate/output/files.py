@@ -89,3 +89,9 @@ def claim(out: pathlib.Path, command: str, fingerprint: str) -> None:
         write_json(marker, {"command": command, "fingerprint": fingerprint})
     except OSError as error:
         raise InputError(f"{out}: can't be written ({error.strerror}); choose another --out") from error
+
+
+def release(out: pathlib.Path) -> None:
+    """Gives a folder back in which nothing was written after it was claimed."""
+    if list(out.iterdir()) == [out / MARKER]:
+        (out / MARKER).unlink()

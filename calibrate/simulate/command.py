@@ -30,11 +30,12 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
                 console.print(f"{path} is there already")
                 continue
             duty = unit.duties.get(trace.name)
-            solution = vgtjax.simulate(unit.model, trace if duty is None else duty.applied(trace), throw=False)
+            applied = trace if duty is None else duty.applied(trace)
+            solution = vgtjax.simulate(unit.model, applied, throw=False)
             if solution.result != vgtjax.RESULTS.successful:
                 failed.append(trace.name)
                 continue
-            write_text(path, to_csv(trace, solution))
+            write_text(path, to_csv(trace, solution, applied.rows_at(trace.time)))
             console.print(f"wrote {path}")
     if failed:
         raise SimulationError(
@@ -42,8 +43,11 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
         )
 
 
-def to_csv(trace: vgtjax.Trace, solution: vgtjax.Solution) -> str:
-    """A simulated trace as text, inputs first, then the signals under the headers of a bench trace."""
+def to_csv(trace: vgtjax.Trace, solution: vgtjax.Solution, rows: np.ndarray) -> str:
+    """A simulated trace as text, inputs first, then the signals under the headers of a bench trace.
+
+    `rows` of the solution are those at the times of the trace.
+    """
     columns = {"time [s]": trace.time}
     for name in ("pwm", "p_res", "p_trb"):
         values = trace.at(name)
@@ -51,5 +55,7 @@ def to_csv(trace: vgtjax.Trace, solution: vgtjax.Solution) -> str:
             columns[f"{name} [{SIGNALS[name].unit}]"] = values
     for name, signal in SIGNALS.items():
         if name in solution.signals:
-            columns[f"{name} [{signal.unit}]"] = np.asarray(solution.signals[name]) + 0.0  # minus zero is a plain zero
+            columns[f"{name} [{signal.unit}]"] = (
+                np.asarray(solution.signals[name])[rows] + 0.0
+            )  # minus zero is a plain zero
     return columns_csv(columns)

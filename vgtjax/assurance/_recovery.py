@@ -7,6 +7,7 @@ import numpy as np
 import scipy
 from jaxtyping import Float
 
+from .._errors import InputError
 from ..estimation import (
     CHANNELS,
     NORMAL_95,
@@ -18,6 +19,7 @@ from ..estimation import (
     observe_traces,
     sharp_bundles,
     starting,
+    white_sensors,
 )
 from ..parameters import build_transform, parameter_table
 from ..parts import with_sharp_seat
@@ -29,6 +31,10 @@ SIGNIFICANT = 0.01
 """Probability below which intervals that hold the truth so seldom are not those of 95 %."""
 BIASED = 4.0
 """Standard errors of a mean from which a bias is one: by chance in one parameter of sixteen thousand."""
+
+UNFITTED_NOISE, UNFITTED_PART = 10.0, 0.05
+"""What a model leaves over, in noise and in standard deviations of a signal, from which it was not fitted. Noise behind
+40 Hz is ten times what neighbouring samples show, and is not seen in what moves."""
 
 Table = Float[np.ndarray, "campaigns entries"]
 
@@ -49,11 +55,17 @@ class Truth:
         """As a computation: the model of a task as the truth of its traces.
 
         **Arguments:** `applied`: the traces of the task, with the duty that reached the valve.
+
+        **Raises:** `InputError` where a model is so far from the traces that it was not fitted to them.
         """
         sharp = sharp_bundles(task.model, applied, task.stepping)
-        clean = yield from observe_traces(with_sharp_seat(task.model), sharp)
+        observed = yield from observe_traces(with_sharp_seat(task.model), sharp)
+        pairs = zip(task.fit, applied, observed, strict=True)
+        clean = [seen[read.rows_at(trace.time)] for trace, read, seen in pairs]
+        sensors = learn_sensors(task.fit, task.channels, clean, clean, task.unknown)
+        _check_fitted(task, sensors)
         slopes = (yield from starting(task)).minimiser.slopes
-        return Truth(task, clean, learn_sensors(task.fit, task.channels, clean, clean, task.unknown), slopes)
+        return Truth(task, clean, sensors, slopes)
 
     def campaign(self, number: int, seed: int) -> Task:
         """The same task with new noise on what the truth gives, and on a pressure that drives it."""
@@ -67,6 +79,20 @@ class Truth:
             trace if sensor is None else sensor.again(trace, rng) for trace, sensor in zip(traces, sensors, strict=True)
         ]
         return dataclasses.replace(self.task, fit=again)
+
+
+def _check_fitted(task: Task, sensors: Sensors) -> None:
+    """What a model leaves over counts as noise, which nothing would be seen behind."""
+    for trace, known, plain in zip(task.fit, sensors, white_sensors(task.fit, task.channels), strict=True):
+        for name, sensor in known.items():
+            times, part = sensor.level / plain[name].level, sensor.level / np.std(plain[name].values)
+            if times > UNFITTED_NOISE and part > UNFITTED_PART:
+                raise InputError(
+                    f"{trace.name}: a recovery needs a model that was fitted to its traces, but this one leaves "
+                    f"{part:.0%} of the movement of {name} over, {times:.0f} times its noise; fit it first, and give "
+                    "what was found",
+                    "traces",
+                )
 
 
 def _recorded(trace: Trace, clean: np.ndarray, sensors: dict, rng: np.random.Generator) -> Trace:

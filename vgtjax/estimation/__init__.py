@@ -45,7 +45,7 @@ from ._least_squares import (
     robust_deviation as robust_deviation,
     windowed_gram as windowed_gram,
 )
-from ._measured import Sensors as Sensors
+from ._measured import Sensors as Sensors, white_sensors as white_sensors
 from ._point import Point as Point, Reduced as Reduced, Secant as Secant, Slopes as Slopes, misfit_at as misfit_at
 from ._profiles import Profile as Profile, Profiles as Profiles, profiling as profiling
 from ._programs import Question as Question, run_alone as run_alone, run_together as run_together

@@ -47,7 +47,7 @@ def predicted_spread(
     the same model.
     """
     others = ramped(task.validate, task.linear)
-    nothing = [np.full((len(trace.time), len(CHANNELS)), np.nan) for trace in (*task.fit, *others)]
+    nothing = [np.full((len(trace.time), len(CHANNELS)), np.nan) for trace in (*task.traces, *others)]
     if not np.all(np.isfinite(covariance)):
         return nothing
     found, missing = spread_of(asked.bundles, slopes, covariance), nothing[len(task.fit) :]

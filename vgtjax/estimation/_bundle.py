@@ -71,6 +71,16 @@ class Bundle(eqx.Module):
             for i in range(len(self.indices))
         ]
 
+    def to_lanes(
+        self, values: Sequence[np.ndarray], rows: Sequence[Int[np.ndarray, " samples"]]
+    ) -> Float[np.ndarray, "lanes sample ..."]:
+        """Values of some rows of every trace of the list that the bundle was made from, in its layout; zero where there
+        are none."""
+        lanes = np.zeros((len(self.lane_trace) * SEGMENT, *values[0].shape[1:]))
+        for trace, index in enumerate(self.indices):
+            lanes[SEGMENT * self.first_lane(trace) + rows[index]] = values[index]
+        return lanes.reshape(len(self.lane_trace), SEGMENT, *values[0].shape[1:])
+
     def with_late_duty(self, delay: Scalar) -> tuple["Bundle", Float[Array, "sample lanes"]]:
         """The same traces with a duty that reaches the valve `delay` s late, and its slope by that in every lane."""
         recorded, duration = self.drive.pwm, self.drive.duration

@@ -277,15 +277,18 @@ def comparing(
     sensors: Sensors | None = None,
     errors: Sequence[np.ndarray] | None = None,
 ) -> Steps[list[TraceResult]]:
-    """`compare` as a computation; `errors` `(time, channel)` of what is observed of every trace, those to fit first."""
+    """`compare` as a computation; `errors` `(time, channel)` of what is observed of every trace as it is read,
+    those to fit first."""
     results, bundles = [], list[Bundle]()
     left: Iterator[np.ndarray | None] = itertools.repeat(None) if errors is None else iter(errors)
     for use, traces, edges in (("fit", task.fit, task.edges), ("validate", task.validate, ())):
-        bundles = bundle_traces(model, read_duties(traces, task.linear, edges), task.stepping, bundles)
+        read = read_duties(traces, task.linear, edges)
+        bundles = bundle_traces(model, read, task.stepping, bundles)
         observed = yield from observe_traces(model, bundles, delay if task.late_duty else None)
         known = sensors if use == "fit" and sensors is not None else white_sensors(traces, task.channels)
-        for trace, seen, each in zip(traces, observed, known, strict=True):
-            results.append(_compare_one(trace, use, seen, each, next(left)))
+        for trace, applied, seen, each in zip(traces, read, observed, known, strict=True):
+            rows, error = applied.rows_at(trace.time), next(left)
+            results.append(_compare_one(trace, use, seen[rows], each, None if error is None else error[rows]))
     return results
 
 

@@ -12,7 +12,8 @@ Late = tuple[tuple[float, ...], ...]
 
 
 def read_duties(traces: Sequence[Trace], linear: Sequence[float], late: Late) -> list[Trace]:
-    """Traces with the duty as it is read: ramped where that was linear between samples, with edges where they were."""
+    """Traces with the duty as it is read: ramped where that was linear between samples, with edges at
+    the times at which they were, where these are known."""
     if not late:
         return ramped(traces, linear)
     return [

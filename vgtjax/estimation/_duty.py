@@ -14,6 +14,9 @@ from ._task import Task
 MEETS_NOISE = 1.05
 """chi^2 per measurement up to which a model meets the noise; at 1.08 the levels of one unit were called linear that the
 plant had held."""
+NOISE_ERROR = 3.0
+"""Standard error of chi^2 per measurement, times the root of their number, as the noise is known from the traces
+themselves: of `noise_level`'s square, by drawing white noise."""
 
 
 def tells_of_delay(task: Task, search: LevenbergMarquardt) -> bool:
@@ -23,8 +26,9 @@ def tells_of_delay(task: Task, search: LevenbergMarquardt) -> bool:
 
 
 def meets_noise(search: LevenbergMarquardt) -> bool:
-    """Whether a search without corrections ended where the traces leave their noise."""
-    return 2 * search.progress.searched <= MEETS_NOISE
+    """Whether a search without corrections ended where the traces leave their noise, which few samples tell badly."""
+    limit = max(MEETS_NOISE, 1 + 2 * NOISE_ERROR / float(np.sqrt(search.problem.count)))
+    return 2 * search.progress.searched <= limit
 
 
 def holds_of_duty(task: Task, search: LevenbergMarquardt) -> Holds | None:

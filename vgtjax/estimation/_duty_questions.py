@@ -8,7 +8,7 @@ import numpy as np
 from ._beginning import first_progress
 from ._duties import as_recorded
 from ._duty import holds_of_duty, meets_noise, tells_of_delay
-from ._edges import NEAR_ENOUGH, ROUNDS, alike, find_edges, moved, responses_of, whole_samples
+from ._edges import NEAR_ENOUGH, ROUNDS, alike, find_edges, moved, responses_of, show_in, whole_samples
 from ._evaluation import Steps
 from ._progress import Progress, Report, quiet
 from ._searches import beginning_again
@@ -87,9 +87,11 @@ def _asking_of_edges(calibrator: C, report: Report, *, differing: bool = False) 
     """
     task, progress, edges = calibrator.task, calibrator.minimiser.progress, as_recorded(calibrator.task.fit)
     may_be = task.unknown.duty_hold and any(edges) and not progress.linear
-    if not may_be or calibrator.is_lost() or (meets_noise(calibrator.minimiser) and not differing):
+    if not may_be or calibrator.is_lost():
         return calibrator
     problem, slopes = calibrator.minimiser.problem, calibrator.minimiser.slopes
+    if meets_noise(calibrator.minimiser) and not (differing and show_in(problem, slopes, task.fit)):
+        return calibrator
     knowing = problem.with_edges((yield from responses_of(task, problem, edges, slopes.at)), 0)
     found = find_edges(knowing, slopes, edges)
     if not (find_edges(knowing, slopes, edges, beyond_delays=True) if differing else found).evident:

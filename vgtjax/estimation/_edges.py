@@ -10,12 +10,13 @@ import itertools
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from ..traces import Trace
-from ._bundle import bundle_traces
+from ._bundle import CHANNELS, bundle_traces
 from ._duties import Late, read_duties
-from ._evaluation import Steps, ask, side_by_side
+from ._evaluation import Evaluation, Steps, ask, side_by_side
+from ._evidence import by_trace
 from ._holds import sample_interval
 from ._least_squares import reduce_rows
 from ._point import Point, Slopes
@@ -23,7 +24,7 @@ from ._residuals import FitProblem
 from ._search import SPREAD
 from ._task import Task
 
-NUDGE = 0.5
+NUDGE = 0.2
 """Samples by which an edge is moved to see what that moves."""
 NEAR_ENOUGH, ROUNDS = 0.05, 4
 """Samples by which no edge moves any more, and searches until then at most."""
@@ -32,6 +33,9 @@ ON_TIME = 0.75
 DIFFER = 0.1
 """Samples of standard deviation from which edges are not all as late. At any millisecond of a record with 500 Hz it is
 a quarter; where all are half a sample early, noise leaves 0.06 (`test_edges.py`)."""
+LARGEST, SHOWN = 3.0, 2.0
+"""Deviations above which a residual is an outlier, and standard errors beyond chance from which an edge may be
+somewhere else: chi^2 was 154 and 167 of 12 edges on two traces with every second sample, 9 to 12 with all of them."""
 EVIDENT_EDGE = 9.0
 """Gain in chi^2 that each edge must bring in the mean: three standard errors."""
 
@@ -46,16 +50,22 @@ def responses_of(
     """
     asked = problem.evaluation(at)
     count = max(map(len, late))
-    nudged = [_nudged(late, edge) for edge in range(count)]
-    questions = [
-        dataclasses.replace(asked, bundles=bundle_traces(task.model, read_duties(task.fit, (), moved), task.stepping))
-        for moved in (late, *nudged)
+    read = [read_duties(task.fit, (), moved) for moved in (late, *(_nudged(late, edge) for edge in range(count)))]
+    answers = yield from side_by_side([_seen(task, asked, each) for each in read], at_once=len(SPREAD))
+    here, *there = ([np.asarray(seen) for seen in each] for each in answers)
+    columns = [
+        np.stack([_differences(each[index], base) for each in there], axis=-1) for index, base in enumerate(here)
     ]
-    first, *others = yield from side_by_side([ask(question) for question in questions], at_once=len(SPREAD))
-    return [
-        np.stack([_differences(there, here) for there, here in zip(each, [base] * count, strict=True)], axis=-1)
-        for base, *each in zip(first.observed, *(other.observed for other in others), strict=True)
-    ]
+    rows = [trace.rows_at(recorded.time) for trace, recorded in zip(task.traces, task.fit, strict=True)]
+    return [bundle.to_lanes(columns, rows) for bundle in problem.bundles]
+
+
+def _seen(task: Task, asked: Evaluation, read: Sequence[Trace]) -> Steps[list[np.ndarray]]:
+    """What is observed of traces with their edges somewhere else, at the times of their records."""
+    bundles = bundle_traces(task.model, read, task.stepping)
+    evaluated = yield from ask(dataclasses.replace(asked, bundles=bundles))
+    found = zip(by_trace(bundles, evaluated), read, task.fit, strict=True)
+    return [observed[trace.rows_at(recorded.time)] for observed, trace, recorded in found]
 
 
 def _nudged(late: Late, edge: int) -> Late:
@@ -66,6 +76,34 @@ def _nudged(late: Late, edge: int) -> Late:
 def _differences(there: np.ndarray, here: np.ndarray) -> np.ndarray:
     difference = (here - there) / NUDGE
     return np.where(np.isfinite(difference), difference, 0.0)
+
+
+def show_in(problem: FitProblem, slopes: Slopes, traces: Sequence[Trace]) -> bool:
+    """Whether residuals tell of edges somewhere else: a cheap question before that for what each edge moves.
+
+    An edge that is later makes all later that comes behind it, so residuals are compared with the slope in time of what
+    is observed until the next edge; outliers are cut.
+    """
+    observed = by_trace(problem.bundles, slopes.evaluated)
+    rates = [np.gradient(seen, trace.time, axis=0)[..., None] for seen, trace in zip(observed, traces, strict=True)]
+    rows = [trace.rows_at(trace.time) for trace in traces]
+    columns = problem.whitened([bundle.to_lanes(rates, rows) for bundle in problem.bundles])[:, 0]
+    residuals = np.clip(problem.residuals_of(slopes.evaluated.observed), -LARGEST, LARGEST)
+    gains = []
+    for index, trace in enumerate(traces):
+        mine = problem.owner == index
+        behind = np.repeat(_last_edge(trace, int(np.count_nonzero(mine)) // len(CHANNELS)), len(CHANNELS))
+        along, sizes = (np.bincount(behind, columns[mine] * each[mine])[1:] for each in (residuals, columns))
+        gains.append(along[sizes > 0] ** 2 / sizes[sizes > 0])
+    found = np.concatenate(gains)
+    return bool(np.sum(found) > len(found) + SHOWN * np.sqrt(2 * len(found)))
+
+
+def _last_edge(trace: Trace, length: int) -> Int[np.ndarray, " samples"]:
+    """How many edges there were before every sample of a trace, none behind its end."""
+    edges = trace.edges()
+    began = trace.channels["pwm"].time[edges] if len(edges) else trace.time[:0]
+    return np.pad(np.searchsorted(began, trace.time, side="right"), (0, length - len(trace.time)))
 
 
 @dataclasses.dataclass(frozen=True)

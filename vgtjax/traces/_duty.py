@@ -29,6 +29,10 @@ def delay_duty(duty: Float[Array, " time"], duration: Float[Array, " time"], del
     return jnp.where(present, mean, duty)
 
 
+FARTHEST_EDGE = 2
+"""Samples by which an edge is moved at most."""
+APART = 1e-6
+"""s that an edge keeps from the times of a trace: far below what moves anything."""
 HELD = 5
 """Samples for which a duty is the same before and after what is an edge, and no ramp."""
 
@@ -40,15 +44,8 @@ def edges_of(duty: Float[np.ndarray, " samples"]) -> Int[np.ndarray, " edges"]:
     return jumps[(held[:-1] >= HELD) & (held[1:] >= HELD)]
 
 
-def mean_duty(
-    began: Float[np.ndarray, " samples"], duty: Float[np.ndarray, " samples"], time: Float[np.ndarray, " time"]
-) -> Float[np.ndarray, " time"]:
-    """Mean over every interval of `time` of a duty that is held from `began` on, the last one that of its beginning.
-
-    The first and the last level are held beyond both ends.
-    """
-    area = np.append(0.0, np.cumsum(duty[:-1] * np.diff(began)))
-    beyond = duty[0] * np.minimum(time - began[0], 0.0) + duty[-1] * np.maximum(time - began[-1], 0.0)
-    integral = np.interp(time, began, area) + beyond
-    last = duty[max(int(np.searchsorted(began, time[-1], side="right")) - 1, 0)]
-    return np.append(np.diff(integral) / np.diff(time), last)
+def beside(times: Float[np.ndarray, " edges"], clock: Float[np.ndarray, " time"]) -> Float[np.ndarray, " edges"]:
+    """Times, those that a clock has already a little earlier, so that they are times more."""
+    after = np.clip(np.searchsorted(clock, times), 1, len(clock) - 1)
+    nearest = np.where(times - clock[after - 1] < clock[after] - times, clock[after - 1], clock[after])
+    return np.where(np.abs(times - nearest) < APART, nearest - APART, times)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from .._errors import InputError
 from ._channel import Channel, Samples, as_channel
 from ._drive import Drive, Ramp, Start
-from ._duty import delay_duty, edges_of, mean_duty
+from ._duty import FARTHEST_EDGE, beside, delay_duty, edges_of
 from ._grid import same_clock, share_time
 from ._signals import SIGNALS
 
@@ -160,6 +160,10 @@ class Trace:
         channel = self.sampled(name)
         return np.zeros(0, int) if channel is None else np.searchsorted(self.time, channel.time)
 
+    def rows_at(self, time: Samples) -> Int[np.ndarray, " samples"]:
+        """Where some of its times are in `time`."""
+        return np.searchsorted(self.time, time)
+
     def on_one_clock(self, time: Samples | None = None) -> "Trace":
         """All channels at the same times, for what needs position and pressure in pairs.
 
@@ -195,15 +199,19 @@ class Trace:
         return edges_of(self.channels["pwm"].value) if "pwm" in self.channels else np.zeros(0, int)
 
     def with_late_edges(self, late: Sequence[float]) -> "Trace":
-        """The same trace with each of the duty's `edges` so many seconds later (earlier, if negative).
+        """The same trace with each of the duty's `edges` so many seconds later (earlier, if negative), at a time of its
+        own: the trace has one time more for each.
 
-        An edge is moved by twice the usual interval of the duty at most, so that none passes another one. The duty of
-        every interval of `time` is then its mean over that interval.
+        An edge is moved by twice the usual interval of the duty at most, so that none passes another one.
         """
         duty, edges = self.channels["pwm"], self.edges()
-        began, farthest = np.array(duty.time), 2 * float(np.median(np.diff(duty.time)))
-        began[edges] += np.clip(late, -farthest, farthest)
-        return self.replace(time=self.time, pwm=mean_duty(began, duty.value, self.time))
+        farthest = FARTHEST_EDGE * float(np.median(np.diff(duty.time)))
+        moved = beside(duty.time[edges] + np.clip(late, -farthest, farthest), self.time)
+        time = np.sort(np.concatenate([self.time, moved]))
+        jumps = np.append(0, np.flatnonzero(np.diff(duty.value)) + 1)
+        began = np.array(duty.time[jumps])
+        began[np.searchsorted(jumps, edges)] = moved
+        return self.replace(pwm=Channel(time, Channel(began, duty.value[jumps]).hold(time)))
 
     def drive(self) -> Drive:
         """Inputs over the interval that each time begins; the last one has no length."""

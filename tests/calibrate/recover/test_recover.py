@@ -30,6 +30,14 @@ def test_bias_coverage_and_spread_of_every_parameter(recovered):
     assert "What this cannot show" in page
 
 
+def test_values_that_were_not_fitted_are_refused(fitted, tmp_path):
+    """What such a model leaves over would count as noise: every campaign took minutes and determined nothing."""
+    outcome = run_command("recover", fitted.study, "--out", tmp_path / "out", "--campaigns", "2")
+    assert outcome.status == 2
+    assert "a recovery needs a model that was fitted to its traces, but this one leaves" in outcome.err
+    assert not list((tmp_path / "out").iterdir())
+
+
 def test_a_second_run_does_nothing_but_more_campaigns_are_another_study(recovered, fitted):
     out, arguments, _ = recovered
     assert run_command("recover", fitted.study, "--out", out, *arguments).out.startswith("nothing to do")

@@ -10,7 +10,7 @@ from support import duty_trace
 import vgtjax
 from vgtjax import simulate
 from vgtjax.estimation import Progress, Unknown, _duty_questions, plan_task, start_calibration
-from vgtjax.estimation._edges import alike, find_edges, responses_of, whole_samples
+from vgtjax.estimation._edges import alike, find_edges, responses_of, show_in, whole_samples
 
 LEVELS = (0, 0.051), (70, 0.152), (40, 0.149), (60, 0.151), (30, 0.148), (65, 0.151), (0, 0.15)
 """Edges at 51, 203, 352, 503, 651 and 802 ms: every second one lies between the samples of a record with 500 Hz."""
@@ -175,3 +175,13 @@ def test_edges_that_end_as_late_as_each_other_are_a_delay():
     """By hand: a trace whose edges scatter is enough to tell them from a delay, one without edges says nothing."""
     assert alike(((0.5, 0.52, 0.48), ()))
     assert not alike(((0.5, 0.5, 0.5), LATE))
+
+
+@pytest.mark.parametrize(("keep", "tells"), [(2, True), (1, False)])
+def test_residuals_tell_of_edges_before_anything_is_simulated(keep, tells):
+    """Where the misfit is taken for the noise, as noise is five times that of the other tests."""
+    calibrator = start_calibration(task_of(recorded(1, keep, louder=5.0), recorded(2, keep, louder=5.0)))
+    search = calibrator.minimiser
+    while not search.progress.finished:
+        search.step()
+    assert show_in(search.problem, search.slopes, calibrator.task.fit) == tells

@@ -209,3 +209,27 @@ def test_a_ramped_duty_is_that_of_its_own_samples_whatever_the_other_clocks():
     ramped = trace.with_ramped_duty()
     middles = 0.5 * (ramped.time[:-1] + ramped.time[1:])
     np.testing.assert_allclose(ramped.at("pwm")[:-1], 100 * middles, rtol=1e-12)  # rounding
+
+
+def test_edges_come_at_times_of_their_own():
+    """By hand: a record with 500 Hz whose duty rose 1 ms before its sample, fell on its own, and crept in between."""
+    time = 2e-3 * np.arange(40)
+    duty = np.repeat([0.0, 50.0, 20.0, 21.0, 22.0, 0.0], [10, 10, 1, 1, 8, 10])
+    trace = vgtjax.Trace(time, pwm=duty, x_d=np.zeros(40), p_res=np.full(40, 2e4))
+    assert trace.edges().tolist() == [10, 30]
+    moved = trace.with_late_edges([-1e-3, 0.0])
+    assert len(moved.time) == len(time) + 2
+    np.testing.assert_array_equal(moved.time[moved.rows_at(time)], time)
+    assert moved.at("pwm", np.array([19.9e-3 - 1e-3, 19.1e-3])).tolist() == [0.0, 50.0]
+    # On a sample that is there an edge comes a microsecond early, so that it is a time more.
+    np.testing.assert_allclose(moved.time[moved.jumps()], [19e-3, 40e-3, 42e-3, 44e-3, 60e-3 - 1e-6], atol=1e-12)
+    np.testing.assert_array_equal(moved.x_d, trace.x_d)
+    integral = np.sum(moved.at("pwm")[:-1] * np.diff(moved.time)) - np.sum(duty[:-1] * np.diff(time))
+    assert integral == pytest.approx(50.0 * 1e-3 - 22.0 * 1e-6, abs=1e-9)
+
+
+def test_edges_pass_no_other():
+    time = 2e-3 * np.arange(40)
+    trace = vgtjax.Trace(time, pwm=np.repeat([0.0, 50.0, 0.0], [10, 5, 25]), x_d=np.zeros(40))
+    moved = trace.with_late_edges([1.0, -1.0])
+    np.testing.assert_allclose(moved.time[moved.jumps()], [24e-3, 26e-3], atol=2e-6)
