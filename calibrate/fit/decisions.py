@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from vgtjax.assurance import UNEQUAL, WRONG
-from vgtjax.estimation import Calibration
-from vgtjax.traces import noise_level
+from vgtjax.estimation import Calibration, noise_to_meet
 
 from ..study.parameter_file import Entry
 from .outcome import Fitted
@@ -81,12 +80,12 @@ def _of_a_value(entry: Entry) -> Decision:
 
 
 def noise_ratios(calibration: Calibration) -> dict[tuple[str, str], float]:
-    """What remains of each channel of each fitted trace in units of its noise: that which the signal itself shows, as a
-    fit learns its noise from what remains; or else, of coloured noise, that."""
+    """What remains of each channel of each fitted trace in units of its noise, by `noise_to_meet`."""
     found = {}
     fitted = (result for result in calibration.traces if result.use == "fit")
     for result, sensors in zip(fitted, calibration.sensors, strict=True):
         for channel, met in result.channels.items():
-            noise = met.noise if len(sensors[channel].memory) else noise_level(met.measured, channel)
-            found[result.trace.name, channel] = met.rmse / noise
+            measured = result.trace.sampled(channel)
+            assert measured is not None, "what is compared was measured"
+            found[result.trace.name, channel] = met.rmse / noise_to_meet(sensors[channel], measured, channel)
     return found

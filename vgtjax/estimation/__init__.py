@@ -59,7 +59,7 @@ from ._sensitivities import (
     observe_backwards as observe_backwards,
     observe_with_jacobian as observe_with_jacobian,
 )
-from ._sensors import Sensor as Sensor
+from ._sensors import Sensor as Sensor, noise_to_meet as noise_to_meet
 from ._slices import WORDS as WORDS, End as End, Slice as Slice, Slices as Slices, slicing as slicing
 from ._task import Task as Task, plan_task as plan_task
 from ._weighed import BLOCKS as BLOCKS, Linearised as Linearised, Weighed as Weighed

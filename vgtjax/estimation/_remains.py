@@ -7,9 +7,8 @@ import numpy as np
 import scipy
 from jaxtyping import Float
 
-from ..traces import noise_level
 from ._calibration import Calibration, TraceResult
-from ._sensors import Samples, Sensor, innovations
+from ._sensors import Samples, Sensor, innovations, noise_to_meet
 
 LAGS = 10
 """Lags of Ljung and Box's statistic."""
@@ -123,12 +122,16 @@ def _judged(channel: str, what: str, statistic: float, freedom: float, count: fl
 
 
 def _size(channel: str, pieces: list[Piece]) -> Remains:
-    """The noise that was found over that which the signals show between neighbours."""
-    ratios = [float(sensor.level / noise_level(sensor.values, channel)) for _, _, sensor in pieces]
+    """The noise that was found over that which sensors may have."""
+    ratios = []
+    for result, _, sensor in pieces:
+        measured = result.trace.sampled(channel)
+        assert measured is not None, "what is compared was measured"
+        ratios.append(sensor.level / noise_to_meet(sensor, measured, channel))
     worst = int(np.argmax(ratios))
     verdict = VERDICTS[2 if ratios[worst] > LOUD else 0]
     sentence = (
-        f"{WORDS[channel]}: what remains is at most {ratios[worst]:.2f} times the noise that the signal itself shows "
+        f"{WORDS[channel]}: what remains is at most {ratios[worst]:.2f} times the noise of its sensor "
         f"({pieces[worst][0].trace.name}), {verdict}"
     )
     return Remains(channel, "size", ratios[worst], None, verdict, sentence)

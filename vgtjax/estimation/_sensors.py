@@ -7,7 +7,7 @@ import numpy as np
 import scipy
 from jaxtyping import Float
 
-from ..traces import Trace, noise_level
+from ..traces import Channel, Trace, noise_level
 from ._least_squares import robust_deviation
 
 MEMORY = 6
@@ -27,6 +27,8 @@ FREEDOM = 4.0
 hundredth, and a sixteenth of the information of normal noise is lost (Lange, Little and Taylor, 1989)."""
 FREQUENCIES = 2000
 """At which the spectrum of a noise is summed: more than the samples that it remembers."""
+SLOWEST_FILTER = 20.0
+"""Hz; a slower filter of a position or a pressure would make steps late by more than a period of the duty's PWM."""
 MOST_TURNS, ROUNDING = 100, 1e-9
 """Turns of the scale of Student's distribution, each of which halves what is left to go, and the last of them."""
 
@@ -72,6 +74,24 @@ def white_sensor(trace: Trace, channel: str) -> Sensor | None:
     if sampled is None:
         return None
     return Sensor(sampled.value, noise_level(sampled.value, channel), np.zeros(0), np.ones(len(sampled.value)))
+
+
+def noise_to_meet(sensor: Sensor, measured: Channel, name: str) -> float:
+    """The noise in m or Pa that what remains of a channel is compared with.
+
+    That which the signal itself shows between neighbours. Noise behind a filter shows too little of itself there, so
+    that it is as it was learned from what remains, if its memory is so short that a sensor's filter may make it. A
+    model that lacks something leaves noise with a longer memory, and none but white noise may excuse that.
+    """
+    frequency = _filter_frequency(sensor.memory, float(np.median(np.diff(measured.time))))
+    coloured = len(sensor.memory) > 0 and frequency >= SLOWEST_FILTER
+    return sensor.level if coloured else noise_level(measured.value, name)
+
+
+def _filter_frequency(memory: Float[np.ndarray, " order"], interval: float) -> float:
+    """Hz of the low-pass of first order behind which noise has the same integral of its correlations."""
+    integral = interval / (_gain_of_memory(memory) * (1 - float(np.sum(memory))) ** 2)
+    return 1 / (np.pi * integral)
 
 
 def learn_sensor(sensor: Sensor, residuals: Samples, least: float, *, coloured: bool, loss: Loss) -> Sensor:

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 import scipy.signal
 
-from vgtjax.estimation import Sensor
+from vgtjax.estimation import Sensor, noise_to_meet
 from vgtjax.estimation._sensors import innovations, learn_sensor
+from vgtjax.traces import Channel
 
 COUNT, SIZE = 20_000, 8e-6
 
@@ -103,3 +104,30 @@ def test_students_loss_hardly_hears_outliers():
 
 def test_a_record_without_noise_keeps_a_least_deviation():
     assert learn(np.zeros(1000)).deviation == 1e-9
+
+
+def slow(times, seed=7):
+    """White noise, and what a wrong model leaves: a misfit so many times as large, another one every half second."""
+    rng, time = np.random.default_rng(seed), np.arange(COUNT) * 1e-3
+    knots = np.arange(0, time[-1] + 1, 0.5)
+    misfit = np.interp(time, knots, rng.normal(size=len(knots)))
+    return rng.normal(0, SIZE, COUNT) + times * SIZE * misfit / np.std(misfit)
+
+
+@pytest.mark.parametrize(
+    ("remains", "ratio"),
+    [
+        (np.random.default_rng(8).normal(0, SIZE, COUNT), 1.0),
+        (low_pass(40.0)[1], 1.0),
+        (slow(1.0), np.sqrt(2)),
+        (slow(5.0), np.sqrt(26)),
+        (slow(20.0), np.sqrt(401)),
+    ],
+    ids=["white", "filter", "slow 1", "slow 5", "slow 20"],
+)
+def test_a_long_memory_is_no_excuse(remains, ratio):
+    """Of a filter's noise that is met which was learned; of a misfit, which is learned as noise with a long memory,
+    only what is white. Within a tenth: the level that neighbours show is known to 3 %, and a misfit adds to it."""
+    time, motion = np.arange(COUNT) * 1e-3, 3e-3 * np.sin(np.arange(COUNT) * 2e-3)
+    noise = noise_to_meet(learn(remains), Channel(time, motion + remains), "x_d")
+    assert np.std(remains) / noise == pytest.approx(ratio, rel=0.1)
