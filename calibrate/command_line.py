@@ -26,6 +26,12 @@ OUT = click.Option(["--out"], type=PATH, required=True, metavar="DIR", help="Fol
 SEEN = click.Option(["--out"], type=PATH, metavar="DIR", help="Folder for the results; without it they are only said.")
 START = "Start from a parameters.json, a CDFX or a DCM file, or from the folder of a fit with several units."
 KNOWN = "What is simulated: a parameters.json, or what else a fit may start from; without it the study's values."
+DERIVED = (
+    "Where derivatives are taken: a parameters.json, or what else a fit may start from; else at the study's values."
+)
+CONTROLLED = (
+    "What is controlled: a parameters.json, or the folder of a fit with several units; not the gains to start from."
+)
 GAINS = click.Option(
     ["--gains"], type=PATH, metavar="FILE", help="A gains.json that tune wrote, or its folder; else the study's gains."
 )
@@ -36,7 +42,12 @@ RESULTS = click.Argument(["results"], type=PATH)
 FORMATS = ("csv", "cdfx", "dcm", "mat", "fmu")
 FORMAT = click.Option(["--format", "kind"], type=click.Choice(FORMATS), required=True, help="What the file is.")
 FILE = click.Option(["--out"], type=PATH, required=True, metavar="FILE", help="The file to write.")
-DATE = click.Option(["--date"], type=click.DateTime(["%Y-%m-%d"]), help="Of the calibration, in the file; else today.")
+DATE = click.Option(
+    ["--date"],
+    type=click.DateTime(["%Y-%m-%d"]),
+    metavar="YYYY-MM-DD",
+    help="Of the calibration, in the file; else today.",
+)
 EXPORT = "Writes RESULTS (of the fit of one actuator, or of tune) as a file for other tools."
 POPULATION = "The nominal actuator's parameters.json, or the folder of a fit with several units: the population."
 PROCESSES = (
@@ -126,9 +137,9 @@ def _add(name: str, does: str, *parameters: click.Parameter) -> None:
 
 
 for _name, _does, _given, *_options in (
-    ("simulate", f"Runs the model on every trace of STUDY {SMALL}", START),
+    ("simulate", f"Runs the model on every trace of STUDY {SMALL}", KNOWN),
     ("fit", f"Calibrates the model to the traces of STUDY {SMALL}", START),
-    ("check", f"Says what the traces of STUDY can tell, and which run to record next {SMALL}", START),
+    ("check", f"Says what the traces of STUDY can tell, and which run to record next {SMALL}", DERIVED),
     ("compare", f"Fits other structures to STUDY and says which one its traces favour {SMALL}", START),
     (
         "recover",
@@ -138,7 +149,7 @@ for _name, _does, _given, *_options in (
     ),
     ("identify", f"Identifies part by part from STUDY, as its traces allow {SMALL}", START),
     ("control", f"Closes the loops of a controller with given gains: errors, effort, traces {FLEET}", KNOWN, GAINS),
-    ("tune", f"Tunes a controller's gains by the gradient of its closed loops {FLEET}", START, *PROCESSES),
+    ("tune", f"Tunes a controller's gains by the gradient of its closed loops {FLEET}", CONTROLLED, *PROCESSES),
     ("tolerance", f"Simulates a population of actuators: spread, yield, envelopes {FLEET}", POPULATION, *PROCESSES),
     ("sensitivity", f"Ranks what the spread of a population comes from {FLEET}", POPULATION, *PROCESSES),
 ):

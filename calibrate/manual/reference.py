@@ -139,11 +139,16 @@ def _default(field: pydantic.fields.FieldInfo) -> str:
 def parameters() -> str:
     """Every parameter of the full model and of its variants: name, symbol, unit, printed value, source."""
     rows: dict[tuple[str, str], tuple[str, ...]] = {}
+    having: dict[tuple[str, str], list[str]] = {}
     for component, model in _models():
         for name, row in vgtjax.parameter_table(model).items():
-            shown = f"`{component}`" if component.split(" ")[0] == name.split(".")[0] else ""
-            rows.setdefault((name, row.symbol), (f"`{name}`", *_described(row), shown))
-    return as_table(("name", "symbol", "unit", "value", "source", "held by default", "only with"), rows.values())
+            rows.setdefault((name, row.symbol), (f"`{name}`", *_described(row)))
+            having.setdefault((name, row.symbol), []).append(component)
+    # What the actuator itself has comes first, with no component to name.
+    cells = (
+        (*row, "" if "" in having[key] else ", ".join(f"`{each}`" for each in having[key])) for key, row in rows.items()
+    )
+    return as_table(("name", "symbol", "unit", "value", "source", "held by default", "only with"), cells)
 
 
 def _models() -> Iterable[tuple[str, Any]]:

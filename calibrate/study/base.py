@@ -29,10 +29,16 @@ class StartValue(Table):
     """
 
     value: float | list[float] | None = None
+    """Start value; of what is held, its value."""
     lower: float | list[float] | None = None
+    """No fitted value is lower."""
     upper: float | list[float] | None = None
+    """No fitted value is higher."""
     deviation: Positive | None = None
+    """Standard deviation of what is known beforehand, in the unit of the parameter: a prior where it is free, a
+    tolerance that goes into every error where it is held."""
     relative: Positive | None = None
+    """The same as a part of the value; one of the two."""
 
     @pydantic.model_validator(mode="after")
     def _one_size(self) -> "StartValue":

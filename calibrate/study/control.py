@@ -72,9 +72,11 @@ class ControlTable(Table):
     period: Positive = 1e-3
     """s from one sample of the controller to the next."""
     sensors: Literal["bench", "ideal"] = "bench"
+    """With noise of 8 um and 60 Pa, or without any."""
     sensor: dict[LoopSensor, SensorTable] = {}
     """Sensors that are not as the others."""
     duty_delay: Delay = 0.0
+    """s by which the duty reaches the valve later than the controller says it."""
     reservoir: ReservoirTable = ReservoirTable()
     disturbance: list[LoopDisturbance] = []
     variant: list[VariantTable] = []
@@ -84,7 +86,7 @@ class ControlTable(Table):
     seed: Seed = 0
     lanes: Count = 64
     derivative_memory: list[Annotated[float, pydantic.Field(gt=0)]] | None = None
-    """s; infinite is exact."""
+    """s in which the derivatives of closed loops fade, one search after the other; infinite is exact."""
     cost: CostTable = CostTable()
     unseen: UnseenTable = UnseenTable()
 

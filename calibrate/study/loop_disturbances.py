@@ -82,6 +82,7 @@ class LostSensorTable(AbstractLoopDisturbance):
     begin: NotNegative
     end: float = np.inf
     value: float = np.nan
+    """What it shows meanwhile, in m or Pa; by default no number."""
 
 
 LoopDisturbance = Annotated[
@@ -110,8 +111,11 @@ class SensorTable(Table):
     """One sensor, where it is not as the others of its bench."""
 
     noise: NotNegative | None = None
+    """Standard deviation of its white noise, in m or Pa."""
     offset: Finite | None = None
+    """What it shows beyond the truth, in m or Pa."""
     quantum: NotNegative | None = None
+    """The step between two values that it can show, in m or Pa; zero for none."""
 
     def changed(self, sensor: Sensor) -> Sensor:
         """A sensor with what is stated."""

@@ -100,9 +100,14 @@ class Spread(Table):
 
     distribution: Literal["normal", "lognormal", "uniform", "triangular"] = "normal"
     relative: Positive | None = None
+    """As a part of the nominal value: the standard deviation of `normal` and `lognormal`, half the width of `uniform`
+    and `triangular`."""
     deviation: Positive | None = None
+    """The same in the unit of the parameter; one of the two."""
     lower: Finite | None = None
+    """The lower end, in place of a width, or where a normal distribution is cut off."""
     upper: Finite | None = None
+    """The upper end."""
 
 
 class Correlation(Table):
@@ -116,7 +121,7 @@ class PopulationTable(Table):
     """How actuators of one type differ: fitted units, or tolerances."""
 
     units: str | None = None
-    """The folder of a fit with several units, whose population it is."""
+    """The folder of a fit with several units, whose population it is; relative to the study file."""
     vary: list[str] | None = None
     """Names or patterns of what varies; else all but the properties of the air, the turbine's nozzle, linkage and gas,
     and what is zero or infinite."""
@@ -198,8 +203,13 @@ class ReportSensor(Table):
     channel: Sensor
     serial: str | None = None
     calibrated: str | None = None
+    """Date."""
     uncertainty: Positive | None = None
+    """Standard uncertainty (k = 1) of its offset, in m, Pa or N; counts where `[fit.unknown] offset` names the sensor,
+    as other offsets are found from the traces."""
     relative_uncertainty: Annotated[float, pydantic.Field(gt=0, lt=0.5)] | None = None
+    """Standard uncertainty (k = 1) of its gain, e.g. 0.001 for 0.1 %: of `x_d` and `p_act` a part of every error, of
+    others where `[fit.unknown] gain` names the sensor."""
 
 
 class ReportTable(Table):
