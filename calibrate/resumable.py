@@ -11,7 +11,7 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from vgtjax import InputError
+from vgtjax import InputError, SimulationError
 
 from .output.console import console, say_notes
 from .output.files import PROGRESS, REPORT, SUMMARY, claim, read_json, release, write_json, write_text
@@ -41,7 +41,7 @@ def run_once(out: pathlib.Path, command: str, fingerprint: str, compute: Callabl
     else:
         try:
             compute()
-        except InputError:
+        except (InputError, SimulationError):
             if leads():
                 release(out)
             raise

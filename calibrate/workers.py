@@ -1,10 +1,16 @@
 """Units of a study side by side, each in a process of its own: for work that one core is busy with, but no program."""
 
 import multiprocessing
+import os
 import pathlib
 import pickle
+import signal
+import threading
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+
+from vgtjax import SimulationError
 
 from .output.console import console
 from .resumable import Folders
@@ -41,6 +47,11 @@ def each_unit(job: Job, folders: Folders, work: Work) -> None:
         try:
             for future in as_completed(futures):
                 console.print(future.result(), end="")
+        except BrokenProcessPool as error:
+            raise SimulationError(
+                "a process of this run was ended, for want of memory for instance; run the same command again, and it "
+                "goes on"
+            ) from error
         finally:
             pool.shutdown(cancel_futures=True)
 
@@ -50,12 +61,22 @@ def _number(job: Job, unit: Unit) -> int:
 
 
 def _begin(job: bytes, cache: str | None) -> None:
-    """A process with one core of its own."""
+    """A process with one core of its own, which ends with the one that began it."""
     from vgtjax import configure
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # of a whole group of processes, the first one says it
+    threading.Thread(target=_end_with_parent, daemon=True).start()
 
     global _JOB
     configure(cpu_devices=1, cache=cache)
     _JOB = pickle.loads(job)
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    assert parent is not None, "a worker was begun by another process"
+    parent.join()
+    os._exit(1)
 
 
 def _do(work: Work, number: int, folder: pathlib.Path) -> str:

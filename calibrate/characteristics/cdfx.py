@@ -83,7 +83,7 @@ def read_cdfx(path: pathlib.Path) -> tuple[str, list[Found]]:
     """The line of a CDFX file that names the model, and what it holds."""
     try:
         root = ET.parse(path).getroot()
-    except ET.ParseError as error:
+    except (ET.ParseError, ValueError, LookupError) as error:  # the latter two of an encoding that is not known
         raise InputError(f"{path.name}: this is not valid XML ({error}); write it again") from error
     if root.tag != "MSRSW":
         raise InputError(f"{path.name}: a CDFX file begins with MSRSW, but this has {root.tag}; give a CDFX file")

@@ -15,7 +15,7 @@ from vgtjax.parameters import entry_names, match_entries, parameter_table, selec
 from vgtjax.plants import on_given_knots
 
 from ..study.components import FullComponents
-from ..study.models import build_model, start_model, values_of
+from ..study.models import build_model, deviations_of, start_model, values_of
 from ..study.tables import Study
 from ..study.units import Job, Unit
 
@@ -74,7 +74,7 @@ def plan(job: Job, unit: Unit, structure: Mapping[str, str], values: Mapping[str
     """
     study = job.study
     changed = [name for name, variant in structure.items() if variant != own_structure(study)[name]]
-    model, bounds = unit.model, unit.bounds
+    model, bounds, deviations = unit.model, unit.bounds, unit.deviations
     with _FILTERING, warnings.catch_warnings():
         warnings.simplefilter("ignore", PassivityWarning)  # on the way from one structure to another
         if changed:
@@ -84,11 +84,13 @@ def plan(job: Job, unit: Unit, structure: Mapping[str, str], values: Mapping[str
             given = values_of(unit.model)
             bare = build_model(study)
             model, bounds = start_model(bare, study, _shared(bare, given))
+            deviations = deviations_of(model, study.parameters)
         if values:
             model = on_given_knots(model, dict(values))
             model = vgtjax.replace_parameters(model, _shared(model, values))
         choices = {"free": _free(unit, study, model), "fixed": study.fit.fixed, "unknown": unit.unknown(study)}
-        return plan_fit(model, unit.used("fit"), unit.used("validate"), **choices, bounds=bounds)
+        known = {"deviations": deviations, "gains": study.report.gains, "offsets": study.report.offsets}
+        return plan_fit(model, unit.used("fit"), unit.used("validate"), **choices, **known, bounds=bounds)
 
 
 def _free(unit: Unit, study: Study, model: vgtjax.AbstractModel) -> list[str] | None:

@@ -47,12 +47,12 @@ def prepare_control(
     plants, notes = all_plants(study, actuators)
     with stated(OF_A_CONTROLLER):
         controllers, given = _controllers(study, actuators, plants, gains)
-    hashed = actuators.values | reference_files(study.control, path.parent) | {"gains": given}
+    groups = _groups(study, plants, path.parent)  # reads the references, and says which one is missing
+    hashed = actuators.hashed | reference_files(study.control, path.parent) | {"gains": given}
     belief = BELIEFS[belief_of(study, actuators)]
     of_population = () if is_alone(study, actuators) else actuators.notes
     said = (*of_population, *notes, *gas_notes(study.control, actuators.first))
     digest = fingerprint(study, expand_traces(study, path.parent), hashed)
-    groups = _groups(study, plants, path.parent)
     return ControlJob(study, path.read_text(encoding="utf-8-sig"), digest, controllers, belief, groups, said)
 
 

@@ -54,7 +54,7 @@ class Outcome:
 def look_at(controller: AbstractController, cases: Cases) -> tuple[tuple[str, ...], float]:
     """Channels that a controller uses in the first of some closed loops, and seconds that a sample takes, compiled."""
     plant, scenario = jax.tree.map(lambda leaf: leaf[0], (cases.plants, cases.scenarios))
-    reference = jax.tree.map(lambda leaf: leaf[: round(PROBED / cases.period) + 1], scenario.reference)
+    reference = jax.tree.map(lambda leaf: leaf[: max(1, round(PROBED / cases.period)) + 1], scenario.reference)
     run = _run(plant, controller, scenario, reference, cases.period)
     given = (controller, run.measured, run.reference, cases.period)
     used, spent = channels_used(*given), []

@@ -51,7 +51,10 @@ class Results:
         fields = self.parameters[name]
         if not isinstance(fields["value"], list):
             return [_row(name, fields)]
-        apart = [{key: field[i] for key, field in fields.items()} for i in range(len(fields["value"]))]
+        apart = [
+            {key: field[i] if isinstance(field, list) else field for key, field in fields.items()}
+            for i in range(len(fields["value"]))
+        ]
         return [_row(f"{name}[{index}]", each) for index, each in enumerate(apart)]
 
 

@@ -46,11 +46,16 @@ def write_text(path: pathlib.Path, text: str) -> None:
 
 
 def columns_csv(columns: Mapping[str, Float[np.ndarray, " rows"]]) -> str:
-    """Columns by their headers as the text of a CSV file."""
+    """Columns by their headers as the text of a CSV file; times to the last digit, as they may count from 1970."""
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)
-    writer.writerows(zip(*[[f"{value:.9g}" for value in values] for values in columns.values()], strict=True))
+    digits = [".17g" if header.startswith("time") else ".9g" for header in columns]
+    shown = [
+        [repr(float(value)) if form == ".17g" else f"{value:{form}}" for value in values]
+        for form, values in zip(digits, columns.values(), strict=True)
+    ]
+    writer.writerows(zip(*shown, strict=True))
     return text.getvalue()
 
 
@@ -93,5 +98,8 @@ def claim(out: pathlib.Path, command: str, fingerprint: str) -> None:
 
 def release(out: pathlib.Path) -> None:
     """Gives a folder back in which nothing was written after it was claimed."""
-    if list(out.iterdir()) == [out / MARKER]:
-        (out / MARKER).unlink()
+    inside = [path for path in out.iterdir() if path != out / MARKER]
+    if all(path.is_dir() and not any(path.iterdir()) for path in inside):
+        for path in inside:
+            path.rmdir()
+        (out / MARKER).unlink(missing_ok=True)

@@ -13,6 +13,7 @@ from ..output.files import read_json
 from ..study.models import build_model, start_model, values_of
 from ..study.parameter_file import fit_covariance, fitted_entries
 from ..study.places import OF_A_POPULATION, stated
+from ..study.read import hash_file
 from ..study.start_file import load_values, unit_files
 from ..study.tables import Study
 
@@ -22,7 +23,7 @@ class Actuators:
     """A population, and the units that it comes from if it was fitted.
 
     `values` are what `parameters.json` gave, by unit, those of a nominal actuator under `None`; `first` is the first
-    unit's model, or the nominal actuator's.
+    unit's model, or the nominal actuator's; `digests` tell the files of parameters from others.
     """
 
     values: dict[str | None, dict[str, Any]]
@@ -30,6 +31,12 @@ class Actuators:
     population: Population
     fitted: dict[str, vgtjax.AbstractModel]
     notes: tuple[str, ...]
+    digests: dict[str, str] = dataclasses.field(default_factory=dict)
+
+    @property
+    def hashed(self) -> dict[str | None, Any]:
+        """What the fingerprint of a run depends on."""
+        return {**self.values, "files": self.digests}
 
 
 def read_actuators(
@@ -47,7 +54,15 @@ def read_actuators(
     models = _models(model, study, values)
     population, notes = _population(study, dict(zip(values, models, strict=True)), parameters, levels)
     fitted = {} if None in values else dict(zip(map(str, values), models, strict=True))
-    return Actuators(values, models[0], population, fitted, notes)
+    return Actuators(values, models[0], population, fitted, notes, _digests(parameters))
+
+
+def _digests(parameters: pathlib.Path | None) -> dict[str, str]:
+    """SHA-256 of every file of parameters: a population depends on their covariances as well."""
+    if parameters is None:
+        return {}
+    files = sorted(parameters.rglob("parameters.json")) if parameters.is_dir() else [parameters]
+    return {str(place): hash_file(file) for place, file in enumerate(files)}
 
 
 def _given_values(

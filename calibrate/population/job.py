@@ -53,7 +53,7 @@ def prepare_population(path: pathlib.Path | None, parameters: pathlib.Path | Non
     return PopulationJob(
         study,
         path.read_text(encoding="utf-8-sig"),
-        fingerprint(study, sources, actuators.values),
+        fingerprint(study, sources, actuators.hashed),
         actuators.population,
         actuators.fitted,
         _experiments(study, nominal, measured),

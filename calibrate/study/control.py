@@ -59,7 +59,7 @@ class ControlTable(Table):
     """Gains that are not."""
     gains: dict[str, StartValue] = {}
     """Start values and bounds of gains."""
-    reference: list[Reference] = TUNED_ON
+    reference: Annotated[list[Reference], pydantic.Field(min_length=1)] = TUNED_ON
     """What the position has to follow."""
     turbine_pressure: Annotated[list[Gauge], pydantic.Field(min_length=1)] = [0.0]
     """Pa gauge; a loop at each."""
@@ -85,7 +85,9 @@ class ControlTable(Table):
     """What takes over while the position can't be believed."""
     seed: Seed = 0
     lanes: Count = 64
-    derivative_memory: list[Annotated[float, pydantic.Field(gt=0)]] | None = None
+    derivative_memory: Annotated[list[Annotated[float, pydantic.Field(gt=0)]], pydantic.Field(min_length=1)] | None = (
+        None
+    )
     """s in which the derivatives of closed loops fade, one search after the other; infinite is exact."""
     cost: CostTable = CostTable()
     unseen: UnseenTable = UnseenTable()

@@ -43,7 +43,7 @@ class CoilSupplyTable(AbstractLoopDisturbance):
     """
 
     kind: Literal["coil-supply"]
-    factor: Positive | list[Positive]
+    factor: Positive | Annotated[list[Positive], pydantic.Field(min_length=1)]
     times: list[NotNegative] = []
 
     @pydantic.model_validator(mode="after")

@@ -100,7 +100,7 @@ def _check_names(sources: list[TraceSource]) -> None:
 def fingerprint(study: Study, sources: list[TraceSource], parameters: dict[str | None, dict[str, Any]]) -> str:
     """SHA-256 over all that a result depends on: version, study, names and bytes of its traces, given parameters."""
     digest = hashlib.sha256(importlib.metadata.version("vgtjax").encode())
-    digest.update(study.model_dump_json().encode())
+    digest.update(repr(study.model_dump()).encode())  # JSON knows no infinity
     for source in sources:
         digest.update(repr((source.name, source.unit, source.use)).encode())
         digest.update(hash_file(source.path).encode())

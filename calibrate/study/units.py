@@ -108,12 +108,12 @@ def prepare(
     units, given = [], {}
     for name in sorted({source.unit for source in sources}, key=str):
         values: dict[str, Any] = {} if parameters is None else load_values(parameters, name, study, model)
-        given[name] = values
+        duties = {} if parameters is None else load_duties(parameters, name)
+        given[name] = {**values, "duties": duties}
         start, bounds = start_model(model, study, values)
         needs = (*start.needs, *(("x_d|p_act",) if to_fit else ()))
         mine = [source for source in sources if source.unit == name]
         traces = [(source.use, load_source(source, start, bounds, needs)) for source in mine]
-        duties = {} if parameters is None else load_duties(parameters, name)
         stated = {key for key in ("duty_delay", "duty_hold") for each in mine if getattr(each, key) is not None}
         deviations = deviations_of(start, parameters_of(study))
         hashes = {source.name: hash_file(source.path) for source in mine}

@@ -17,8 +17,9 @@ def fallback_of(study: Study) -> dict[str, Any] | None:
     table = study.control
     if table.fallback == "none":
         return None
-    # Without noise, standing still is no sign of a fault.
-    noisy = build_sensors(table.sensors, table.sensor).position.noise > 0
+    # Where the steps of a sensor hide its noise, standing still is no sign of a fault.
+    sensor = build_sensors(table.sensors, table.sensor).position
+    noisy = sensor.noise > sensor.quantum
     return {"kind": table.fallback, "patience": WithFallback.patience if noisy else None}
 
 

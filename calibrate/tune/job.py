@@ -82,7 +82,7 @@ def prepare_tuning(path: pathlib.Path | None, parameters: pathlib.Path | None) -
     return TuneJob(
         study,
         path.read_text(encoding="utf-8-sig"),
-        fingerprint(study, expand_traces(study, folder), actuators.values | reference_files(table, folder)),
+        fingerprint(study, expand_traces(study, folder), actuators.hashed | reference_files(table, folder)),
         bounds,
         believed,
         smooth,

@@ -116,6 +116,8 @@ class Ramps(AbstractSignal):
 
     def __check_init__(self) -> None:
         _require_equal_length(self.times, self.levels)
+        if not np.size(self.times):
+            raise InputError("ramps need a corner at least, but there is none; give a time and a level")
         if not is_traced(self.times) and not np.all(np.diff(self.times) > 0):
             raise InputError(f"times of corners must increase, but they are {self.times}; sort them with their levels")
         require_positive("rounding", self.rounding, *SECONDS)

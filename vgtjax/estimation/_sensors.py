@@ -109,23 +109,25 @@ def learn_sensor(sensor: Sensor, residuals: Samples, least: float, *, coloured: 
     deviation = max(robust_deviation(new), least)
     learned = dataclasses.replace(sensor, deviation=deviation, memory=memory, trust=np.ones(len(new)))
     if loss == "student":
-        return _by_student(learned, new / deviation)
+        return _by_student(learned, new / deviation, least / deviation)
     return learned if loss == "gaussian" else dataclasses.replace(learned, trust=_trust(np.abs(new) / deviation))
 
 
-def _by_student(sensor: Sensor, sizes: Samples) -> Sensor:
+def _by_student(sensor: Sensor, sizes: Samples, least: float) -> Sensor:
     """A sensor whose noise is taken for Student's, of a scale that its residuals in deviations tell best.
 
     Weights alone would claim too much: of `FREEDOM` degrees of freedom seven measurements are worth five. What they are
     worth is read from the residuals themselves, so that errors are right for normal noise too (Huber, 1981, 7.6).
     """
     scale = 1.0
+    if np.all(np.abs(sizes) < least):
+        return sensor  # nothing remains of a record without noise
     for _ in range(MOST_TURNS):
         square = (sizes / scale) ** 2
         factor = float(np.sqrt(np.mean((FREEDOM + 1) / (FREEDOM + square) * square)))
-        scale *= factor
-        if abs(factor - 1) < ROUNDING:
+        if abs(factor - 1) < ROUNDING or scale * factor < least:
             break
+        scale *= factor
     square = (sizes / scale) ** 2
     weights = (FREEDOM + 1) / (FREEDOM + square)
     bend = np.mean((FREEDOM + 1) * (FREEDOM - square) / (FREEDOM + square) ** 2)  # of the influence, over size

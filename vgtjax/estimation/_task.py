@@ -140,6 +140,7 @@ def plan_task(
     model = replace_parameters(model, values or {})
     if channels is None:
         channels = ("x_d",) if isinstance(model, MechanicalActuator) else CHANNELS
+    _check_channels(channels, fit)
     fit, inputs = read_inputs(model, fit, unknown)
     validate, _ = read_inputs(model, validate, unknown)
     selection, known, gains = select(model, free, fixed), _by_entry(model, deviations or {}), dict(gains or {})
@@ -160,6 +161,16 @@ def plan_task(
         gains=gains,
         inputs=inputs,
     )
+
+
+def _check_channels(channels: Sequence[str], fit: Sequence[Trace]) -> None:
+    known = [channels] if isinstance(channels, str) else list(channels)
+    if isinstance(channels, str) or not known or not set(known) <= set(CHANNELS):
+        raise InputError(
+            f"channels to fit must be a list of {' and '.join(CHANNELS)}, but they are {channels!r}; give it"
+        )
+    if not any(name in trace.channels for trace in fit for name in known):
+        raise InputError(f"a fit needs a trace with {' or '.join(known)}, but there is none; record it", "traces")
 
 
 def _by_entry(model: AbstractModel, deviations: Mapping[str, float]) -> dict[str, float]:

@@ -49,7 +49,13 @@ class Linearised:
         if task.late_duty:
             transform = transform.extended(DELAY_SCALE, -LONGEST_DELAY, LONGEST_DELAY)
         problem = build_fit_problem(
-            task.model, task.selection, transform, task.traces, channels=task.channels, stepping=task.stepping
+            task.model,
+            task.selection,
+            transform,
+            task.traces,
+            channels=task.channels,
+            stepping=task.stepping,
+            prior=task.prior,
         )
         at = np.array(progress.coordinates)
         evaluated = yield from ask(problem.evaluation(at, slopes=True))

@@ -98,6 +98,12 @@ def _check_start(entry: str, value: Scalar, row: Parameter, lower: float, upper:
             "with fixed",
             "values",
         )
+    if not np.isfinite(value):
+        raise InputError(
+            f"the start value of '{entry}' must be finite to be fitted, but it is {value:g}; change it, or hold it "
+            "with fixed",
+            "values",
+        )
     if not lower <= value <= upper:
         raise InputError(
             f"the start value of '{entry}' must lie between {lower:g} and {upper:g}, but it is {value:g}; change the "

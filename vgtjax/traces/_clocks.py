@@ -47,13 +47,23 @@ class Clocks:
                 clocks[assigned.clock.entry] = assigned.clock
         if assignment.time is not None:
             clocks[assignment.time.entry] = assignment.time
-        stated |= {entry: recording.read(entry).value for entry in clocks}
+        stated |= {entry: self._complete(entry) for entry in clocks}
         numbers = self._as_numbers(stated)
         found = {entry: self._clock(entry, times, clocks.get(entry)) for entry, times in numbers.items()}
         self.time, self.rows = {}, {}
         for signal, assigned in assignment.found.items():
             self._add(assigned, records[signal], found[_holder(assigned)])
         self.alone = None if assignment.time is None else found[assignment.time.entry].seconds
+
+    def _complete(self, entry: Entry) -> Numbers:
+        """The times of a channel of times; samples are counted by them, so that none may be missing."""
+        record = self._recording.read(entry)
+        if record.rows is not None:
+            at = int(np.flatnonzero(np.append(record.rows, -1) != np.arange(len(record.rows) + 1))[0])
+            raise self._recording.fail(
+                f"every time must be there, but that of row {at} is missing", "remove the row", entry
+            )
+        return record.value
 
     def _as_numbers(self, stated: Mapping[Entry, Numbers]) -> dict[Entry, Numbers]:
         """Times as numbers: durations in s, dates in s since the first of all."""

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from .._errors import InputError
 from ._channel import Channel, Samples, as_channel
 from ._drive import Drive, Ramp, Start
-from ._duty import FARTHEST_EDGE, beside, delay_duty, edges_of
+from ._duty import APART, FARTHEST_EDGE, beside, delay_duty, edges_of
 from ._grid import same_clock, share_time
 from ._signals import SIGNALS
 
@@ -206,7 +206,8 @@ class Trace:
         """
         duty, edges = self.channels["pwm"], self.edges()
         farthest = FARTHEST_EDGE * float(np.median(np.diff(duty.time)))
-        moved = beside(duty.time[edges] + np.clip(late, -farthest, farthest), self.time)
+        moved = np.maximum(duty.time[edges] + np.clip(late, -farthest, farthest), self.time[0] + 2 * APART)
+        moved = beside(moved, self.time)
         time = np.sort(np.concatenate([self.time, moved]))
         jumps = np.append(0, np.flatnonzero(np.diff(duty.value)) + 1)
         began = np.array(duty.time[jumps])
@@ -282,7 +283,12 @@ def require(trace: Trace, needs: tuple[str, ...]) -> None:
             )
         for column in present:
             time = trace.channels[column].time
-            if not SIGNALS[column].held and not (time[0] <= trace.time[0] and trace.time[-1] <= time[-1]):
+            # A position serves for the start of a rod; what drives a model has to be there throughout.
+            if (
+                column != "x_d"
+                and not SIGNALS[column].held
+                and not (time[0] <= trace.time[0] and trace.time[-1] <= time[-1])
+            ):
                 raise InputError(
                     f"{trace.name}: what drives this model must be valid from {trace.time[0]:g} to "
                     f"{trace.time[-1]:g} s, but {column} is so from {time[0]:g} to {time[-1]:g} s; cut the trace with "

@@ -7,7 +7,9 @@ import pytest
 from commands import Outcome, cut_example, read, run_command
 
 from calibrate.compare import alternatives, command
+from calibrate.fit.plan import plan as plan_of_fit
 from calibrate.output.files import MARKER
+from calibrate.study.units import prepare
 
 FRICTION = ("lugre", "coulomb")
 STUDY = """name = "rod"
@@ -98,3 +100,26 @@ def test_bad_input_is_one_sentence(compared, tmp_path):
     assert outcome.err.startswith("error: ")
     assert "did you mean 'diaphragm.preload'?" in outcome.err
     assert not (tmp_path / "out").exists()
+
+
+def test_every_structure_is_fitted_with_what_the_study_knows_beforehand(tmp_path):
+    """Tolerances, priors and certificates, as `fit` has them; of another structure those that it has a place for."""
+    cut_example("step_80", 0.6, tmp_path)
+    (tmp_path / "study.toml").write_text(
+        """
+[[trace]]
+file = "step_80.csv"
+[parameters]
+"diaphragm.stiffness" = {value = 12000, deviation = 1.0}
+"diaphragm.area" = {relative = 0.02}
+[[report.sensor]]
+channel = "x_d"
+relative_uncertainty = 0.001
+"""
+    )
+    job = prepare(tmp_path / "study.toml", None, to_fit=True)
+    (unit,) = job.units
+    for structure in ({}, {"friction": "dahl"}):
+        task = alternatives.plan(job, unit, structure, {})
+        assert task.deviations == plan_of_fit(job, unit).deviations
+        assert task.gains == {"x_d": 0.001}

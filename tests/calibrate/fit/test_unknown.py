@@ -76,6 +76,21 @@ def test_a_delay_that_the_study_states_is_not_looked_for(folder):
     assert summary["traces"]["late"]["rmse"]["x_d"] == pytest.approx(8e-6, rel=0.1)
 
 
+def test_another_duty_that_was_found_is_another_run(folder, tmp_path):
+    """What is simulated depends on more of a parameters.json than on its values."""
+    found, arguments = (
+        read(folder / "out/parameters.json"),
+        ("--parameters", tmp_path / "p.json", "--out", tmp_path / "o"),
+    )
+    (tmp_path / "p.json").write_text(json.dumps(found))
+    assert run_command("simulate", folder / "study.toml", *arguments).status == 0
+    found["nuisance"]["late"] = {"duty_delay": 0.02}
+    (tmp_path / "p.json").write_text(json.dumps(found))
+    again = run_command("simulate", folder / "study.toml", *arguments)
+    assert again.status == 2
+    assert "holds the results of another study" in again.err
+
+
 def test_edges_that_were_found_are_where_a_simulation_has_them(folder, tmp_path):
     """As a trace whose duty was so late; as many as another trace has are those of another trace."""
     trace, found = vgtjax.load_trace(folder / "late.csv"), read(folder / "out/parameters.json")

@@ -142,3 +142,14 @@ def test_a_file_that_is_not_there_is_likened_to_those_of_every_kind(tmp_path):
     write_mdf(tmp_path / "step_80.mf4", campaign())
     with pytest.raises(vgtjax.InputError, match=r"'step_8\.mf4' matches nothing in .*; did you mean 'step_80\.mf4'\?"):
         prepared(tmp_path, '[[trace]]\nfile = "step_8.mf4"\n')
+
+
+def test_an_infinite_value_is_another_study_than_none(tmp_path):
+    """JSON has neither, and both would be null."""
+    write_mdf(tmp_path / "run.mf4", campaign())
+    text = study_of("run.mf4", campaign())
+    given = ("{value = inf}", "{}")
+    assert (
+        len({prepared(tmp_path, f'{text}[parameters]\n"diaphragm.travel" = {each}\n').fingerprint for each in given})
+        == 2
+    )

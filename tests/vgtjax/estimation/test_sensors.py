@@ -131,3 +131,13 @@ def test_a_long_memory_is_no_excuse(remains, ratio):
     time, motion = np.arange(COUNT) * 1e-3, 3e-3 * np.sin(np.arange(COUNT) * 2e-3)
     noise = noise_to_meet(learn(remains), Channel(time, motion + remains), "x_d")
     assert np.std(remains) / noise == pytest.approx(ratio, rel=0.1)
+
+
+@pytest.mark.parametrize("last", [0.0, 1.0])
+def test_a_record_that_hardly_moves_has_finite_weights(last):
+    """Its residuals are equal but for one at most, so that a scale fitted to them goes to zero."""
+    noise = np.append(np.zeros(49), last * SIZE)
+    sensor = Sensor(np.zeros(50), SIZE, np.zeros(0), np.ones(50))
+    found = learn_sensor(sensor, noise, 0.1 * SIZE, coloured=True, loss="student")
+    # Without a floor of the scale not finite, or 1e101; a weight of 100 is a hundred times the least deviation.
+    assert np.all(found.trust < 100)

@@ -233,3 +233,10 @@ def test_edges_pass_no_other():
     trace = vgtjax.Trace(time, pwm=np.repeat([0.0, 50.0, 0.0], [10, 5, 25]), x_d=np.zeros(40))
     moved = trace.with_late_edges([1.0, -1.0])
     np.testing.assert_allclose(moved.time[moved.jumps()], [24e-3, 26e-3], atol=2e-6)
+
+
+def test_an_edge_at_the_beginning_stays_inside_of_the_trace():
+    time = 2e-3 * np.arange(40)
+    trace = vgtjax.Trace(time, pwm=np.repeat([0.0, 50.0], [1, 39]), x_d=np.zeros(40))
+    moved = trace.with_late_edges([-3e-3])
+    assert time[0] < moved.time[moved.jumps()][0] < 1e-5
