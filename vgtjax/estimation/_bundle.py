@@ -72,7 +72,7 @@ class Bundle(eqx.Module):
         ]
 
     def to_lanes(
-        self, values: Sequence[np.ndarray], rows: Sequence[Int[np.ndarray, " samples"]]
+        self, values: Sequence[np.ndarray], rows: Sequence[Int[np.ndarray, " _"]]
     ) -> Float[np.ndarray, "lanes sample ..."]:
         """Values of some rows of every trace of the list that the bundle was made from, in its layout; zero where there
         are none."""
