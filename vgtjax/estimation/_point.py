@@ -71,7 +71,8 @@ class Point:
         columns = problem.columns_of(slopes.evaluated.columns, slopes.at)
         if problem.prior is not None:
             columns = np.concatenate([columns, np.diag(problem.prior.precision)])
-        held = np.asarray(problem.transform.pinned(here, residuals @ columns))
+        with np.errstate(over="ignore", invalid="ignore"):  # of a search that got lost
+            held = np.asarray(problem.transform.pinned(here, residuals @ columns))
         return Point(residuals, np.where(held, 0.0, columns))
 
     def bend(self, problem: FitProblem, here: Coordinates, slopes: "Slopes") -> float:
