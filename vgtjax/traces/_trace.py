@@ -206,7 +206,7 @@ class Trace:
         """
         duty, edges = self.channels["pwm"], self.edges()
         farthest = FARTHEST_EDGE * float(np.median(np.diff(duty.time)))
-        moved = np.maximum(duty.time[edges] + np.clip(late, -farthest, farthest), self.time[0] + 2 * APART)
+        moved = np.maximum(duty.time[edges] + np.clip(late, -farthest, farthest), duty.time[0] + 2 * APART)
         moved = beside(moved, self.time)
         time = np.sort(np.concatenate([self.time, moved]))
         jumps = np.append(0, np.flatnonzero(np.diff(duty.value)) + 1)

@@ -240,3 +240,14 @@ def test_an_edge_at_the_beginning_stays_inside_of_the_trace():
     trace = vgtjax.Trace(time, pwm=np.repeat([0.0, 50.0], [1, 39]), x_d=np.zeros(40))
     moved = trace.with_late_edges([-3e-3])
     assert time[0] < moved.time[moved.jumps()][0] < 1e-5
+
+
+def test_edges_before_the_other_channels_begin_change_nothing():
+    """A duty that was recorded for longer: two of its edges are before the trace, one is in it."""
+    clock = 1e-3 * np.arange(100)
+    duty = vgtjax.Channel(clock, np.repeat([0.0, 50.0, 20.0, 70.0], [10, 10, 50, 30]))
+    trace = vgtjax.Trace(pwm=duty, x_d=vgtjax.Channel(clock[50:], np.zeros(50)))
+    moved = trace.with_late_edges([-5e-4, -5e-4, -5e-4])
+    assert (moved.time[0], moved.time[-1]) == (trace.time[0], trace.time[-1])
+    assert len(moved.time) == len(trace.time) + 1
+    np.testing.assert_allclose(moved.time[moved.jumps()], [69.5e-3], atol=1e-12)
