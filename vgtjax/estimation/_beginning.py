@@ -3,9 +3,11 @@
 import dataclasses
 
 import numpy as np
+from jaxtyping import Float
 
-from ..parameters import Transform, build_transform, parameter_table
+from ..parameters import Transform, build_transform, parameter_table, replace_parameters
 from ._evidence import DELAY_SCALE, LONGEST_DELAY
+from ._point import Coordinates
 from ._progress import Progress
 from ._task import Task
 
@@ -26,3 +28,23 @@ def transform_of(task: Task, progress: Progress) -> Transform:
         return transform
     longest = LONGEST_DELAY if progress.late else 0.0
     return transform.extended(DELAY_SCALE, -longest, longest)
+
+
+def second_guess(task: Task) -> Float[np.ndarray, " entries"] | None:
+    """Values of the free entries that traces tell directly, in the units of the table, NaN for others; or `None`."""
+    if task.second_guess is None:
+        return None
+    entries, first = task.selection.entries, np.asarray(task.selection.pack(task.model))
+    found = dict(task.second_guess(task.plant, task.fit))
+    told = [entry in found or entry.partition("[")[0] in found for entry in entries]
+    values = np.asarray(task.selection.pack(replace_parameters(task.model, found)))
+    positive = np.asarray(transform_of(task, Progress(())).positive)[: len(entries)]
+    good = np.array(told) & ~(positive & (values <= 0)) & (values != first)
+    return np.where(good, values, np.nan) if np.any(good) else None
+
+
+def guessed(guess: Float[np.ndarray, " entries"], transform: Transform, start: Coordinates) -> Coordinates:
+    """A start with the values of a second guess."""
+    values = np.array(transform.to_physical(start))
+    values[: len(guess)] = np.where(np.isnan(guess), values[: len(guess)], guess)
+    return np.asarray(transform.clip(transform.to_coordinates(values)))

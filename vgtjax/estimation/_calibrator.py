@@ -24,13 +24,14 @@ from ._evidence import (
 )
 from ._finish import finishing
 from ._least_squares import LeastSquares
+from ._many_starts import from_many_starts
 from ._measured import Sensors, white_sensors
 from ._point import Point, Slopes
 from ._programs import WIDE, run_alone
 from ._progress import Progress, Report, quiet
 from ._residuals import FitProblem, build_fit_problem
 from ._search import LevenbergMarquardt
-from ._searches import beginning_again, from_many_starts, searching, searching_once
+from ._searches import beginning_again, from_second_guess, searching, searching_once
 from ._task import Task
 
 HELD_MATTERS = 9.0
@@ -71,6 +72,7 @@ class Calibrator:
     def ending(self, report: Report = quiet) -> "Steps[Calibrator]":
         """`run` as a computation, as far as to the end of all steps."""
         first = yield from searching_once((yield from from_many_starts(self, report)), report)
+        first = yield from from_second_guess(first, report)
         progress = first.minimiser.progress
         if progress.given_up:
             return first

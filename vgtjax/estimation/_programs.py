@@ -52,7 +52,15 @@ def _run_alone(computation: Steps[T]) -> T:
             asked = computation.send(answers)
         except StopIteration as end:
             return end.value
-        answers = _wide_answer(asked) if _wide(asked) else [_evaluate(each) for each in asked]
+        answers = _answer_alone(asked)
+
+
+def _answer_alone(question: Question) -> Answer:
+    """Many simulations side by side; one with derivatives fills all devices by itself, in two thirds of the time that
+    it takes beside another."""
+    plain = [each for each in question if each.selection is None]
+    together = iter(_wide_answer(plain) if _wide(plain) else [_evaluate(each) for each in plain])
+    return [next(together) if each.selection is None else _evaluate(each) for each in question]
 
 
 def run_together(

@@ -1,15 +1,15 @@
-"""Searches to their end: from many starts, begun again where one got stuck, and on without what ran away."""
+"""Searches to their end: begun again where one got stuck or far off, and on without what ran away."""
 
 import dataclasses
 from typing import Any, TypeVar
 
 import numpy as np
 
-from ._beginning import first_progress, transform_of
+from .._errors import SimulationError
+from ._beginning import guessed, second_guess
 from ._duty import meets_noise
 from ._evaluation import Steps
 from ._progress import LENGTHS, Progress, Report, quiet
-from ._starts import best_of, searching_from, starts_of
 
 MOST_RESCUES = 4
 """Times that a search goes on without what ran away before it is lost."""
@@ -18,29 +18,37 @@ TRIED, FAR_ABOVE, MOST_TO_GO = 4, 1000.0, 20
 """A search may be given up after so many steps, if chi^2 is so much above its ceiling, and so many more steps like the
 last one would not bring it down to that."""
 
+FAR_OFF = 50.0
+"""Cost of an end that is tried again from the second guess of where it began: ten times the noise. What a simulation
+never reaches, a stop or an open valve, it does not depend on, and a search may end there after one step."""
+
 C = TypeVar("C", bound=Any)
 """A calibrator, which searches like this itself."""
-
-
-def from_many_starts(calibrator: C, report: Report) -> Steps[C]:
-    """The search at the best of the ends that it reaches from many starts, if there are to be several."""
-    task, progress = calibrator.task, calibrator.minimiser.progress
-    if task.starts < 2 or progress.iteration or progress.waterfall:
-        return calibrator
-    first = first_progress(task)
-    starts = starts_of(task, transform_of(task, first), task.starts)
-    ended = yield from searching_from(first, starts, calibrator.at)
-    waterfall = tuple(each.row for each in ended)
-    best = yield from calibrator.at(
-        dataclasses.replace(first, coordinates=best_of(ended).coordinates, waterfall=waterfall)
-    )
-    report(best.minimiser.progress)
-    return best
 
 
 def searching(calibrator: C, report: Report) -> Steps[C]:
     """A search to its end; begun again while it gets stuck above the noise."""
     return (yield from beginning_again((yield from searching_once(calibrator, report)), report))
+
+
+def from_second_guess(ended: C, report: Report) -> Steps[C]:
+    """The better of a search that has ended far above the noise, and one from the second guess of where it began."""
+    progress = ended.minimiser.progress
+    if progress.corrections or progress.given_up or progress.cost < FAR_OFF:
+        return ended
+    guess, again = second_guess(ended.task), progress.begun_again(LENGTHS[0])
+    if guess is None:
+        return ended
+    there = guessed(guess, ended.transform, np.array(again.coordinates))
+    try:
+        onward = yield from ended.at(dataclasses.replace(again, coordinates=tuple(there.tolist())))
+    except SimulationError:
+        return ended
+    other = yield from searching_once(onward, quiet)
+    if other.minimiser.progress.cost >= progress.cost:
+        return ended
+    report(other.minimiser.progress)
+    return other
 
 
 def beginning_again(ended: C, report: Report) -> Steps[C]:

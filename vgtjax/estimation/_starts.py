@@ -10,7 +10,9 @@ from jaxtyping import Float
 
 from .._errors import SimulationError
 from ._evaluation import Steps, side_by_side
+from ._point import Coordinates, Reduced
 from ._progress import Progress
+from ._search import LevenbergMarquardt
 from ._task import Task
 
 FACTOR = 1.5
@@ -18,6 +20,9 @@ FACTOR = 1.5
 STATED = 2.0
 """Standard deviations of what is known beforehand by which a start value is off at most."""
 SEED = 2012
+NEAR, SAME = 1e4, 9.0
+"""A search leads to a known optimum where its chi^2 is that much above it at most, and its full linear step misses it
+by so little of chi^2: three standard errors in any one direction."""
 AT_ONCE = 8
 """Starts under way at the same time: each holds derivatives of all traces, a tenth of a gigabyte."""
 TRIED = 3
@@ -25,8 +30,6 @@ TRIED = 3
 WORSE, SLOW = 3.0, 0.8
 """A start is hopeless when its cost is that much larger than the least one that another has reached, and its last step
 left more than that part of it."""
-
-Coordinates = Float[np.ndarray, " coordinates"]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,11 +47,49 @@ class Ended:
         return (self.cost if np.isfinite(self.cost) else None, self.steps, self.status)
 
 
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Optimum:
+    """An end that a search has reached: coordinates and the linear problem there."""
+
+    coordinates: Coordinates
+    reduced: Reduced
+    cost: float
+
+    @staticmethod
+    def of(search: LevenbergMarquardt) -> "_Optimum":
+        progress = search.progress
+        return _Optimum(np.array(progress.coordinates), search.point.reduced, progress.cost)
+
+    def is_ahead_of(self, search: LevenbergMarquardt) -> bool:
+        """Whether the linear problem where a search stands leads here."""
+        count, here = search.problem.count, np.asarray(search.progress.coordinates)
+        if 2 * count * (search.progress.cost - self.cost) > NEAR:
+            return False
+        onward = search.problem.transform.clip(here + self._step(search))
+        missed = self.reduced.columns @ (np.asarray(onward) - self.coordinates)
+        return float(missed @ missed) < SAME
+
+    def _step(self, search: LevenbergMarquardt) -> Coordinates:
+        """The full linear step; along what the traces do not tell, to where this end is."""
+        found = search.uncertainty()
+        step, here = -found.values, np.asarray(search.progress.coordinates)
+        return np.where(found.determined, step, self.coordinates - here)
+
+
 @dataclasses.dataclass
 class _Shared:
-    """What starts know of each other."""
+    """What starts know of each other: the optima that were found."""
 
-    least: float = np.inf
+    optima: list[_Optimum] = dataclasses.field(default_factory=list)
+
+    @property
+    def least(self) -> float:
+        """The least cost of an optimum."""
+        return min((each.cost for each in self.optima), default=np.inf)
+
+    def ahead_of(self, search: LevenbergMarquardt) -> _Optimum | None:
+        """The optimum that a search leads to, if that is known."""
+        return next((each for each in self.optima if each.is_ahead_of(search)), None)
 
 
 def starts_of(task: Task, transform: Any, count: int) -> Float[np.ndarray, "starts coordinates"]:
@@ -67,30 +108,38 @@ def starts_of(task: Task, transform: Any, count: int) -> Float[np.ndarray, "star
 
 
 def searching_from(
-    first: Progress, starts: Float[np.ndarray, "starts coordinates"], begin: Callable[[Progress], Steps[Any]]
+    starts: Sequence[Progress], begin: Callable[[Progress], Steps[Any]], better: Callable[[Progress], Steps[Progress]]
 ) -> Steps[list[Ended]]:
     """Searches from all starts, some at a time.
 
-    **Arguments:** `first`: a search at its start; `begin`: makes a calibration of that, as a computation.
+    **Arguments:** `begin`: makes a calibration of a search at its start, as a computation; `better`: where a search had
+    better begin than at a start, if anywhere.
     """
     shared = _Shared()
-    firsts = [dataclasses.replace(first, coordinates=tuple(each.tolist())) for each in starts]
-    searches = [_searching(each, begin, shared) for each in firsts]
-    return (yield from side_by_side(searches, AT_ONCE))
+    return (yield from side_by_side([_searching(each, begin, better, shared) for each in starts], AT_ONCE))
 
 
-def _searching(first: Progress, begin: Callable[[Progress], Steps[Any]], shared: _Shared) -> Steps[Ended]:
+def _searching(
+    first: Progress,
+    begin: Callable[[Progress], Steps[Any]],
+    better: Callable[[Progress], Steps[Progress]],
+    shared: _Shared,
+) -> Steps[Ended]:
+    """A search up to its end, or to where it leads to one that another has reached."""
     try:
-        search = (yield from begin(first)).minimiser
+        search = (yield from begin((yield from better(first)))).minimiser
         while not search.progress.finished:
             yield from search.steps()
-            if _hopeless(search.progress, shared.least):
-                return Ended(search.progress.cost, search.progress.iteration, "hopeless", search.progress.coordinates)
+            progress, reached = search.progress, shared.ahead_of(search)
+            if reached is not None:
+                return Ended(reached.cost, progress.iteration, "converged", tuple(reached.coordinates.tolist()))
+            if _hopeless(progress, shared.least):
+                return Ended(progress.cost, progress.iteration, "hopeless", progress.coordinates)
     except SimulationError as error:
         return Ended(np.inf, 0, f"failed: {error}")
     progress = search.progress
     if progress.converged:
-        shared.least = min(shared.least, progress.cost)
+        shared.optima.append(_Optimum.of(search))
     status = "converged" if progress.converged else "stuck"
     return Ended(progress.cost, progress.iteration, status, progress.coordinates)
 

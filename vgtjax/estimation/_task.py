@@ -1,7 +1,7 @@
 """What to calibrate: which parameters, by which traces."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -58,6 +58,13 @@ class Task:
     gains: dict[str, float] = dataclasses.field(default_factory=dict)
     inputs: Sequence[InputSensor | None] = ()
     ceiling: float = np.inf
+    second_guess: Callable[[AbstractModel, Sequence[Trace]], Mapping[str, Any]] | None = None
+
+    def of_traces(self, numbers: Sequence[int]) -> "Task":
+        """The same task with some of the traces to fit, in their order; not for one whose duty is read otherwise."""
+        assert not self.edges, "edges are by trace"
+        inputs = [self.inputs[number] for number in numbers] if self.inputs else self.inputs
+        return dataclasses.replace(self, fit=[self.fit[number] for number in numbers], inputs=inputs, validate=())
 
     @property
     def plant(self) -> AbstractModel:

@@ -1,5 +1,6 @@
 """A fit of all free parameters at once, begun where identification says that it had better begin."""
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -12,6 +13,7 @@ from ..parts import NoVaneForce
 from ..plants import AbstractModel, AbstractRodModel, require_physical
 from ..traces import Trace
 from ._axis import better_start, moves_at_start
+from ._second_guess import second_guess
 
 GASLESS = 1000.0
 """Pa gauge at the turbine below which exhaust gas does nothing that a position sensor could see."""
@@ -76,6 +78,7 @@ def plan_fit(model: AbstractModel, traces: Sequence[Trace], validate: Sequence[T
     """
     require_physical(model)
     task = plan_task(model, traces, validate, **{"unknown": Unknown(), **choices})
+    task = dataclasses.replace(task, second_guess=second_guess)
     if not task.selection.entries:
         raise InputError("a fit needs at least one free parameter, but free and fixed leave none; free one", "free")
     start = np.asarray(task.selection.pack(task.model))

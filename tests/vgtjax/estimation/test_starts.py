@@ -5,14 +5,17 @@ import dataclasses
 import numpy as np
 import pytest
 from known_truth import FREE, bench
+from support import duty_trace
 
 import vgtjax
-from vgtjax.estimation import Progress, calibrate, plan_task, run_alone, start_calibration, starting
+from vgtjax.estimation import Progress, _telling, calibrate, plan_task, run_alone, start_calibration, starting
+from vgtjax.estimation._searches import FAR_OFF
 from vgtjax.estimation._starts import FACTOR, STATED, Ended, _hopeless, best_of, searching_from, starts_of
+from vgtjax.estimation._telling import most_telling
 
 
-def planned(**choices):
-    return plan_task(vgtjax.Actuator(), [bench(0)], free=FREE, **choices)
+def planned(traces=None, **choices):
+    return plan_task(vgtjax.Actuator(), [bench(0)] if traces is None else traces, free=FREE, **choices)
 
 
 def starts(task, count):
@@ -54,7 +57,8 @@ def test_starts_keep_to_bounds_and_to_what_is_known():
 
 
 def test_all_starts_end_at_the_same_place_as_one():
-    alone, many = calibrate(planned()), calibrate(planned(starts=4))
+    task = planned()
+    alone, many = calibrate(task), calibrate(planned(starts=4))
     assert many.converged
     costs, steps, statuses = zip(*many.progress.waterfall, strict=True)
     assert statuses == ("converged",) * 4
@@ -62,7 +66,11 @@ def test_all_starts_end_at_the_same_place_as_one():
     # chi^2 within a hundredth: the search's own tolerance.
     assert 2 * many.count * np.ptp(costs) < 0.02
     np.testing.assert_allclose(many.values, alone.values, atol=0.02 * np.max(alone.std_errors), rtol=1e-4)
-    assert calibrate(planned()).progress.waterfall == ()
+    assert alone.progress.waterfall == ()
+    # Where others have been before, a start is not followed to its end: here is one that is.
+    last = Progress(tuple(starts(task, 4)[0][3].tolist()))
+    again = start_calibration(task, last).run()
+    np.testing.assert_allclose(again.values, alone.values, atol=0.02 * np.max(alone.std_errors), rtol=1e-4)
 
 
 def test_an_interrupted_search_does_not_begin_its_starts_again():
@@ -106,6 +114,49 @@ def test_a_start_that_cannot_be_simulated_touches_no_other():
             raise vgtjax.SimulationError("too far")
         return starting(task, progress)
 
-    ended = run_alone(searching_from(first, found, begin))
+    def as_it_is(progress):
+        return progress
+        yield
+
+    places = [dataclasses.replace(first, coordinates=tuple(each.tolist())) for each in found]
+    ended = run_alone(searching_from(places, begin, as_it_is))
     assert [each.status for each in ended] == ["converged", "failed: too far", "converged"]
     assert ended[1].row == (None, 0, "failed: too far")
+
+
+def test_many_starts_run_on_traces_that_tell_most_and_end_with_all(monkeypatch):
+    still = duty_trace((0, 2.0), p_res=2.0e4)
+    resting = still.replace(x_d=0 * still.time, p_act=0 * still.time + still.atmosphere, name="still")
+    task = planned(starts=3, traces=[resting, bench(0), bench(1)])
+    search = start_calibration(task).minimiser
+    assert most_telling(task, search) == [0, 1, 2]  # they are short
+    monkeypatch.setattr(_telling, "FEW", 0)
+    (chosen,) = most_telling(task, search)
+    assert chosen in (1, 2)
+    monkeypatch.setattr(_telling, "COARSER", 1.01)
+    assert most_telling(task, search) == [1, 2]
+    monkeypatch.setattr(_telling, "COARSER", 3.0)
+    many, alone = calibrate(task), calibrate(dataclasses.replace(task, starts=1))
+    np.testing.assert_allclose(many.values, alone.values, atol=0.02 * np.max(alone.std_errors), rtol=1e-4)
+    costs = [cost for cost, _, _ in many.progress.waterfall]
+    assert 2 * many.count * np.ptp([*costs, alone.progress.searched]) < 0.02  # the search's own tolerance
+
+
+def test_an_end_far_above_the_noise_is_tried_again_from_a_second_guess():
+    """A preload that no vacuum overcomes: the rod never moves, whatever the stiffness is."""
+    task = planned(values={"diaphragm.preload": 900.0})
+    lost = calibrate(task)
+    assert lost.progress.searched > FAR_OFF
+    asked = []
+
+    def guess(model, traces):
+        asked.append(float(model.diaphragm.preload))
+        return {"diaphragm.preload": 40.0, "diaphragm.mass": 3.0}  # the mass is not free
+
+    found, alone = calibrate(dataclasses.replace(task, second_guess=guess)), calibrate(planned())
+    assert asked == [900.0]
+    np.testing.assert_allclose(found.values, alone.values, atol=0.02 * np.max(alone.std_errors), rtol=1e-4)
+    assert calibrate(dataclasses.replace(planned(), second_guess=guess)).progress == alone.progress
+    assert asked == [900.0]
+    nothing = dataclasses.replace(task, second_guess=lambda model, traces: {})
+    assert calibrate(nothing).progress == lost.progress

@@ -1,0 +1,32 @@
+"""What traces tell of a few parameters without a simulation, where the others are given: a start for a fit."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..plants import AbstractModel, AbstractRodModel
+from ..traces import Trace
+from ._magnetic_force import identify_magnetic_force
+from ._pipeline import apply, plan
+from ._spring import identify_spring
+
+DIRECT = (identify_spring, identify_magnetic_force)
+"""Tests that solve linear equations of what was measured."""
+
+
+def second_guess(model: AbstractModel, traces: Sequence[Trace]) -> dict[str, Any]:
+    """Springs, travel and magnetic force by name, as far as slow motion and equilibria tell them [2.8, 2.36].
+
+    From a travel that is too long, or a magnetic force that never moves the plunger, a search has no way on: what it
+    simulates does not depend on them.
+    """
+    found: dict[str, Any] = {}
+    if not isinstance(model, AbstractRodModel):
+        return found
+    for test, mine in plan(model, traces):
+        if test in DIRECT:
+            values = test(model, mine)
+            model = apply(model, values)
+            found |= {name: value for name, value in values.values.items() if np.all(np.isfinite(value))}
+    return found
