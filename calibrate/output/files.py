@@ -67,11 +67,16 @@ def write_json(path: pathlib.Path, content: Any) -> None:
 def read_json(path: pathlib.Path) -> Any:
     """Reads JSON that this package wrote."""
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        return json.loads(path.read_text(encoding="utf-8"), parse_int=_whole)
     except OSError as error:
         raise InputError(f"{path}: can't be read ({error.strerror}); check the path") from error
     except ValueError as error:
         raise InputError(f"{path.name}: this is not valid JSON ({error}); write it again") from error
+
+
+def _whole(digits: str) -> float:
+    """A whole number; one that no array could hold as a float, infinite if need be."""
+    return int(digits) if len(digits) < 19 else float(digits)
 
 
 def claim(out: pathlib.Path, command: str, fingerprint: str) -> None:

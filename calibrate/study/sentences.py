@@ -12,7 +12,7 @@ import pydantic
 from .base import Table
 from .tables import STUDIES
 
-ALTERNATIVES = ("float", "list[float]", "int", "str")
+ALTERNATIVES = re.compile(r"float|list\[float\]|int|str|bool|literal\[.*\]")
 """Branches of "a number or a list of them" and the like, which are no part of a place."""
 DISCRIMINATORS = ("model", "kind")
 """Keys whose value decides which other keys there are."""
@@ -27,6 +27,12 @@ def sentence(error: pydantic.ValidationError) -> str:
     match first["type"]:
         case "extra_forbidden":
             return _surplus(_find(first["loc"][:-1]), place.name, given)
+        case "missing" if isinstance(first["loc"][-1], int):
+            wanted = 1 + max(int(each["loc"][-1]) for each in _beside(first, problems))
+            return f"{place.name} must have {wanted} values, but it is {given!r}; add what is missing"
+        case "too_long":
+            wanted = context["max_length"]
+            return f"{place.name} must have {wanted} values at most, but it is {given!r}; leave out the others"
         case "missing":
             return _missing(_find(first["loc"][:-1]), place.name)
         case "union_tag_not_found":
@@ -35,7 +41,7 @@ def sentence(error: pydantic.ValidationError) -> str:
             known = _quoted(context["expected_tags"])
             return _none_of(place.inner(_quoted(context["discriminator"])[0]), context["tag"], known)
         case "literal_error":
-            known = _quoted(context["expected"])
+            known = _choices(_beside(first, problems))
             if first["loc"][-1] == "[key]":
                 return _none_of(f"a key of {_find(first['loc'][:-2]).name}", given, known)
             if len(known) == 1 and place.tag:
@@ -77,7 +83,7 @@ def _find(location: Iterable[Any]) -> _Place:
     """Walks down the types of a study, past positions in lists and past tags of discriminators."""
     place = _Place([], list(STUDIES))
     for part in location:
-        if isinstance(part, int) or part in ALTERNATIVES:
+        if isinstance(part, int) or ALTERNATIVES.fullmatch(part):
             continue
         tagged = {tag: table for table in place.tables for tag in _tags(table)} if len(place.tables) > 1 else {}
         if part in tagged:
@@ -129,8 +135,28 @@ def _missing(place: _Place, name: str) -> str:
     return f"the key '{name}' is missing, which {place.discriminator} = '{place.tag}' needs; add it"
 
 
+def _beside(first: Any, problems: list[Any]) -> list[Any]:
+    """Problems of the same key: with other branches of one value, or other values of one list."""
+
+    def key(problem: Any) -> Any:
+        *above, last = problem["loc"]
+        return above if isinstance(last, int) or ALTERNATIVES.fullmatch(last) else [*above, last]
+
+    return [each for each in problems if key(each) == key(first)]
+
+
+def _choices(problems: list[Any]) -> list[str]:
+    """What a value could be, as it is written in a study, by all branches that it does not fit."""
+    expected = [each["ctx"]["expected"] for each in problems if each["type"] == "literal_error"]
+    words = [word.strip("'") for text in expected for word in re.findall(r"'[^']+'|True|False", text)]
+    if any(each["type"].startswith("bool_") for each in problems):
+        words += ["true", "false"]
+    return [word.lower() if word in ("True", "False") else word for word in words]
+
+
 def _none_of(where: str, given: Any, known: list[str]) -> str:
-    hint = f"did you mean '{_nearest(str(given), known)}'?"
+    near = _nearest(str(given).lower() if given is not None else "", known)
+    hint = f"write {near} without quotes" if near in ("true", "false") else f"did you mean '{near}'?"
     return f"{where} must be one of {', '.join(known)}, but it is '{given}'; {hint}"
 
 

@@ -52,6 +52,7 @@ def test_parameters_that_do_not_fit_the_study(folder, fit, content, sentence):
     [
         ("chamber.volume", -1, "'chamber.volume' must be finite and not negative, but it is -1; correct it"),
         ("chamber.volume", None, "'chamber.volume' must be finite and not negative, but it is inf; correct it"),
+        ("chamber.volume", 10**400, "'chamber.volume' must be finite and not negative, but it is inf; correct it"),
         ("chamber.volume", [6e-5], "'chamber.volume' needs one number under value, but it has a list; give one number"),
         (
             "converter.magnetic_force",

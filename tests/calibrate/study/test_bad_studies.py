@@ -50,6 +50,26 @@ VALUES = [
         "trace.use must be one of fit, validate, but it is 'valdate'; did you mean 'validate'?",
     ),
     bad(
+        "a text in place of true",
+        f'{TRACE}[fit.unknown]\nduty_delay = "true"\n',
+        "fit.unknown.duty_delay must be one of evidence, true, false, but it is 'true'; write true without quotes",
+    ),
+    bad(
+        "two of them",
+        f'{TRACE}[fit.unknown]\nduty_hold = 1\nnoise = "whit"\n',
+        "fit.unknown.duty_hold must be one of evidence, false, but it is '1'; write false without quotes",
+    ),
+    bad(
+        "a window without end",
+        f"{TRACE}window = [0]\n",
+        "trace.window must have 2 values, but it is [0]; add what is missing",
+    ),
+    bad(
+        "a window of three",
+        f"{TRACE}window = [0, 1, 2]\n",
+        "trace.window must have 2 values at most, but it is [0, 1, 2]; leave out the others",
+    ),
+    bad(
         "no such component",
         f'{TRACE}[components]\nfriction = "lugr"\n',
         "components.friction must be one of lugre, lugre-squared, lugre-passive, adaptive-lugre, dahl, karnopp, "
