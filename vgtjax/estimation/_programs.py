@@ -56,8 +56,8 @@ def _run_alone(computation: Steps[T]) -> T:
 
 
 def _answer_alone(question: Question) -> Answer:
-    """Many simulations side by side; one with derivatives fills all devices by itself, in two thirds of the time that
-    it takes beside another."""
+    """Many simulations side by side; those with derivatives one after the other, each on all devices: it takes as long
+    as side by side, and a fit has compiled that for its start."""
     plain = [each for each in question if each.selection is None]
     together = iter(_wide_answer(plain) if _wide(plain) else [_evaluate(each) for each in plain])
     return [next(together) if each.selection is None else _evaluate(each) for each in question]
