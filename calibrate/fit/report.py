@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import plotly.graph_objects as go
 
-from vgtjax.estimation import Calibration
+from vgtjax.estimation import REACHED, Calibration
 from vgtjax.parameters import parameter_table, table_row
 
 from ..output import figures
@@ -74,7 +74,7 @@ def render(job: Job, unit: Unit, fitted: Fitted, table: list[Entry]) -> str:
 def starts_sentence(calibration: Calibration) -> str:
     """How many of the starts have found the best end; those within one of chi^2 are the same."""
     waterfall, count = calibration.progress.waterfall, calibration.count
-    costs = [cost for cost, _, _ in waterfall if cost is not None]
+    costs = [cost for cost, _, status in waterfall if status in REACHED and cost is not None]
     same = sum(2 * count * (cost - min(costs)) < 1 for cost in costs)
     statuses = collections.Counter(status.partition(":")[0] for _, _, status in waterfall)
     ends = ", ".join(f"{number} {status}" for status, number in statuses.items())
@@ -84,8 +84,9 @@ def starts_sentence(calibration: Calibration) -> str:
 def waterfall_figure(waterfall: Sequence[tuple[float | None, int, str]]) -> go.Figure:
     """The cost at the end of every start, the least first."""
     ranked = sorted((2 * cost, status) for cost, _, status in waterfall if cost is not None)
-    figure = go.Figure()
-    for status, color in (("converged", figures.SIMULATED), ("hopeless", figures.MEASURED), ("stuck", figures.DUTY)):
+    figure, colors = go.Figure(), dict.fromkeys(REACHED, figures.SIMULATED)
+    colors |= {"hopeless": figures.MEASURED, "stuck": figures.DUTY}
+    for status, color in colors.items():
         places = [(place, chi2) for place, (chi2, said) in enumerate(ranked, 1) if said == status]
         if places:
             x, y = np.transpose(places)

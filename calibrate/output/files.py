@@ -75,8 +75,9 @@ def read_json(path: pathlib.Path) -> Any:
 
 
 def _whole(digits: str) -> float:
-    """A whole number; one that no array could hold as a float, infinite if need be."""
-    return int(digits) if len(digits) < 19 else float(digits)
+    """A whole number; one beyond 64 bits as a float, infinite if need be."""
+    number = float(digits)
+    return int(digits) if abs(number) < 2**63 else number
 
 
 def claim(out: pathlib.Path, command: str, fingerprint: str) -> None:

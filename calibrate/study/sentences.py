@@ -151,12 +151,13 @@ def _choices(problems: list[Any]) -> list[str]:
     words = [word.strip("'") for text in expected for word in re.findall(r"'[^']+'|True|False", text)]
     if any(each["type"].startswith("bool_") for each in problems):
         words += ["true", "false"]
-    return [word.lower() if word in ("True", "False") else word for word in words]
+    return list(dict.fromkeys(word.lower() if word in ("True", "False") else word for word in words))
 
 
 def _none_of(where: str, given: Any, known: list[str]) -> str:
     near = _nearest(str(given).lower() if given is not None else "", known)
-    hint = f"write {near} without quotes" if near in ("true", "false") else f"did you mean '{near}'?"
+    unquoted = near in ("true", "false") and isinstance(given, str)
+    hint = f"write {near} without quotes" if unquoted else f"did you mean '{near}'?"
     return f"{where} must be one of {', '.join(known)}, but it is '{given}'; {hint}"
 
 

@@ -61,5 +61,6 @@ from ._sensitivities import (
 )
 from ._sensors import Sensor as Sensor, noise_to_meet as noise_to_meet
 from ._slices import WORDS as WORDS, End as End, Slice as Slice, Slices as Slices, slicing as slicing
+from ._starts import REACHED as REACHED
 from ._task import Task as Task, plan_task as plan_task
 from ._weighed import BLOCKS as BLOCKS, Linearised as Linearised, Weighed as Weighed

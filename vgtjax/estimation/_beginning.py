@@ -1,5 +1,6 @@
 """Where a search begins, and the coordinates that it moves in."""
 
+import collections
 import dataclasses
 
 import numpy as np
@@ -30,13 +31,15 @@ def transform_of(task: Task, progress: Progress) -> Transform:
     return transform.extended(DELAY_SCALE, -longest, longest)
 
 
-def second_guess(task: Task) -> Float[np.ndarray, " entries"] | None:
+def guess_of(task: Task) -> Float[np.ndarray, " entries"] | None:
     """Values of the free entries that traces tell directly, in the units of the table, NaN for others; or `None`."""
     if task.second_guess is None:
         return None
     entries, first = task.selection.entries, np.asarray(task.selection.pack(task.model))
     found = dict(task.second_guess(task.plant, task.fit))
-    told = [entry in found or entry.partition("[")[0] in found for entry in entries]
+    free = collections.Counter(entry.partition("[")[0] for entry in entries)
+    # Of a vector all numbers belong together.
+    told = [np.size(found.get(name := entry.partition("[")[0], ())) == free[name] for entry in entries]
     values = np.asarray(task.selection.pack(replace_parameters(task.model, found)))
     positive = np.asarray(transform_of(task, Progress(())).positive)[: len(entries)]
     good = np.array(told) & ~(positive & (values <= 0)) & (values != first)

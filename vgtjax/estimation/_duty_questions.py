@@ -8,7 +8,7 @@ import numpy as np
 from ._beginning import first_progress
 from ._duties import as_recorded
 from ._duty import holds_of_duty, meets_noise, tells_of_delay
-from ._edges import NEAR_ENOUGH, ROUNDS, alike, find_edges, moved, responses_of, show_in, whole_samples
+from ._edges import NEAR_ENOUGH, ROUNDS, alike, find_edges, moved, possible, responses_of, show_in, whole_samples
 from ._evaluation import Steps
 from ._progress import Progress, Report, quiet
 from ._searches import beginning_again
@@ -100,10 +100,10 @@ def _asking_of_edges(calibrator: C, report: Report, *, differing: bool = False) 
     whole, edges = whole_samples(task.fit, delay, moved(edges, found.late))
     if differing and whole:
         return calibrator
-    for begin in (progress.coordinates, first_progress(task).coordinates):
+    for begin in (progress.coordinates, progress.began or first_progress(task).coordinates):
         coordinates = (*begin[:-1], whole / float(calibrator.transform.scale[-1]))
         end = yield from _searching_edges(calibrator, progress.moving_edges(coordinates, bool(whole), edges))
-        met = not end.is_lost() and meets_noise(end.minimiser)
+        met = not end.is_lost() and meets_noise(end.minimiser) and possible(end.minimiser.progress.edges)
         better = calibrator.worth(progress.cost - end.minimiser.progress.cost)
         if met and better and not (differing and alike(end.minimiser.progress.edges)):
             report(end.minimiser.progress)
@@ -126,7 +126,9 @@ def _searching_edges(calibrator: C, onward: Progress) -> Steps[C]:
 def _searching_late(calibrator: C, timely: Progress, report: Report) -> Steps[C]:
     """The search with a free delay of the duty: from the start or, if that gets lost, from where one has ended that
     took the duty for timely."""
-    again = dataclasses.replace(first_progress(calibrator.task), late=True, waterfall=timely.waterfall)
+    first = first_progress(calibrator.task)
+    begin = timely.began or first.coordinates
+    again = dataclasses.replace(first, coordinates=begin, late=True, waterfall=timely.waterfall)
     elsewhere = timely.found or timely.coordinates
     ends: list[C] = []
     for coordinates in (again.coordinates, elsewhere):

@@ -36,6 +36,10 @@ a quarter; where all are half a sample early, noise leaves 0.06 (`test_edges.py`
 LARGEST, SHOWN = 3.0, 2.0
 """Deviations above which a residual is an outlier, and standard errors beyond chance from which an edge may be
 somewhere else: chi^2 was 154 and 167 of 12 edges on two traces with every second sample, 9 to 12 with all of them."""
+WIDEST = 1.2
+"""Samples over which the edges of one trace may lie: a record shows each at the first sample behind it, so over one and
+what noise adds. Good fits of a group of 25 had up to 1.08; searches that had taken a late duty for a lighter plunger
+scattered them over 1.12 to 2.2."""
 EVIDENT_EDGE = 9.0
 """Gain in chi^2 that each edge must bring in the mean: three standard errors."""
 
@@ -132,6 +136,11 @@ def moved(late: Late, more: Late) -> Late:
 def alike(late: Late) -> bool:
     """Whether the edges of every trace are as late as each other, so that they are a delay of the duty."""
     return all(float(np.std(each)) < DIFFER for each in late if each)
+
+
+def possible(late: Late) -> bool:
+    """Whether edges may be as late as that, each trace's all together."""
+    return all(float(np.ptp(each)) < WIDEST for each in late if each)
 
 
 def whole_samples(traces: Sequence[Trace], delay: float, late: Late) -> tuple[float, Late]:

@@ -1,5 +1,6 @@
 """A search that begins at many places: on the traces that tell most, and then on all of them from where it ended."""
 
+import contextlib
 import dataclasses
 from collections.abc import Sequence
 from typing import Any, TypeVar
@@ -7,12 +8,12 @@ from typing import Any, TypeVar
 import numpy as np
 
 from .._errors import SimulationError
-from ._beginning import first_progress, guessed, second_guess, transform_of
+from ._beginning import first_progress, guess_of, guessed, transform_of
 from ._evaluation import Steps, side_by_side
 from ._point import Coordinates, misfit_at
 from ._progress import Progress, Report, quiet
 from ._searches import searching_once
-from ._starts import AT_ONCE, WORSE, Ended, best_of, searching_from, starts_of
+from ._starts import AT_ONCE, REACHED, WORSE, Ended, best_of, searching_from, starts_of
 from ._telling import most_telling
 
 C = TypeVar("C", bound=Any)
@@ -22,29 +23,13 @@ C = TypeVar("C", bound=Any)
 def from_many_starts(calibrator: C, report: Report) -> Steps[C]:
     """The search at the best of the ends that it reaches from many starts, if there are to be several.
 
-    They run on the traces that tell most, and where they end together one goes on with all.
+    Each begins at its second guess if that is better. They run on the traces that tell most, and where they have ended
+    together one goes on with all.
     """
     task, progress = calibrator.task, calibrator.minimiser.progress
     if task.starts < 2 or progress.iteration or progress.waterfall:
         return calibrator
-    first = first_progress(task)
-    starts = starts_of(task, transform_of(task, first), task.starts)
-    chosen = most_telling(task, calibrator.minimiser)
-    fewer = dataclasses.replace(calibrator, task=task.of_traces(chosen))
-    ended = yield from _ending_from(fewer, [dataclasses.replace(first, coordinates=_entries(each)) for each in starts])
-    if len(chosen) < len(task.fit):
-        ended = yield from _with_all_traces(calibrator, first, ended)
-    waterfall = tuple(each.row for each in ended)
-    best = yield from calibrator.at(
-        dataclasses.replace(first, coordinates=best_of(ended).coordinates, waterfall=waterfall)
-    )
-    report(best.minimiser.progress)
-    return best
-
-
-def _ending_from(calibrator: C, starts: Sequence[Progress]) -> Steps[list[Ended]]:
-    """Where searches from starts end, each from its second guess if that is better."""
-    guess, problem = second_guess(calibrator.task), (yield from calibrator.at(starts[0])).minimiser.problem
+    first, guess, problem = first_progress(task), guess_of(task), calibrator.minimiser.problem
 
     def better(start: Progress) -> Steps[Progress]:
         if guess is None:
@@ -55,33 +40,57 @@ def _ending_from(calibrator: C, starts: Sequence[Progress]) -> Steps[list[Ended]
         chi2 = [np.inf if each is None else float(each @ each) for each in found]
         return dataclasses.replace(start, coordinates=_entries(places[int(np.argmin(chi2))]))
 
-    return (yield from searching_from(starts, calibrator.at, better))
+    around = starts_of(task, transform_of(task, first), task.starts)
+    starts = [dataclasses.replace(first, coordinates=_entries(each)) for each in around]
+    chosen = yield from _chosen(calibrator, (yield from better(first)))
+    fewer = dataclasses.replace(calibrator, task=task.of_traces(chosen))
+    ended = yield from searching_from(starts, fewer.at, better)
+    followed = ended
+    if len(chosen) < len(task.fit):
+        ended, followed = yield from _with_all_traces(calibrator, first, ended)
+    waterfall = tuple(each.row for each in ended)
+    place = best_of(followed or ended).coordinates
+    best = yield from calibrator.at(dataclasses.replace(first, coordinates=place, waterfall=waterfall))
+    report(best.minimiser.progress)
+    return best
 
 
-def _with_all_traces(calibrator: C, first: Progress, ended: Sequence[Ended]) -> Steps[list[Ended]]:
-    """The same ends where the searches that came far go on with all traces, those that have ended together as one."""
-    least = min((each.cost for each in ended if each.status == "converged"), default=np.inf)
-    onward = {each.coordinates for each in ended if each.status == "converged" and each.cost < WORSE * least}
-    places = sorted(onward)
+def _chosen(calibrator: C, start: Progress) -> Steps[list[int]]:
+    """Numbers of the traces that tell most where the first of the searches begins."""
+    search = calibrator.minimiser
+    if start.coordinates != search.progress.coordinates:
+        with contextlib.suppress(SimulationError):
+            search = (yield from calibrator.at(start)).minimiser
+    return most_telling(calibrator.task, search)
+
+
+def _with_all_traces(calibrator: C, first: Progress, ended: Sequence[Ended]) -> Steps[tuple[list[Ended], list[Ended]]]:
+    """The same ends where the searches that came far have gone on with all traces, those that had ended together as
+    one, and only these; others are hopeless, by what they left of few traces."""
+    least = min((each.cost for each in ended if each.status in REACHED), default=np.inf)
+    places = sorted({each.coordinates for each in ended if each.status in REACHED and each.cost < WORSE * least})
     found = yield from side_by_side([_gone_on(calibrator, first, place) for place in places], AT_ONCE)
     reached = dict(zip(places, found, strict=True))
-    return [
-        dataclasses.replace(reached[each.coordinates], steps=each.steps + reached[each.coordinates].steps)
-        if each.coordinates in onward
-        else each
-        for each in ended
-    ]
+    return [_followed(each, reached.get(each.coordinates)) for each in ended], found
+
+
+def _followed(few: Ended, far: Ended | None) -> Ended:
+    """The end of a start on few traces, and on all if it has gone on with these."""
+    if far is None:
+        return dataclasses.replace(few, status="hopeless") if few.status in REACHED else few
+    status = few.status if far.status in REACHED else far.status
+    return dataclasses.replace(far, steps=few.steps + far.steps, status=status)
 
 
 def _gone_on(calibrator: C, first: Progress, place: tuple[float, ...]) -> Steps[Ended]:
     try:
         onward = yield from calibrator.at(dataclasses.replace(first, coordinates=place))
+        progress = (yield from searching_once(onward, quiet)).minimiser.progress
     except SimulationError as error:
         return Ended(np.inf, 0, f"failed: {error}")
-    end = yield from searching_once(onward, quiet)
-    progress = end.minimiser.progress
-    status = "converged" if progress.converged else "stuck"
-    return Ended(progress.cost, progress.iteration, status, progress.coordinates)
+    return Ended(
+        progress.cost, progress.iteration, "converged" if progress.converged else "stuck", progress.coordinates
+    )
 
 
 def _entries(coordinates: Coordinates) -> tuple[float, ...]:

@@ -6,7 +6,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from .._errors import SimulationError
-from ._beginning import guessed, second_guess
+from ._beginning import first_progress, guess_of, guessed, transform_of
 from ._duty import meets_noise
 from ._evaluation import Steps
 from ._progress import LENGTHS, Progress, Report, quiet
@@ -21,6 +21,7 @@ last one would not bring it down to that."""
 FAR_OFF = 50.0
 """Cost of an end that is tried again from the second guess of where it began: ten times the noise. What a simulation
 never reaches, a stop or an open valve, it does not depend on, and a search may end there after one step."""
+SECOND_GUESS = "the search begins at what slow motion and equilibria tell of springs, travel and magnetic force"
 
 C = TypeVar("C", bound=Any)
 """A calibrator, which searches like this itself."""
@@ -32,23 +33,33 @@ def searching(calibrator: C, report: Report) -> Steps[C]:
 
 
 def from_second_guess(ended: C, report: Report) -> Steps[C]:
-    """The better of a search that has ended far above the noise, and one from the second guess of where it began."""
+    """The better of a search that has ended far above the noise, and one from the second guess of where it began; not
+    of another structure, which began where one has ended."""
     progress = ended.minimiser.progress
-    if progress.corrections or progress.given_up or progress.cost < FAR_OFF:
+    asked = progress.corrections or progress.linear or progress.edges
+    known = asked or progress.late != first_progress(ended.task).late or np.isfinite(ended.task.ceiling)
+    if known or progress.given_up or progress.cost < FAR_OFF:
         return ended
-    guess, again = second_guess(ended.task), progress.begun_again(LENGTHS[0])
+    guess, again = guess_of(ended.task), progress.begun_again(LENGTHS[0])
     if guess is None:
         return ended
-    there = guessed(guess, ended.transform, np.array(again.coordinates))
+    there = guessed(guess, transform_of(ended.task, again), np.array(again.coordinates))
     try:
         onward = yield from ended.at(dataclasses.replace(again, coordinates=tuple(there.tolist())))
+        other = yield from searching_once(onward, quiet)
     except SimulationError:
         return ended
-    other = yield from searching_once(onward, quiet)
-    if other.minimiser.progress.cost >= progress.cost:
-        return ended
-    report(other.minimiser.progress)
-    return other
+    best = min(ended, other, key=_worse)
+    if best is other:
+        report(other.minimiser.progress)
+        best = dataclasses.replace(other, notes=(*other.notes, SECOND_GUESS))
+    return best
+
+
+def _worse(ended: Any) -> tuple[bool, float]:
+    """What ends of searches are ordered by: one that has converged is better, and then one of less cost."""
+    progress = ended.minimiser.progress
+    return not progress.converged, progress.cost
 
 
 def beginning_again(ended: C, report: Report) -> Steps[C]:
@@ -63,7 +74,7 @@ def beginning_again(ended: C, report: Report) -> Steps[C]:
             break
         onward = yield from ended.at(ended.minimiser.progress.begun_again(longest))
         again = yield from searching_once(onward, quiet)
-        ended = min(ended, again, key=lambda end: (not end.minimiser.progress.converged, end.minimiser.progress.cost))
+        ended = min(ended, again, key=_worse)
     if ended is not first:
         report(ended.minimiser.progress)
     return ended

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import scipy
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from .._errors import SimulationError
 from ._evaluation import Steps, side_by_side
@@ -20,9 +20,12 @@ FACTOR = 1.5
 STATED = 2.0
 """Standard deviations of what is known beforehand by which a start value is off at most."""
 SEED = 2012
-NEAR, SAME = 1e4, 9.0
-"""A search leads to a known optimum where its chi^2 is that much above it at most, and its full linear step misses it
-by so little of chi^2: three standard errors in any one direction."""
+NEAR, SAME, PROMISE = 1e4, 9.0, 0.3
+"""A search leads to a known optimum where its chi^2 is that much above it at most, its full linear step misses it by so
+little of chi^2, three standard errors in any one direction, and promises that optimum's chi^2 but for so large a part
+of the difference."""
+REACHED = ("converged", "joined")
+"""How a start ended that has found an optimum: by itself, or where the search from another one has been before."""
 AT_ONCE = 8
 """Starts under way at the same time: each holds derivatives of all traces, a tenth of a gigabyte."""
 TRIED = 3
@@ -34,7 +37,8 @@ left more than that part of it."""
 
 @dataclasses.dataclass(frozen=True)
 class Ended:
-    """Where the search from one start ended: `status` is `converged`, `hopeless`, `failed` or why it stopped."""
+    """Where the search from one start ended: `status` is `converged`, `joined` where its linear problem leads to an
+    optimum that another has found, `hopeless`, `stuck`, or `failed` and why."""
 
     cost: float
     steps: int
@@ -49,31 +53,30 @@ class Ended:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class _Optimum:
-    """An end that a search has reached: coordinates and the linear problem there."""
+    """An end that a search has reached: coordinates, the linear problem there, and what this determines."""
 
     coordinates: Coordinates
     reduced: Reduced
+    determined: Bool[np.ndarray, " coordinates"]
     cost: float
 
     @staticmethod
     def of(search: LevenbergMarquardt) -> "_Optimum":
-        progress = search.progress
-        return _Optimum(np.array(progress.coordinates), search.point.reduced, progress.cost)
+        progress, known = search.progress, search.uncertainty().determined
+        return _Optimum(np.array(progress.coordinates), search.point.reduced, known, progress.cost)
 
     def is_ahead_of(self, search: LevenbergMarquardt) -> bool:
         """Whether the linear problem where a search stands leads here."""
-        count, here = search.problem.count, np.asarray(search.progress.coordinates)
-        if 2 * count * (search.progress.cost - self.cost) > NEAR:
+        above = 2 * search.problem.count * (search.progress.cost - self.cost)
+        if not -SAME < above < NEAR:
             return False
-        onward = search.problem.transform.clip(here + self._step(search))
+        found, here = search.uncertainty(), np.asarray(search.progress.coordinates)
+        if np.any(found.determined & ~self.determined) or abs(above - found.gain) > SAME + PROMISE * abs(above):
+            return False
+        # Along what the traces do not tell, any place is as good as this one.
+        onward = search.problem.transform.clip(np.where(found.determined, here - found.values, self.coordinates))
         missed = self.reduced.columns @ (np.asarray(onward) - self.coordinates)
         return float(missed @ missed) < SAME
-
-    def _step(self, search: LevenbergMarquardt) -> Coordinates:
-        """The full linear step; along what the traces do not tell, to where this end is."""
-        found = search.uncertainty()
-        step, here = -found.values, np.asarray(search.progress.coordinates)
-        return np.where(found.determined, step, self.coordinates - here)
 
 
 @dataclasses.dataclass
@@ -132,7 +135,7 @@ def _searching(
             yield from search.steps()
             progress, reached = search.progress, shared.ahead_of(search)
             if reached is not None:
-                return Ended(reached.cost, progress.iteration, "converged", tuple(reached.coordinates.tolist()))
+                return Ended(reached.cost, progress.iteration, "joined", tuple(reached.coordinates.tolist()))
             if _hopeless(progress, shared.least):
                 return Ended(progress.cost, progress.iteration, "hopeless", progress.coordinates)
     except SimulationError as error:
@@ -151,11 +154,11 @@ def _hopeless(progress: Progress, least: float) -> bool:
 
 
 def best_of(ended: Sequence[Ended]) -> Ended:
-    """The converged start of the least cost, or else any of the least.
+    """The start of the least cost that has found an optimum, or else any of the least.
 
     **Raises:** `SimulationError` where none could be simulated.
     """
     good = [each for each in ended if each.coordinates]
     if not good:
         raise SimulationError(f"none of {len(ended)} starts can be simulated: {ended[0].status}")
-    return min(good, key=lambda each: (each.status != "converged", each.cost))
+    return min(good, key=lambda each: (each.status not in REACHED, each.cost))

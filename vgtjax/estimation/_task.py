@@ -40,7 +40,8 @@ class Task:
     many samples every edge of the duty of each trace is late, where that is not as it is recorded. `starts` is from how
     many places a search begins, `gains` by channel how well the gain of each sensor is known, relative, `inputs` what
     is known of the sensor of the pressure by which each trace to fit is driven, which is read without its noise. A
-    search that hardly comes nearer to a cost of `ceiling`, and is far above it, is given up.
+    search that hardly comes nearer to a cost of `ceiling`, and is far above it, is given up. `second_guess` says what
+    traces tell of some parameters, by name, without a simulation, beside the other values of a model.
     """
 
     model: AbstractModel

@@ -34,7 +34,7 @@ def most_telling(task: Task, search: LevenbergMarquardt) -> list[int]:
         best = max(gains, key=gains.__getitem__)
         del left[best]
         known, chosen = known + grams[best], [*chosen, best]
-    return sorted(chosen)
+    return sorted(chosen) or list(range(len(lengths)))
 
 
 def _steps(task: Task, number: int) -> int:

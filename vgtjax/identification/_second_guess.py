@@ -1,10 +1,12 @@
 """What traces tell of a few parameters without a simulation, where the others are given: a start for a fit."""
 
+import contextlib
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from .._errors import InputError
 from ..plants import AbstractModel, AbstractRodModel
 from ..traces import Trace
 from ._magnetic_force import identify_magnetic_force
@@ -26,7 +28,9 @@ def second_guess(model: AbstractModel, traces: Sequence[Trace]) -> dict[str, Any
         return found
     for test, mine in plan(model, traces):
         if test in DIRECT:
-            values = test(model, mine)
-            model = apply(model, values)
-            found |= {name: value for name, value in values.values.items() if np.all(np.isfinite(value))}
+            # It is only a guess: where its equations have no solution, or one that no actuator has, there is none.
+            with contextlib.suppress(InputError, np.linalg.LinAlgError):
+                values = test(model, mine)
+                model = apply(model, values)
+                found |= {name: value for name, value in values.values.items() if np.all(np.isfinite(value))}
     return found

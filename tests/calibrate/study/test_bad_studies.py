@@ -57,7 +57,7 @@ VALUES = [
     bad(
         "two of them",
         f'{TRACE}[fit.unknown]\nduty_hold = 1\nnoise = "whit"\n',
-        "fit.unknown.duty_hold must be one of evidence, false, but it is '1'; write false without quotes",
+        "fit.unknown.duty_hold must be one of evidence, false, but it is '1'; did you mean 'false'?",
     ),
     bad(
         "a window without end",

@@ -10,7 +10,7 @@ from support import duty_trace
 import vgtjax
 from vgtjax import simulate
 from vgtjax.estimation import Progress, Unknown, _duty_questions, plan_task, start_calibration
-from vgtjax.estimation._edges import alike, find_edges, responses_of, show_in, whole_samples
+from vgtjax.estimation._edges import alike, find_edges, possible, responses_of, show_in, whole_samples
 
 LEVELS = (0, 0.051), (70, 0.152), (40, 0.149), (60, 0.151), (30, 0.148), (65, 0.151), (0, 0.15)
 """Edges at 51, 203, 352, 503, 651 and 802 ms: every second one lies between the samples of a record with 500 Hz."""
@@ -175,6 +175,12 @@ def test_edges_that_end_as_late_as_each_other_are_a_delay():
     """By hand: a trace whose edges scatter is enough to tell them from a delay, one without edges says nothing."""
     assert alike(((0.5, 0.52, 0.48), ()))
     assert not alike(((0.5, 0.5, 0.5), LATE))
+
+
+def test_edges_of_one_trace_lie_within_a_sample():
+    """Each is recorded at the first sample behind it, however late all of them are."""
+    assert possible(((0.1, -0.5, 0.6), (3.0, 2.9), ()))
+    assert not possible(((0.0, 0.0), (-0.1, 1.2)))
 
 
 @pytest.mark.parametrize(("keep", "tells"), [(2, True), (1, False)])
