@@ -94,7 +94,7 @@ def _name_placing(array: Any) -> str:
 
 @functools.cache
 def _name_software() -> str:
-    """This library's sources, the packages below it, JAX's settings and the machine."""
+    """This library's sources, the packages below it, JAX's settings, the machine, and which process of a run it is."""
     sources = hashlib.sha256()
     root = pathlib.Path(__file__).parent
     for file in sorted(root.rglob("*.py")):
@@ -102,7 +102,10 @@ def _name_software() -> str:
     versions = [f"{package} {importlib.metadata.version(package)}" for package in _VERSIONED if package != "vgtjax"]
     devices = [f"{device.platform} {device.device_kind}" for device in jax.devices()]
     settings = [os.environ.get("XLA_FLAGS", ""), *(str(getattr(jax.config, name)) for name in _SETTINGS)]
-    return "|".join([sources.hexdigest(), *versions, *devices, *settings, platform.platform(), _name_processor()])
+    # A program runs on the devices that it was made for, which another process of the same run can't reach.
+    process = f"process {jax.process_index()} of {jax.process_count()}"
+    versions += [*devices, *settings, process, platform.platform(), _name_processor()]
+    return "|".join([sources.hexdigest(), *versions])
 
 
 def _name_processor() -> str:

@@ -1,5 +1,9 @@
 """Programs that are kept on disk: the same bits from another process, and nothing that could have changed since."""
 
+import socket
+import subprocess
+import sys
+
 import diffrax
 import equinox as eqx
 import jax
@@ -75,6 +79,40 @@ def test_other_sources_make_other_programs(folder, monkeypatch):
     monkeypatch.setattr(_naming, "_name_software", lambda: "changed since")
     keep_compiled(linear)(MATRIX, PAIR, 2)
     assert len(files(folder)) == 2
+
+
+ONE_OF_TWO = """
+import sys
+import jax, numpy as np, vgtjax
+from jax.experimental import multihost_utils
+from vgtjax._kept import keep_compiled
+
+where, folder, index = sys.argv[1], sys.argv[2], int(sys.argv[3])
+vgtjax.configure(cache=folder)
+jax.distributed.initialize(where, 2, index)
+load = keep_compiled(vgtjax.LuGre.passivity_margin)
+if index == 0:
+    load(vgtjax.LuGre())
+multihost_utils.sync_global_devices("the first has kept its program")
+assert load(vgtjax.LuGre()).is_fully_addressable
+"""
+
+
+def test_a_process_of_a_run_does_not_take_programs_of_another(tmp_path):
+    """They are for devices that only that one reaches."""
+    with socket.socket() as free:
+        free.bind(("localhost", 0))
+        where = f"localhost:{free.getsockname()[1]}"
+    both = [
+        subprocess.Popen(
+            [sys.executable, "-c", ONE_OF_TWO, where, str(tmp_path), str(index)], stderr=subprocess.PIPE, text=True
+        )
+        for index in (0, 1)
+    ]
+    for process in both:
+        _, errors = process.communicate(timeout=120)
+        assert process.returncode == 0, errors
+    assert len(files(tmp_path / "programs")) == 2
 
 
 def test_a_spoilt_file_is_made_anew(folder):

@@ -24,9 +24,9 @@ def start(folder: pathlib.Path, out: str, *options: str, devices: int = 1) -> su
     )
 
 
-def finish(process: subprocess.Popen) -> None:
-    _, errors = process.communicate(timeout=300)
-    assert process.returncode == 0, errors
+def finish(*processes: subprocess.Popen) -> None:
+    errors = [process.communicate(timeout=300)[1] for process in processes]
+    assert not any(process.returncode for process in processes), "\n".join(errors)
 
 
 @pytest.fixture(scope="module")
@@ -55,11 +55,9 @@ def test_two_processes_give_the_same_numbers(folder):
     with socket.socket() as free:
         free.bind(("localhost", 0))
         where = f"localhost:{free.getsockname()[1]}"
-    both = [
-        start(folder, "two", "--coordinator", where, "--processes", "2", "--process", str(index)) for index in (0, 1)
-    ]
-    for process in both:
-        finish(process)
+    finish(
+        *(start(folder, "two", "--coordinator", where, "--processes", "2", "--process", str(index)) for index in (0, 1))
+    )
     assert_same(folder, "two")
     assert {path.name for path in (folder / "two").iterdir()} == {
         ".study.json",
