@@ -63,6 +63,7 @@ FAULTS = (
     Fault("0.3 % outliers of 30 deviations", outliers=0.003),
     Fault("noise of the position behind 40 Hz", low_pass=40.0),
     Fault("recorded at 500 Hz, edges at any millisecond", every=2),
+    Fault("recorded at 500 Hz, duty 3 ms late", delay=0.003, every=2),
 )
 
 

@@ -157,11 +157,16 @@ def _edges_found(calibration: Calibration) -> list[str]:
     late = [late for result in calibration.traces for late in calibration.late_edges(result.trace)]
     if not late:
         return []
+    beside = " beside that delay" if calibration.duty_delay else ""
     return [
-        f"the duty of the traces that were fitted jumps between its samples: its {len(late)} edges were "
-        f"{-1e3 * max(late):.2f} to {-1e3 * min(late):.2f} ms earlier than recorded; that their times are not known "
-        "is part of all errors, and other traces are read as they are recorded"
+        f"the duty of the traces that were fitted jumps between its samples: its {len(late)} edges were between "
+        f"{_beside_record(min(late))} and {_beside_record(max(late))} than recorded{beside}; that their times are not "
+        "known is part of all errors, and other traces are read without that"
     ]
+
+
+def _beside_record(late: float) -> str:
+    return f"{1e3 * abs(late):.2f} ms {'later' if late > 0 else 'earlier'}"
 
 
 def _inputs_found(calibration: Calibration) -> list[str]:

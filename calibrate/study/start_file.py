@@ -63,7 +63,7 @@ def _with_interval(fields: Any) -> Any:
 @dataclasses.dataclass(frozen=True)
 class FoundDuty:
     """What a fit found of the duty of a trace: `delay` in s, whether it was linear between samples, and by how many
-    seconds each of its edges was late."""
+    seconds each of its edges was late beside that."""
 
     delay: float
     linear: bool
@@ -72,9 +72,10 @@ class FoundDuty:
     def applied(self, trace: vgtjax.Trace) -> vgtjax.Trace:
         """The trace with the duty that reached the valve."""
         if len(self.edges) == len(trace.edges()) > 0:
-            trace = trace.with_late_edges(self.edges)
+            trace = trace.with_late_edges(self.edges, self.delay)
         trace = trace.with_ramped_duty() if self.linear else trace
-        return trace.with_late_duty(self.delay) if self.delay else trace
+        beyond = self.delay - trace.duty_late
+        return trace.with_late_duty(beyond) if beyond else trace
 
 
 def load_duties(path: pathlib.Path, unit: str | None) -> dict[str, FoundDuty]:

@@ -48,8 +48,8 @@ def pull_back(
     gradient = pull_values(tangents, by_values)
     if delay is None:
         return gradient
-    _, back = jax.vjp(lambda delay: bundle.with_late_duty(delay)[0].drive.pwm, delay)
-    return jnp.append(gradient, back(duty)[0])
+    assert duty is not None, "only a duty can be late"
+    return jnp.append(gradient, jnp.sum(duty * bundle.late_duty(delay)[1]))
 
 
 def _by_time(bundle: Bundle, cotangent: Cotangent) -> Float[Array, "time channel traces"]:

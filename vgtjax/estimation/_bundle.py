@@ -1,8 +1,9 @@
 """Traces laid out for batched simulation and for the segment-parallel Jacobian."""
 
 import dataclasses
+import functools
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal
 
 import equinox as eqx
 import jax
@@ -25,11 +26,13 @@ class Bundle(eqx.Module):
 
     `drive` has leaves `(time, traces)`; padded intervals have no duration, so nothing moves there. A lane is one
     segment of one trace: `lane_trace` and `lane_segment` say which. Trace `i` is number `numbers[i]` of the list that
-    the bundle was made from, or none where that is -1; it has `samples[i]` times.
+    the bundle was made from, or none where that is -1; it has `samples[i]` times, and a duty that is late already by
+    `duty_late[i]` s.
     """
 
     numbers: Int[np.ndarray, " traces"]
     samples: Int[np.ndarray, " traces"]
+    duty_late: Float[np.ndarray, " traces"]
     plan: CountedMarch | ReversibleMarch
     drive: Drive
     start: Start
@@ -83,16 +86,27 @@ class Bundle(eqx.Module):
 
     def with_late_duty(self, delay: Scalar) -> tuple["Bundle", Float[Array, "sample lanes"]]:
         """The same traces with a duty that reaches the valve `delay` s late, and its slope by that in every lane."""
-        recorded, duration = self.drive.pwm, self.drive.duration
-        assert recorded is not None, "only a duty can be late"
-
-        def duty(delay: Scalar) -> Float[Array, "time traces"]:
-            return jax.vmap(delay_duty, in_axes=(1, 1, None), out_axes=1)(recorded, duration, delay)
-
-        late, slope = jax.jvp(duty, (delay,), (jnp.ones_like(delay),))
+        late, slope = self.late_duty(delay)
         drives = (lambda bundle: bundle.drive.pwm, lambda bundle: bundle.lane_drive.pwm)
         bundle = eqx.tree_at(lambda bundle: [get(bundle) for get in drives], self, [late, self._cut(late)])
         return bundle, self._cut(slope)
+
+    def late_duty(self, delay: Scalar) -> tuple[Float[Array, "time traces"], Float[Array, "time traces"]]:
+        """A duty that reaches the valve `delay` s late, and its slope by that: at a kink that of a duty a little later,
+        or of traces that are late already the mean of both sides."""
+        recorded, duration = self.drive.pwm, self.drive.duration
+        assert recorded is not None, "only a duty can be late"
+        already = jnp.asarray(self.duty_late)
+
+        def on(side: Literal["left", "right"]) -> tuple[Array, Array]:
+            def duty(delay: Scalar) -> Float[Array, "time traces"]:
+                held = functools.partial(delay_duty, side=side)
+                return jax.vmap(held, in_axes=(1, 1, 0), out_axes=1)(recorded, duration, delay - already)
+
+            return jax.jvp(duty, (delay,), (jnp.ones_like(delay),))
+
+        (late, later), (_, earlier) = on("left"), on("right")
+        return late, jnp.where(already == 0, later, (later + earlier) / 2)
 
     def _cut(self, values: Float[Array, "time traces"]) -> Float[Array, "sample lanes"]:
         """Values at every time of every trace, cut into lanes."""
@@ -161,6 +175,7 @@ def _bundle(group: Group, shape: Shape, plan: CountedMarch, dtype: np.dtype) -> 
     return Bundle(
         numbers=np.pad(np.array(list(group)), (0, empty), constant_values=-1),
         samples=np.pad(np.array(samples), (0, empty)),
+        duty_late=np.pad([each.trace.duty_late for each in group.values()], (0, empty)).astype(dtype),
         plan=plan,
         drive=cast(drive, dtype),
         start=cast(start, dtype),

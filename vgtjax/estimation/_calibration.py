@@ -160,8 +160,8 @@ class Calibration(Printed):
         return "linear" if sample_interval(trace) in self.progress.linear else "zero-order"
 
     def late_edges(self, trace: Trace) -> list[float]:
-        """By how many seconds each of the edges of the duty of a fitted trace is later than recorded; none where that
-        was not found."""
+        """By how many seconds each of the edges of the duty of a fitted trace is later than recorded, beside a delay of
+        the duty; none where that was not found."""
         late = dict(zip((each.name for each in self.task.fit), self.progress.edges, strict=False))
         return in_seconds(trace, late.get(trace.name, ()))
 
@@ -282,7 +282,7 @@ def comparing(
     results, bundles = [], list[Bundle]()
     left: Iterator[np.ndarray | None] = itertools.repeat(None) if errors is None else iter(errors)
     for use, traces, edges in (("fit", task.fit, task.edges), ("validate", task.validate, ())):
-        read = read_duties(traces, task.linear, edges)
+        read = read_duties(traces, task.linear, edges, task.edges_delay)
         bundles = bundle_traces(model, read, task.stepping, bundles)
         observed = yield from observe_traces(model, bundles, delay if task.late_duty else None)
         known = sensors if use == "fit" and sensors is not None else white_sensors(traces, task.channels)

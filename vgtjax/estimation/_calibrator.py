@@ -1,6 +1,7 @@
 """A calibration under way: a search, and the corrections that follow it."""
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -13,7 +14,7 @@ from ._beginning import first_progress, transform_of
 from ._calibration import RUNAWAY, Calibration
 from ._corrections import correcting
 from ._duty_questions import asking_of_duty
-from ._edges import responses_of
+from ._edges import NEAR_ENOUGH, edges_of, find_edges, moved
 from ._evaluation import Evaluation, Steps, ask
 from ._evidence import (
     NEARBY,
@@ -36,6 +37,8 @@ from ._task import Task
 
 HELD_MATTERS = 9.0
 """Increase of chi^2 from which a value that ran away was worth something: three standard errors of one parameter."""
+MISPLACED = 1e-4
+"""s by which a delay may move before edges are read at other times; of a duty late by less the mean is taken."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -156,17 +159,23 @@ def starting(
             "anything else, or set jax_enable_x64"
         )
     progress = first_progress(task) if resume is None else resume
-    task = dataclasses.replace(task, linear=progress.linear, edges=progress.edges)
+    delay = _delay_of(task, progress, progress.edges_seen) if progress.edges else 0.0
+    task = dataclasses.replace(task, linear=progress.linear, edges=progress.edges, edges_delay=delay)
     sensors = white_sensors(task.traces, task.channels)
     problem = _problem_of(task, progress, sensors)
     if progress.edges:
-        responses = yield from responses_of(task, problem, progress.edges, np.array(progress.edges_seen))
-        problem = problem.with_edges(responses, sum(map(len, progress.edges)))
+        edges = yield from edges_of(task, problem, progress.edges, np.array(progress.edges_seen), delay=progress.late)
+        problem = problem.with_edges(edges)
     if not progress.corrections:
         minimiser = yield from LevenbergMarquardt.begin(problem, progress, task.unknown.anything, slopes)
         return Calibrator(task, sensors, minimiser, notes)
     slopes = yield from Slopes.find(problem, np.array(progress.linearised))
     return (yield from corrected_calibration(task, problem, progress, slopes, notes))
+
+
+def _delay_of(task: Task, progress: Progress, coordinates: Sequence[float]) -> float:
+    """The delay of the duty in s at coordinates of a search."""
+    return float(transform_of(task, progress).scale[-1]) * coordinates[-1] if progress.late else 0.0
 
 
 def _problem_of(task: Task, progress: Progress, sensors: Sensors) -> FitProblem:
@@ -209,6 +218,11 @@ def corrected_calibration(
     sensors = learn_sensors(task.traces, task.channels, observed, exact, task.unknown)
     problem = problem.with_sensors(task.traces, sensors)
     point = Point.of(problem, here, smooth, slopes)
+    if task.edges and progress.edges_seen != progress.coordinates:
+        found = find_edges(problem, slopes, (here, smooth))
+        beyond = abs(_delay_of(task, progress, progress.coordinates) - task.edges_delay)
+        if beyond > MISPLACED or found.farthest > NEAR_ENOUGH:
+            return (yield from starting(task, progress.seeing_edges(moved(progress.edges, found.late)), notes))
     if point.bend(problem, here, slopes) > NEARBY:
         slopes = yield from Slopes.find(problem, here)
         point = Point.of(problem, here, smooth, slopes)

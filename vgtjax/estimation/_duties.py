@@ -11,13 +11,13 @@ Late = tuple[tuple[float, ...], ...]
 """By how many samples of its record each edge of each trace is late (negative: early)."""
 
 
-def read_duties(traces: Sequence[Trace], linear: Sequence[float], late: Late) -> list[Trace]:
+def read_duties(traces: Sequence[Trace], linear: Sequence[float], late: Late, delay: float = 0.0) -> list[Trace]:
     """Traces with the duty as it is read: ramped where that was linear between samples, with edges at
-    the times at which they were, where these are known."""
+    the times at which they were, where these are known; `delay` in s of the duty where they were found."""
     if not late:
         return ramped(traces, linear)
     return [
-        trace.with_late_edges(in_seconds(trace, each)) if each else trace
+        trace.with_late_edges(in_seconds(trace, each), delay) if each else trace
         for trace, each in zip(traces, late, strict=True)
     ]
 

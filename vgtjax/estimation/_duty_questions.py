@@ -6,9 +6,9 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ._beginning import first_progress
-from ._duties import as_recorded
+from ._duties import Late, as_recorded
 from ._duty import holds_of_duty, meets_noise, tells_of_delay
-from ._edges import NEAR_ENOUGH, ROUNDS, alike, find_edges, moved, possible, responses_of, show_in, whole_samples
+from ._edges import NEAR_ENOUGH, ROUNDS, alike, edges_of, find_edges, moved, possible, show_in, whole_samples
 from ._evaluation import Steps
 from ._progress import Progress, Report, quiet
 from ._searches import beginning_again
@@ -44,6 +44,8 @@ def _asking_of_hold(calibrator: C, report: Report) -> Steps[C]:
     late = calibrator.minimiser.progress.late
     ended = yield from (_searching_beside(calibrator) if late else _asking_of_delay(calibrator, report))
     progress = ended.minimiser.progress
+    if progress.edges:
+        return ended
     if progress.late and not progress.corrections:
         report(progress)
         ended = (yield from ended.correcting()) or ended
@@ -70,6 +72,9 @@ def _asking_of_delay(calibrator: C, report: Report) -> Steps[C]:
     if not told and meets_noise(timely.minimiser):
         return timely
     late = yield from _searching_late(calibrator, timely.minimiser.progress, report if told else quiet)
+    edged = yield from _asking_of_edges(late, report, differing=True)
+    if edged is not late:
+        return edged
     late = yield from _searching_beside(late)
     return late if told or (not late.is_lost() and meets_noise(late.minimiser)) else timely
 
@@ -86,41 +91,54 @@ def _asking_of_edges(calibrator: C, report: Report, *, differing: bool = False) 
     tried is not reported: a fit that is interrupted meanwhile tries all of it again.
     """
     task, progress, edges = calibrator.task, calibrator.minimiser.progress, as_recorded(calibrator.task.fit)
-    may_be = task.unknown.duty_hold and any(edges) and not progress.linear
+    may_be = task.unknown.duty_hold and any(edges) and not (progress.linear or progress.edges)
     if not may_be or calibrator.is_lost():
         return calibrator
     problem, slopes = calibrator.minimiser.problem, calibrator.minimiser.slopes
-    if meets_noise(calibrator.minimiser) and not (differing and show_in(problem, slopes, task.fit)):
+    if meets_noise(calibrator.minimiser) and not ((differing or progress.late) and show_in(problem, slopes, task.fit)):
         return calibrator
-    knowing = problem.with_edges((yield from responses_of(task, problem, edges, slopes.at)), 0)
-    found = find_edges(knowing, slopes, edges)
-    if not (find_edges(knowing, slopes, edges, beyond_delays=True) if differing else found).evident:
+    knowing = problem.with_edges((yield from edges_of(task, problem, edges, slopes.at, delay=progress.late)))
+    found = find_edges(knowing, slopes)
+    if not (find_edges(knowing, slopes, beyond_delays=True) if differing else found).evident:
         return calibrator
-    delay = float(calibrator.transform.scale[-1]) * progress.coordinates[-1]
-    whole, edges = whole_samples(task.fit, delay, moved(edges, found.late))
-    if differing and whole:
+    there = _moving_edges(calibrator, progress, moved(edges, found.late))
+    if differing and there.late and not progress.late:
         return calibrator
     for begin in (progress.coordinates, progress.began or first_progress(task).coordinates):
-        coordinates = (*begin[:-1], whole / float(calibrator.transform.scale[-1]))
-        end = yield from _searching_edges(calibrator, progress.moving_edges(coordinates, bool(whole), edges))
-        met = not end.is_lost() and meets_noise(end.minimiser) and possible(end.minimiser.progress.edges)
-        better = calibrator.worth(progress.cost - end.minimiser.progress.cost)
-        if met and better and not (differing and alike(end.minimiser.progress.edges)):
-            report(end.minimiser.progress)
+        coordinates = (*begin[:-1], there.coordinates[-1])
+        end = yield from _searching_edges(calibrator, there.moving_edges(coordinates, there.late, there.edges))
+        ended = end.minimiser.progress
+        met = not end.is_lost() and meets_noise(end.minimiser) and possible(ended.edges, delay=ended.late)
+        better = calibrator.worth(progress.searched - ended.searched)
+        if met and better and not (differing and alike(ended.edges)):
+            report(ended)
             return end
     return calibrator
 
 
 def _searching_edges(calibrator: C, onward: Progress) -> Steps[C]:
-    """The searches with edges of unknown times, each with them where the one before has found them, until they stay."""
+    """The searches with edges of unknown times, each with them where the one before has found them, until they stay.
+
+    What they have in common beyond a part of a sample is a delay, which is free from then on: no record shows an edge
+    before it was, and traces without edges are as late.
+    """
     for _ in range(ROUNDS):
         end = yield from calibrator.searching_from(onward)
         progress = end.minimiser.progress
-        found = find_edges(end.minimiser.problem, end.minimiser.slopes, progress.edges)
+        found = find_edges(end.minimiser.problem, end.minimiser.slopes)
         if end.is_lost() or found.farthest < NEAR_ENOUGH:
             break
-        onward = progress.moving_edges(progress.coordinates, progress.late, moved(progress.edges, found.late))
+        onward = _moving_edges(calibrator, progress, moved(progress.edges, found.late))
     return end
+
+
+def _moving_edges(calibrator: C, progress: Progress, edges: Late) -> Progress:
+    """The search gone on with edges that are so late, and with a free delay where they have one in common."""
+    if progress.late:
+        return progress.moving_edges(progress.coordinates, True, edges)
+    delay, rest = whole_samples(calibrator.task.fit, 0.0, edges)
+    coordinates = (*progress.coordinates[:-1], delay / float(calibrator.transform.scale[-1]))
+    return progress.moving_edges(coordinates, bool(delay), rest)
 
 
 def _searching_late(calibrator: C, timely: Progress, report: Report) -> Steps[C]:

@@ -6,20 +6,21 @@ sensor, with a sample as what is known of it beforehand.
 """
 
 import dataclasses
-import itertools
 from collections.abc import Sequence
 
 import numpy as np
+import scipy.linalg
 from jaxtyping import Float, Int
 
 from ..traces import Trace
 from ._bundle import CHANNELS, bundle_traces
 from ._duties import Late, read_duties
-from ._evaluation import Evaluation, Steps, ask, side_by_side
+from ._edge_times import Edges, known_beforehand
+from ._evaluation import Evaluated, Evaluation, Steps, ask, side_by_side
 from ._evidence import by_trace
 from ._holds import sample_interval
 from ._least_squares import reduce_rows
-from ._point import Point, Slopes
+from ._point import Coordinates, Point, Slopes
 from ._residuals import FitProblem
 from ._search import SPREAD
 from ._task import Task
@@ -40,28 +41,30 @@ WIDEST = 1.2
 """Samples over which the edges of one trace may lie: a record shows each at the first sample behind it, so over one and
 what noise adds. Good fits of a group of 25 had up to 1.08; searches that had taken a late duty for a lighter plunger
 scattered them over 1.12 to 2.2."""
+LATEST = 0.35
+"""Samples by which an edge may be late without a delay of the duty, as noise has it: 0.13 in a good fit. Searches
+that took a late duty for a lighter plunger had 0.45 and 0.7, and values hundreds of standard errors off."""
 EVIDENT_EDGE = 9.0
 """Gain in chi^2 that each edge must bring in the mean: three standard errors."""
 
 
-def responses_of(
-    task: Task, problem: FitProblem, late: Late, at: Float[np.ndarray, " coordinates"]
-) -> Steps[list[np.ndarray]]:
-    """What is observed of every bundle when an edge is a sample later, `(lanes, sample, channel, edges)`; the column
-    `j` of a lane is that of edge `j` of its trace.
+def edges_of(
+    task: Task, problem: FitProblem, late: Late, at: Float[np.ndarray, " coordinates"], *, delay: bool
+) -> Steps[Edges]:
+    """Edges that are so late, with what each moves: the column `j` of a lane is that of edge `j` of its trace.
 
     One simulation of all traces moves an edge in each of them. Where one fails, its edges are taken to move nothing.
     """
-    asked = problem.evaluation(at)
-    count = max(map(len, late))
-    read = [read_duties(task.fit, (), moved) for moved in (late, *(_nudged(late, edge) for edge in range(count)))]
+    asked, count = problem.evaluation(at), max(map(len, late))
+    nudged = (late, *(_nudged(late, edge) for edge in range(count)))
+    read = [read_duties(task.fit, (), each, asked.delay or 0.0) for each in nudged]
     answers = yield from side_by_side([_seen(task, asked, each) for each in read], at_once=len(SPREAD))
     here, *there = ([np.asarray(seen) for seen in each] for each in answers)
     columns = [
         np.stack([_differences(each[index], base) for each in there], axis=-1) for index, base in enumerate(here)
     ]
     rows = [trace.rows_at(recorded.time) for trace, recorded in zip(task.traces, task.fit, strict=True)]
-    return [bundle.to_lanes(columns, rows) for bundle in problem.bundles]
+    return Edges(late, delay, [bundle.to_lanes(columns, rows) for bundle in problem.bundles])
 
 
 def _seen(task: Task, asked: Evaluation, read: Sequence[Trace]) -> Steps[list[np.ndarray]]:
@@ -138,9 +141,10 @@ def alike(late: Late) -> bool:
     return all(float(np.std(each)) < DIFFER for each in late if each)
 
 
-def possible(late: Late) -> bool:
-    """Whether edges may be as late as that, each trace's all together."""
-    return all(float(np.ptp(each)) < WIDEST for each in late if each)
+def possible(late: Late, *, delay: bool) -> bool:
+    """Whether edges may be as late as that, each trace's all together; none beyond its record without a `delay`."""
+    latest = max((value for each in late for value in each), default=0.0)
+    return (delay or latest < LATEST) and all(float(np.ptp(each)) < WIDEST for each in late if each)
 
 
 def whole_samples(traces: Sequence[Trace], delay: float, late: Late) -> tuple[float, Late]:
@@ -150,38 +154,56 @@ def whole_samples(traces: Sequence[Trace], delay: float, late: Late) -> tuple[fl
     """
     clocks = [sample_interval(trace) for trace in traces]
     found = np.concatenate([delay + clock * np.asarray(each) for clock, each in zip(clocks, late, strict=True)])
-    whole = max(clocks) * round(float(np.quantile(found, ON_TIME)) / max(clocks))
+    longest = max(clock for clock, each in zip(clocks, late, strict=True) if each)
+    whole = longest * round(float(np.quantile(found, ON_TIME)) / longest)
     rest = tuple(((delay - whole) / clock,) * len(each) for clock, each in zip(clocks, late, strict=True))
     return whole, moved(late, rest)
 
 
-def find_edges(problem: FitProblem, slopes: Slopes, late: Late, *, beyond_delays: bool = False) -> FoundEdges:
+def find_edges(
+    problem: FitProblem,
+    slopes: Slopes,
+    here: tuple[Coordinates, Evaluated] | None = None,
+    *,
+    beyond_delays: bool = False,
+) -> FoundEdges:
     """The linear problem of parameters and edges together, of a problem that knows what edges move.
 
-    With `beyond_delays` the gain is what edges bring beyond a delay of each trace, its edges all as late as each other.
+    The gain is that of the traces, without what edges are away from what is known of them beforehand. With
+    `beyond_delays` it is what edges bring beyond a delay of each trace, its edges all as late as each other.
+
+    **Arguments:** `here`: coordinates and what is observed there, if the derivatives are from elsewhere.
     """
-    plain = problem.without_edges()
-    point = Point.of(plain, slopes.at, slopes.evaluated, slopes)
-    assert problem.responses is not None, "what edges move is not known"
-    responses = plain.whitened(problem.responses)
-    owner, counts = plain.owner, [len(each) for each in late]
-    ends = np.cumsum([0, *counts])
-    columns = np.zeros((len(point.residuals) + ends[-1], ends[-1]))
-    delays = np.zeros((len(columns), len(late)))
-    for trace, (begin, end) in enumerate(itertools.pairwise(ends)):
-        mine = np.flatnonzero(owner == trace)
-        columns[mine, begin:end] = responses[mine, : end - begin]
-        delays[:, trace] = np.sum(columns[:, begin:end], axis=1)
-    columns[len(point.residuals) :] = np.eye(ends[-1])  # known beforehand to a sample of its record
-    padded = np.concatenate([point.columns, np.zeros((ends[-1], point.columns.shape[1]))])
+    plain, edges = problem.without_edges(), problem.edges
+    assert edges is not None, "what edges move is not known"
+    point = Point.of(plain, *((slopes.at, slopes.evaluated) if here is None else here), slopes)
+    columns, parameters = _columns(plain, edges), point.columns
+    columns = np.pad(columns, ((0, len(parameters) - len(columns)), (0, 0)))  # rows of what is known of parameters
     if beyond_delays:
-        padded = np.column_stack([padded, delays])
-    residuals = np.concatenate([point.residuals, *late])
-    alone, _ = _solved(residuals, padded)
-    together, values = _solved(residuals, np.column_stack([padded, columns]))
-    moved = -values[padded.shape[1] :]
-    found = tuple(tuple(moved[begin:end].tolist()) for begin, end in itertools.pairwise(ends))
-    return FoundEdges(found, alone - together)
+        parameters = np.column_stack([parameters, _sums(columns, edges.late)])
+    alone, _ = _solved(point.residuals, parameters)
+    known = [known_beforehand(late, delay=edges.delay) for late in edges.late]
+    residuals = np.concatenate([point.residuals, *(away for away, _ in known)])
+    rows = scipy.linalg.block_diag(*(rows for _, rows in known))
+    together = np.column_stack([np.pad(parameters, ((0, len(rows)), (0, 0))), np.concatenate([columns, rows])])
+    _, values = _solved(residuals, together)
+    left = (residuals - together @ values)[: len(point.residuals)]
+    moved = np.split(-values[parameters.shape[1] :], np.cumsum([len(each) for each in edges.late])[:-1])
+    return FoundEdges(tuple(tuple(each.tolist()) for each in moved), alone - float(left @ left))
+
+
+def _columns(problem: FitProblem, edges: Edges) -> Float[np.ndarray, "residuals edges"]:
+    """What every edge moves of residuals, the edges of one trace behind those of the one before."""
+    responses, owner = problem.whitened(edges.responses), problem.owner
+    return np.column_stack(
+        [responses[:, : len(late)] * (owner == trace)[:, None] for trace, late in enumerate(edges.late)]
+    )
+
+
+def _sums(columns: np.ndarray, late: Late) -> Float[np.ndarray, "residuals traces"]:
+    """What moves when all edges of a trace are later."""
+    ends = np.cumsum([len(each) for each in late])[:-1]
+    return np.column_stack([part.sum(axis=1) for part in np.split(columns, ends, axis=1)])
 
 
 def _solved(residuals: np.ndarray, columns: np.ndarray) -> tuple[float, np.ndarray]:

@@ -25,7 +25,8 @@ class Measured(eqx.Module):
     `values` in m and Pa; `weights` is one over the deviation of what is new in a sample, zero on padding and where a
     channel has no valid sample; `owner` is the number of the trace that a lane belongs to. Of noise with a memory,
     `memory[..., i]` is the part of the residual that was `i + 1` valid samples ago, at the flat place `past[..., i]`.
-    `edges` are directions, trace by trace, of what is left of edges of the duty whose time is not known.
+    `edges` are directions, trace by trace, of what is left of edges of the duty whose time is not known, and `expected`
+    how much more is observed where these are read than where they are expected.
     """
 
     values: Weights
@@ -35,6 +36,7 @@ class Measured(eqx.Module):
     past: Int[Array | np.ndarray, "places channel order"] | None
     traces: int = eqx.field(static=True)
     edges: Float[Array | np.ndarray, "lanes sample channel edges"] | None = None
+    expected: Weights | None = None
 
 
 Sensors = Sequence[dict[str, Sensor]]
@@ -96,19 +98,27 @@ def whiten(measured: Measured, difference: Float[Array, "lanes sample channel ..
     return new - jnp.einsum("lscj,lj...->lsc...", measured.edges, along[measured.owner])
 
 
-def knowing_edges(measured: Measured, responses: np.ndarray) -> Measured:
+def knowing_edges(
+    measured: Measured,
+    responses: Float[np.ndarray, "lanes sample channel edges"],
+    root: Float[np.ndarray, "edges edges"],
+    later: Float[np.ndarray, "traces edges"],
+) -> Measured:
     """Measurements of traces whose edges have unknown times, by what is observed when one is a sample later.
 
-    As much is known of an edge beforehand: the covariance of what is new in a sample is `1 + E E^T`, with `E` those
-    responses in units of the deviation, and residuals are multiplied by the inverse of its root.
+    The covariance of what is new in a sample is `1 + E C E^T`, with `E` those responses in units of the deviation and
+    `C` the covariance of edges beforehand: residuals are multiplied by the inverse of its root.
+
+    **Arguments:** `root`: of `C`; `later`: samples by which edges are later than expected beforehand.
     """
-    columns = np.asarray(jacobian_block(measured, jnp.asarray(responses)))
+    columns = np.asarray(jacobian_block(measured, jnp.asarray(responses))) @ root
     owner = np.repeat(np.asarray(measured.owner), SEGMENT * len(CHANNELS))
     directions = np.zeros_like(columns)
     for trace in range(measured.traces):
         basis, sizes, _ = np.linalg.svd(columns[owner == trace], full_matrices=False)
         directions[owner == trace] = basis * np.sqrt(1 - 1 / np.sqrt(1 + sizes**2))
-    return dataclasses.replace(measured, edges=directions.reshape(responses.shape))
+    expected = np.einsum("lscj,lj->lsc", responses, later[np.asarray(measured.owner)])
+    return dataclasses.replace(measured, edges=directions.reshape(responses.shape), expected=expected)
 
 
 def _by_trace(measured: Measured, values: Array) -> Float[Array, "traces channel ..."]:
@@ -132,7 +142,10 @@ def _forget(measured: Measured, difference: Float[Array, "lanes sample channel .
 @keep_compiled
 def residual_block(measured: Measured, observed: Array) -> Float[Array, " residuals"]:
     # A simulation that failed is infinitely wrong on every sample, so no optimiser can take it for a fit.
-    block = whiten(measured, observed - measured.values).reshape(-1)
+    difference = observed - measured.values
+    if measured.expected is not None:
+        difference = difference - measured.expected
+    block = whiten(measured, difference).reshape(-1)
     return jnp.where(jnp.all(jnp.isfinite(observed)), block, jnp.inf)
 
 

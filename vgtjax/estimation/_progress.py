@@ -34,9 +34,9 @@ class Progress:
     since, `let_go` is the cost before; `lost` says that holding them made the fit worse. `linear` has the sample
     intervals in s of traces whose duty was found to be linear between samples, and `hold_decided` whether that, or that
     it was held, is the only explanation; `None` before that was asked. `late` says whether the delay of the duty is
-    free. `edges` are by how many samples those of the duty of every trace are late where their times are free, and
-    `edges_seen` the coordinates at which it was seen what they move. `waterfall` has cost (`None` where a simulation
-    failed), steps and status of every start, where there were several, the given one first.
+    free. `edges` are by how many samples those of the duty of every trace are late, beside that delay, where their
+    times are free, and `edges_seen` the coordinates at which it was seen what they move. `waterfall` has cost (`None`
+    where a simulation failed), steps and status of every start, where there were several, the given one first.
     """
 
     coordinates: tuple[float, ...]
@@ -114,6 +114,10 @@ class Progress:
         here = tuple(coordinates)
         again = dataclasses.replace(self.elsewhere(here), corrections=0, found=(), wanted=(), linearised=())
         return dataclasses.replace(again, late=late, edges=edges, edges_seen=here)
+
+    def seeing_edges(self, edges: tuple[tuple[float, ...], ...]) -> "Progress":
+        """A search among its corrections with edges elsewhere, whose derivatives are from here on."""
+        return dataclasses.replace(self, edges=edges, edges_seen=self.coordinates, linearised=self.coordinates)
 
     @property
     def cost(self) -> float:

@@ -18,6 +18,7 @@ from ..plants import AbstractModel
 from ..simulation import FixedStep
 from ..traces import Trace
 from ._bundle import CHANNELS, Bundle, bundle_traces
+from ._edge_times import Edges, covariance_root, from_mean
 from ._evaluation import Evaluation
 from ._layout import SEGMENT
 from ._measured import (
@@ -51,8 +52,8 @@ class FitProblem(eqx.Module):
     Residuals are in units of the sensor noise and divided by the square root of their number, so the cost `sum(r^2)/2`
     of a perfect model is one half. A constant offset of each trace and channel is eliminated exactly.
 
-    With `late_duty` the last coordinate is the delay of the duty, behind those of the selection. `responses` are what
-    is observed of every bundle when an edge of the duty is a sample later, where the times of edges are not known.
+    With `late_duty` the last coordinate is the delay of the duty, behind those of the selection. `edges` are those of
+    the duty where their times are not known.
     """
 
     model: AbstractModel
@@ -66,7 +67,7 @@ class FitProblem(eqx.Module):
     """Number of eliminated sensor offsets, and of edges of the duty."""
     late_duty: bool = eqx.field(static=True, default=False)
     prior: Prior | None = None
-    responses: list[Float[np.ndarray, "lanes sample channel edges"]] | None = None
+    edges: Edges | None = None
 
     def at(self, coordinates: Vector) -> tuple[Any, Scalar | None]:
         """The model at coordinates of the transform, and the delay of the duty in s if that is one of them."""
@@ -129,19 +130,26 @@ class FitProblem(eqx.Module):
         """The same problem with other knowledge of the sensors."""
         measured = [measure(bundle, traces, sensors) for bundle in self.bundles]
         again = dataclasses.replace(self, measured=measured, count=count_of(sensors))
-        return again if self.responses is None else again._knowing_edges(self.responses)
+        return again if self.edges is None else again._knowing(self.edges)
 
-    def with_edges(self, responses: list[np.ndarray], edges: int) -> "FitProblem":
-        """The same problem where the times of so many edges are not known."""
-        return dataclasses.replace(self._knowing_edges(responses), offsets=self.offsets + edges)
+    def with_edges(self, edges: Edges) -> "FitProblem":
+        """The same problem where the times of edges are not known."""
+        return dataclasses.replace(self._knowing(edges), offsets=self.offsets + sum(map(len, edges.late)))
 
-    def _knowing_edges(self, responses: list[np.ndarray]) -> "FitProblem":
-        measured = [knowing_edges(*each) for each in zip(self.without_edges().measured, responses, strict=True)]
-        return dataclasses.replace(self, measured=measured, responses=responses)
+    def _knowing(self, edges: Edges) -> "FitProblem":
+        root, later = covariance_root(edges.most, delay=edges.delay), from_mean(edges.late)
+        measured = [
+            knowing_edges(block, responses, root, later[list(bundle.indices)])
+            for block, bundle, responses in zip(
+                self.without_edges().measured, self.bundles, edges.responses, strict=True
+            )
+        ]
+        return dataclasses.replace(self, measured=measured, edges=edges)
 
     def without_edges(self) -> "FitProblem":
         """The same problem where edges are at the times that are read."""
-        return dataclasses.replace(self, measured=[dataclasses.replace(each, edges=None) for each in self.measured])
+        measured = [dataclasses.replace(each, edges=None, expected=None) for each in self.measured]
+        return dataclasses.replace(self, measured=measured)
 
     def residuals(self, coordinates: Vector) -> Float[Array, " residuals"]:
         """Residuals; infinite throughout where a simulation failed.

@@ -37,11 +37,12 @@ class Task:
     finds out besides. `deviations` by entry, in the units of the table, say how well a start value is known beforehand:
     of a free entry that is a Gaussian prior, of one that is held a tolerance that goes into every error. `linear` has
     the sample intervals in s of traces whose duty is linear between samples, though they don't say so, `edges` by how
-    many samples every edge of the duty of each trace is late, where that is not as it is recorded. `starts` is from how
-    many places a search begins, `gains` by channel how well the gain of each sensor is known, relative, `inputs` what
-    is known of the sensor of the pressure by which each trace to fit is driven, which is read without its noise. A
-    search that hardly comes nearer to a cost of `ceiling`, and is far above it, is given up. `second_guess` says what
-    traces tell of some parameters, by name, without a simulation, beside the other values of a model.
+    many samples every edge of the duty of each trace is late, where that is not as it is recorded, beside `edges_delay`
+    s of the whole duty. `starts` is from how many places a search begins, `gains` by channel how well the gain of each
+    sensor is known, relative, `inputs` what is known of the sensor of the pressure by which each trace to fit is
+    driven, which is read without its noise. A search that hardly comes nearer to a cost of `ceiling`, and is far above
+    it, is given up. `second_guess` says what traces tell of some parameters, by name, without a simulation, beside the
+    other values of a model.
     """
 
     model: AbstractModel
@@ -55,6 +56,7 @@ class Task:
     deviations: dict[str, float] = dataclasses.field(default_factory=dict)
     linear: Sequence[float] = ()
     edges: Late = ()
+    edges_delay: float = 0.0
     starts: int = 1
     gains: dict[str, float] = dataclasses.field(default_factory=dict)
     inputs: Sequence[InputSensor | None] = ()
@@ -75,7 +77,7 @@ class Task:
     @property
     def traces(self) -> list[Trace]:
         """Traces to fit, with the duty as it is read."""
-        return read_duties(self.fit, self.linear, self.edges)
+        return read_duties(self.fit, self.linear, self.edges, self.edges_delay)
 
     @property
     def tolerances(self) -> dict[str, float]:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from .._errors import InputError
 from ._channel import Channel, Samples, as_channel
 from ._drive import Drive, Ramp, Start
-from ._duty import APART, FARTHEST_EDGE, beside, delay_duty, edges_of
+from ._duty import FARTHEST_EDGE, beside, delay_duty, edges_of, inside
 from ._grid import same_clock, share_time
 from ._signals import SIGNALS
 
@@ -59,6 +59,8 @@ class Trace:
     notes: tuple[str, ...]
     start_number: int
     """Which of the start states that a fit frees is its own; zero for none."""
+    duty_late: float
+    """s by which the duty is late already; a delay of the duty counts beyond that."""
     has_common_clock: bool
     """Whether every channel is sampled at `time`."""
 
@@ -78,6 +80,7 @@ class Trace:
         name: str = "trace",
         notes: tuple[str, ...] = (),
         start_number: int = 0,
+        duty_late: float = 0.0,
     ):
         given = dict(pwm=pwm, p_act=p_act, p_res=p_res, p_trb=p_trb, x_d=x_d)
         given |= dict(f_vane=f_vane, f_drive=f_drive, x_drive=x_drive)
@@ -97,6 +100,7 @@ class Trace:
             name=name,
             notes=notes,
             start_number=start_number,
+            duty_late=duty_late,
         )
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -118,7 +122,7 @@ class Trace:
             if changes[signal] is not None:
                 changes[signal] = as_channel(self.name, signal, changes[signal], mine if clock is None else clock)
         kept: dict[str, Any] = {"atmosphere": self.atmosphere, "name": self.name, "notes": self.notes}
-        kept["start_number"] = self.start_number
+        kept |= {"start_number": self.start_number, "duty_late": self.duty_late}
         return Trace(self.time if clock is None else clock, **{**self.channels, **kept, **changes})
 
     @property
@@ -183,8 +187,12 @@ class Trace:
     def with_late_duty(self, delay: float) -> "Trace":
         """The same trace with the duty that reaches a valve `delay` s later than it says (earlier, if negative).
 
-        The duty of every interval of `time` is then its mean over that interval.
+        A duty that only jumps at `edges` does so at times of their own, one more for each; of any other that of every
+        interval of `time` is then its mean over that interval.
         """
+        moved = self.with_late_edges([0.0] * len(self.edges()), delay)
+        if moved.duty_late:
+            return moved.replace(duty_late=0.0)
         duration = jnp.append(jnp.diff(self.time), 0.0)
         return self.replace(time=self.time, pwm=np.asarray(delay_duty(jnp.asarray(self.at("pwm")), duration, delay)))
 
@@ -198,21 +206,25 @@ class Trace:
         """Samples of the duty's own clock at which it jumps between levels that it holds for five samples and more."""
         return edges_of(self.channels["pwm"].value) if "pwm" in self.channels else np.zeros(0, int)
 
-    def with_late_edges(self, late: Sequence[float]) -> "Trace":
+    def with_late_edges(self, late: Sequence[float], delay: float = 0.0) -> "Trace":
         """The same trace with each of the duty's `edges` so many seconds later (earlier, if negative), at a time of its
         own: the trace has one time more for each.
 
         An edge is moved by twice the usual interval of the duty at most, so that none passes another one.
+
+        **Arguments:** `delay` in s of all edges, beside that; only of a duty without other jumps, which have no times
+        of their own.
         """
         duty, edges = self.channels["pwm"], self.edges()
+        jumps = np.flatnonzero(np.diff(duty.value)) + 1
+        delay = delay if len(jumps) == len(edges) else 0.0
         farthest = FARTHEST_EDGE * float(np.median(np.diff(duty.time)))
-        moved = np.maximum(duty.time[edges] + np.clip(late, -farthest, farthest), duty.time[0] + 2 * APART)
-        moved = beside(moved, self.time)
+        moved = beside(inside(duty.time[edges] + np.clip(late, -farthest, farthest) + delay, duty.time), self.time)
         time = np.sort(np.concatenate([self.time, moved]))
-        jumps = np.append(0, np.flatnonzero(np.diff(duty.value)) + 1)
-        began = np.array(duty.time[jumps])
-        began[np.searchsorted(jumps, edges)] = moved
-        return self.replace(pwm=Channel(time, Channel(began, duty.value[jumps]).hold(time)))
+        began = np.append(duty.time[0], duty.time[jumps])
+        began[1 + np.searchsorted(jumps, edges)] = moved
+        held = Channel(began, duty.value[np.append(0, jumps)]).hold(time)
+        return self.replace(pwm=Channel(time, held), duty_late=delay)
 
     def drive(self) -> Drive:
         """Inputs over the interval that each time begins; the last one has no length."""

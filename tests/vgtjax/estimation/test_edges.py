@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from known_truth import FREE, NOISE, TRUTH
@@ -10,7 +11,8 @@ from support import duty_trace
 import vgtjax
 from vgtjax import simulate
 from vgtjax.estimation import Progress, Unknown, _duty_questions, plan_task, start_calibration
-from vgtjax.estimation._edges import alike, find_edges, possible, responses_of, show_in, whole_samples
+from vgtjax.estimation._bundle import bundle_traces
+from vgtjax.estimation._edges import alike, edges_of, find_edges, possible, show_in, whole_samples
 
 LEVELS = (0, 0.051), (70, 0.152), (40, 0.149), (60, 0.151), (30, 0.148), (65, 0.151), (0, 0.15)
 """Edges at 51, 203, 352, 503, 651 and 802 ms: every second one lies between the samples of a record with 500 Hz."""
@@ -21,14 +23,16 @@ LATE = (-0.5, -0.5, 0.0, -0.5, -0.5, 0.0)
 CHOICES = Unknown(duty_hold="evidence", noise="white", loss="gaussian", numerics=False, start_state=False)
 
 
-def recorded(seed, keep=2, levels=LEVELS, louder=1.0):
-    """Every second sample of what a bench shows that runs at 1 kHz."""
+def recorded(seed, keep=2, levels=LEVELS, louder=1.0, late=0):
+    """Every second sample of what a bench shows that runs at 1 kHz, with a duty that reaches the valve `late` ms after
+    its record."""
     trace, rng = duty_trace(*levels, p_res=2.0e4), np.random.default_rng(seed)
     run = simulate(vgtjax.replace_parameters(vgtjax.Actuator(), TRUTH), trace)
     x_d = np.asarray(run.x_d) + rng.normal(0, louder * NOISE["x_d"], len(trace.time))
     p_act = np.asarray(run.p_act) + rng.normal(0, louder * NOISE["p_act"], len(trace.time))
     every = slice(None, None, keep)
-    kept = {"pwm": trace.pwm, "p_res": trace.p_res, "x_d": x_d, "p_act": p_act}
+    duty = np.append(trace.pwm[late:], np.full(late, trace.pwm[-1]))
+    kept = {"pwm": duty, "p_res": trace.p_res, "x_d": x_d, "p_act": p_act}
     return vgtjax.Trace(trace.time[every], **{name: each[every] for name, each in kept.items()}, name=f"run {seed}")
 
 
@@ -61,6 +65,29 @@ def test_edges_are_where_they_were(found):
     np.testing.assert_allclose(late, 2e-3 * np.array(found.progress.edges[0]))
 
 
+def test_edges_beside_a_late_duty():
+    """3 ms late at 500 Hz: edges that the record shows on time are 1.5 samples late, and others one. Of a search with a
+    delay only, values of the plunger were five to a hundred standard errors off."""
+    found = start_calibration(task_of(recorded(1, late=3), recorded(2, late=3))).run()
+    assert found.converged
+    assert np.all(np.abs(scores(found)) < 4)
+    for trace in found.task.fit:
+        # Recorded at 48, 200, 350, ... ms.
+        late = found.duty_delay + np.array(found.late_edges(trace))
+        np.testing.assert_allclose(late, 1e-3 * np.array([3, 3, 2, 3, 3, 2]), atol=5e-4)
+
+
+def test_a_delay_counts_beyond_what_edges_have_already():
+    """At the delay of the edges the duty is what was placed, and its slope the mean of both sides of that kink."""
+    (bundle,) = bundle_traces(vgtjax.Actuator(), [recorded(1).with_late_edges([0.0] * len(LATE), 3e-3)])
+    late, slope = bundle.late_duty(jnp.asarray(3e-3))
+    np.testing.assert_allclose(late, bundle.drive.pwm, atol=1e-9)
+    nudge = 1e-4  # of a duty that is piecewise linear in the delay, and lies half a millisecond from any other kink
+    later, earlier = (bundle.late_duty(jnp.asarray(3e-3 + side * nudge))[0] for side in (1, -1))
+    assert np.max(np.abs(slope)) > 1e3
+    np.testing.assert_allclose(slope, (later - earlier) / (2 * nudge), rtol=1e-9, atol=1e-6)
+
+
 def test_read_as_recorded_they_spoil_parameters(found):
     progress = dataclasses.replace(found.progress, edges=(), edges_seen=(), converged=False, iteration=0, corrections=0)
     blind = start_calibration(task_of(*found.task.fit, duty_delay=False), Progress(progress.coordinates[:3])).run()
@@ -88,16 +115,17 @@ def test_what_is_not_known_of_edges_is_in_the_errors(found):
 
 
 def test_residuals_are_whitened_by_what_edges_may_do(found):
-    """By hand: the covariance `1 + E E^T` of a trace, whose inverse root multiplies residuals."""
+    """By hand: the covariance `1 + E C E^T` of a trace, whose inverse root multiplies residuals."""
     task = dataclasses.replace(found.task, fit=found.task.fit[:1], edges=())
     progress = dataclasses.replace(found.progress, edges=(), edges_seen=(), corrections=0, converged=False)
     search = start_calibration(task, progress).minimiser
     edges = ((0.0,) * len(LATE),)
-    steps = responses_of(task, search.problem, edges, search.slopes.at)
-    responses = answered(steps)
-    free = search.problem.with_edges(responses, len(LATE))
-    responses = search.problem.whitened(responses)
-    plain = search.problem.residuals_of(search.slopes.evaluated.observed)
+    steps = edges_of(task, search.problem, edges, search.slopes.at, delay=False)
+    found = answered(steps)
+    free = search.problem.with_edges(found)
+    later = search.problem.whitened(found.responses)
+    responses = later @ np.linalg.cholesky(np.eye(len(LATE)) / 12 + 1.0)
+    plain = search.problem.residuals_of(search.slopes.evaluated.observed) - 0.5 * later.sum(axis=1)
     sizes, ways = np.linalg.eigh(responses.T @ responses)
     basis = responses @ ways / np.sqrt(sizes)
     expected = plain - basis @ ((1 - 1 / np.sqrt(1 + sizes)) * (basis.T @ plain))
@@ -105,7 +133,7 @@ def test_residuals_are_whitened_by_what_edges_may_do(found):
         free.residuals_of(search.slopes.evaluated.observed), expected, atol=1e-8 * np.max(np.abs(plain))
     )
     assert free.offsets == search.problem.offsets + len(LATE)
-    assert find_edges(free, search.slopes, edges).evident
+    assert find_edges(free, search.slopes).evident
 
 
 def answered(steps):
@@ -133,10 +161,10 @@ def test_what_edges_tell_beyond_a_delay(levels, differ):
     while not search.progress.finished:
         search.step()
     edges = ((0.0,) * len(LATE),)
-    knowing = search.problem.with_edges(answered(responses_of(task, search.problem, edges, search.slopes.at)), 0)
-    found = find_edges(knowing, search.slopes, edges)
+    knowing = search.problem.with_edges(answered(edges_of(task, search.problem, edges, search.slopes.at, delay=False)))
+    found = find_edges(knowing, search.slopes)
     assert found.evident
-    part = find_edges(knowing, search.slopes, edges, beyond_delays=True).gain / found.gain
+    part = find_edges(knowing, search.slopes, beyond_delays=True).gain / found.gain
     assert part > 0.5 if differ else part < 0.1
 
 
@@ -178,9 +206,11 @@ def test_edges_that_end_as_late_as_each_other_are_a_delay():
 
 
 def test_edges_of_one_trace_lie_within_a_sample():
-    """Each is recorded at the first sample behind it, however late all of them are."""
-    assert possible(((0.1, -0.5, 0.6), (3.0, 2.9), ()))
-    assert not possible(((0.0, 0.0), (-0.1, 1.2)))
+    """Each is recorded at the first sample behind it, however late all of them are; and not later than that."""
+    assert possible(((0.1, -0.5, 0.6), (3.0, 2.9), ()), delay=True)
+    assert not possible(((0.0, 0.0), (-0.1, 1.2)), delay=True)
+    assert possible(((0.1, -0.5), ()), delay=False)
+    assert not possible(((0.1, -0.5), (0.5,)), delay=False)
 
 
 @pytest.mark.parametrize(("keep", "tells"), [(2, True), (1, False)])

@@ -251,3 +251,34 @@ def test_edges_before_the_other_channels_begin_change_nothing():
     assert (moved.time[0], moved.time[-1]) == (trace.time[0], trace.time[-1])
     assert len(moved.time) == len(trace.time) + 1
     np.testing.assert_allclose(moved.time[moved.jumps()], [69.5e-3], atol=1e-12)
+
+
+def test_edges_beside_a_delay():
+    """By hand: edges at 20 and 60 ms, 3 ms late, of which the first was half a millisecond before its record."""
+    time = 2e-3 * np.arange(40)
+    trace = vgtjax.Trace(time, pwm=np.repeat([0.0, 50.0, 20.0], [10, 20, 10]), x_d=np.zeros(40))
+    moved = trace.with_late_edges([-5e-4, 0.0], 3e-3)
+    np.testing.assert_allclose(moved.time[moved.jumps()], [22.5e-3, 63e-3], atol=1e-12)
+    assert moved.duty_late == 3e-3
+    assert moved.replace(name="again").duty_late == 3e-3
+    assert trace.with_late_edges([0.0, 0.0]).duty_late == 0.0
+
+
+def test_a_duty_that_also_jumps_elsewhere_is_not_moved_as_a_whole():
+    """By hand: three jumps within six samples, as of a ramp, have no times of their own; the edge before them has."""
+    time, duty = 2e-3 * np.arange(60), np.zeros(60)
+    duty[20:] = 50.0
+    for number in (40, 42, 44):
+        duty[number:] += 10.0
+    moved = vgtjax.Trace(time, pwm=duty, x_d=np.zeros(60)).with_late_edges([1e-3], 3e-3)
+    np.testing.assert_allclose(moved.time[moved.jumps()], [41e-3, 80e-3, 84e-3, 88e-3], atol=1e-12)
+    assert moved.duty_late == 0.0
+
+
+def test_edges_that_are_later_than_a_trace_is_long_stay_in_it():
+    time = 2e-3 * np.arange(40)
+    trace = vgtjax.Trace(time, pwm=np.repeat([0.0, 50.0, 20.0], [28, 6, 6]), x_d=np.zeros(40))
+    moved = trace.with_late_edges([0.0, 0.0], 50e-3)
+    assert len(moved.jumps()) == 2
+    assert np.all(np.diff(moved.time) > 0)
+    assert moved.time[-1] == time[-1]

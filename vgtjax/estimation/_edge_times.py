@@ -1,0 +1,58 @@
+"""What is known of the times of a duty's edges beforehand.
+
+A record shows an edge at the first sample behind it: where it was is spread evenly over the sample before. How the
+clock of the record lies beside that of the duty is not known, so what the edges of a trace have in common is left open,
+as the delay of the duty where that is free, or else by a sample.
+"""
+
+from collections.abc import Sequence
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Float
+
+from ._duties import Late
+
+MEAN, DEVIATION = -0.5, 12**-0.5
+"""Samples by which an edge is late, of an even spread over the one before its record."""
+COMMON = 1.0
+"""Samples of standard deviation of what the edges of a trace have in common, unless the delay of the duty is free."""
+
+
+class Edges(eqx.Module):
+    """Edges of the duty whose times are not known: by how many samples of their record they are late where they are
+    read, whether the delay of the duty is free beside them, and what is observed of every bundle when one is a sample
+    later, `(lanes, sample, channel, edges)`."""
+
+    late: Late = eqx.field(static=True)
+    delay: bool = eqx.field(static=True)
+    responses: list[Float[np.ndarray, "lanes sample channel edges"]]
+
+    @property
+    def most(self) -> int:
+        """Edges of the trace that has the most."""
+        return max(map(len, self.late))
+
+
+def covariance_root(count: int, *, delay: bool) -> Float[np.ndarray, "edges edges"]:
+    """The lower root of the covariance of so many edges of a trace beforehand, in samples; the common part belongs to
+    the `delay` of the duty if that is free."""
+    common = DEVIATION if delay else COMMON
+    return np.linalg.cholesky(DEVIATION**2 * np.eye(count) + common**2)
+
+
+def from_mean(late: Late) -> Float[np.ndarray, "traces edges"]:
+    """Samples by which edges are later than expected beforehand, a row for each trace with zeros behind its edges."""
+    found = np.zeros((len(late), max(map(len, late))))
+    for row, each in zip(found, late, strict=True):
+        row[: len(each)] = np.subtract(each, MEAN)
+    return found
+
+
+def known_beforehand(
+    late: Sequence[float], *, delay: bool
+) -> tuple[Float[np.ndarray, " edges"], Float[np.ndarray, "edges edges"]]:
+    """How far the edges of a trace are from what is known of them beforehand, in independent standard deviations, and
+    how that changes with each."""
+    rows = np.linalg.inv(covariance_root(len(late), delay=delay))
+    return rows @ np.subtract(late, MEAN), rows
