@@ -65,7 +65,9 @@ class Equations:
         """Inputs over an interval."""
         ramps = {name: Ramp(u[2 + 2 * i], u[3 + 2 * i]) for i, name in enumerate(self.inputs)}
         turbine = ramps.pop("p_trb")
-        held = {FIELDS[name]: ramp.start if SIGNALS[name].held else ramp for name, ramp in ramps.items()}
+        held: dict[str, Any] = {
+            FIELDS[name]: ramp.start if SIGNALS[name].held else ramp for name, ramp in ramps.items()
+        }
         return Drive(duration=u[0], ambient_shift=u[1], turbine=turbine, **held)
 
     def start(self, p: Vector, s: Vector, u: Vector) -> list[Array]:

@@ -150,6 +150,7 @@ def _reverse(
         answer: Evaluated = yield from ask(question)
     except SimulationError:
         return nothing, np.zeros(columns.shape[1])
+    answer = problem.beside_edges(answer, slopes.at, pulled=question.cotangent)
     found = np.sum(answer.columns, axis=0) * np.asarray(problem.transform.slope(slopes.at))
     difference = found - combined @ columns
     size = max(float(np.linalg.norm(combined)), 1e-300)

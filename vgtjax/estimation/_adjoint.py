@@ -7,7 +7,6 @@ how tables of the model's parts move with the parameters.
 
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -48,8 +47,8 @@ def pull_back(
     gradient = pull_values(tangents, by_values)
     if delay is None:
         return gradient
-    assert duty is not None, "only a duty can be late"
-    return jnp.append(gradient, jnp.sum(duty * bundle.late_duty(delay)[1]))
+    slope = bundle.late_duty(delay)[-1]
+    return jnp.append(gradient, sum(jax.tree.leaves(jax.tree.map(lambda d, s: jnp.sum(d * s), duty, slope))))
 
 
 def _by_time(bundle: Bundle, cotangent: Cotangent) -> Float[Array, "time channel traces"]:
@@ -62,20 +61,19 @@ def _by_time(bundle: Bundle, cotangent: Cotangent) -> Float[Array, "time channel
 
 def _backwards(
     choose: Choose, values: Any, bundle: Bundle, states: State, wanted: Array
-) -> tuple[State, Any, Float[Array, "time traces"] | None]:
-    """Cotangents of the start states, of the values by what happens in all intervals, and of the duty of each."""
+) -> tuple[State, Any, tuple[Float[Array, "time traces"] | None, ...]]:
+    """Cotangents of the start states, of values by what happens in all intervals, and of what a delay moves of each."""
 
     def interval(carry: tuple[State, Any], inputs: tuple[State, Any, Array]) -> tuple[tuple[State, Any], Any]:
         adjoint, gradient = carry
         state, drive, wanted = inputs
 
-        def onward(values: Any, state: State, duty: Array | None) -> tuple[State, Array]:
-            chosen = choose(values)
-            given = eqx.tree_at(lambda drive: drive.pwm, drive, duty, is_leaf=lambda leaf: leaf is None)
+        def onward(values: Any, state: State, duty: Any) -> tuple[State, Array]:
+            chosen, given = choose(values), drive.with_duty(duty)
             after = jax.vmap(lambda y, u: bundle.plan.advance(chosen, y, u)[0])(state, given)
             return after, jnp.stack(jax.vmap(chosen.observe)(state, given))
 
-        _, back = jax.vjp(onward, values, state, drive.pwm)
+        _, back = jax.vjp(onward, values, state, drive.duty)
         by_values, adjoint, by_duty = back((adjoint, wanted))
         return (adjoint, jax.tree.map(jnp.add, gradient, by_values)), by_duty
 

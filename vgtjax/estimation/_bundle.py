@@ -1,9 +1,8 @@
 """Traces laid out for batched simulation and for the segment-parallel Jacobian."""
 
 import dataclasses
-import functools
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -14,11 +13,14 @@ from jaxtyping import Array, Float, Int
 from .._types import Scalar
 from ..plants import AbstractModel
 from ..simulation import CountedMarch, FixedStep, ReversibleMarch, model_dtype
-from ..traces import Drive, Start, Trace, cast, delay_duty, require
+from ..traces import Drive, Jump, Start, Trace, cast, delay_duty, require
 from ._layout import SEGMENT, Group, Layout, Shape, packed
 
 CHANNELS = ("x_d", "p_act")
 """The measured signals, in the order of every array with a channel axis."""
+
+Slope = tuple[Float[Array, "sample lanes"], Float[Array, "sample lanes"]]
+"""Of what a delay moves, by that delay: of the mean duty in percent, and of the place of its jump."""
 
 
 class Bundle(eqx.Module):
@@ -84,29 +86,34 @@ class Bundle(eqx.Module):
             lanes[SEGMENT * self.first_lane(trace) + rows[index]] = values[index]
         return lanes.reshape(len(self.lane_trace), SEGMENT, *values[0].shape[1:])
 
-    def with_late_duty(self, delay: Scalar) -> tuple["Bundle", Float[Array, "sample lanes"]]:
+    def with_late_duty(self, delay: Scalar) -> tuple["Bundle", Slope]:
         """The same traces with a duty that reaches the valve `delay` s late, and its slope by that in every lane."""
-        late, slope = self.late_duty(delay)
-        drives = (lambda bundle: bundle.drive.pwm, lambda bundle: bundle.lane_drive.pwm)
-        bundle = eqx.tree_at(lambda bundle: [get(bundle) for get in drives], self, [late, self._cut(late)])
-        return bundle, self._cut(slope)
+        *late, slope = self.late_duty(delay)
+        *lane_late, lane_slope = jax.tree.map(self._cut, [*late, slope])
 
-    def late_duty(self, delay: Scalar) -> tuple[Float[Array, "time traces"], Float[Array, "time traces"]]:
-        """A duty that reaches the valve `delay` s late, and its slope by that: at a kink that of a duty a little later,
-        or of traces that are late already the mean of both sides."""
+        def parts(bundle: Bundle) -> list[Any]:
+            return [part for drive in (bundle.drive, bundle.lane_drive) for part in (drive.pwm, drive.jump)]
+
+        bundle = eqx.tree_at(parts, self, [*late, *lane_late], is_leaf=lambda leaf: leaf is None)
+        return bundle, lane_slope
+
+    def late_duty(self, delay: Scalar) -> tuple[Float[Array, "time traces"], Jump, Slope]:
+        """A duty that reaches the valve `delay` s late, its jumps inside of intervals, and the slope of what the delay
+        moves of both.
+
+        A trace that is late already has its jumps where they are, and stays: what a delay moves of it beyond that is
+        what its edges move, see [`Edges`][].
+        """
         recorded, duration = self.drive.pwm, self.drive.duration
         assert recorded is not None, "only a duty can be late"
-        already = jnp.asarray(self.duty_late)
+        timely = jnp.asarray(self.duty_late) == 0
 
-        def on(side: Literal["left", "right"]) -> tuple[Array, Array]:
-            def duty(delay: Scalar) -> Float[Array, "time traces"]:
-                held = functools.partial(delay_duty, side=side)
-                return jax.vmap(held, in_axes=(1, 1, 0), out_axes=1)(recorded, duration, delay - already)
+        def late(delay: Scalar) -> tuple[Float[Array, "time traces"], Jump]:
+            by_trace = jax.vmap(delay_duty, in_axes=(1, 1, 0), out_axes=1)
+            return by_trace(recorded, duration, jnp.where(timely, delay, 0.0))
 
-            return jax.jvp(duty, (delay,), (jnp.ones_like(delay),))
-
-        (late, later), (_, earlier) = on("left"), on("right")
-        return late, jnp.where(already == 0, later, (later + earlier) / 2)
+        (duty, jump), (slope, moving) = jax.jvp(late, (delay,), (jnp.ones_like(delay),))
+        return duty, jump, (slope, moving.place)
 
     def _cut(self, values: Float[Array, "time traces"]) -> Float[Array, "sample lanes"]:
         """Values at every time of every trace, cut into lanes."""

@@ -282,7 +282,7 @@ def comparing(
     results, bundles = [], list[Bundle]()
     left: Iterator[np.ndarray | None] = itertools.repeat(None) if errors is None else iter(errors)
     for use, traces, edges in (("fit", task.fit, task.edges), ("validate", task.validate, ())):
-        read = read_duties(traces, task.linear, edges, task.edges_delay)
+        read = read_duties(traces, task.linear, edges, delay)
         bundles = bundle_traces(model, read, task.stepping, bundles)
         observed = yield from observe_traces(model, bundles, delay if task.late_duty else None)
         known = sensors if use == "fit" and sensors is not None else white_sensors(traces, task.channels)

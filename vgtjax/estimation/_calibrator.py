@@ -212,9 +212,13 @@ def corrected_calibration(
     here = np.array(progress.coordinates)
     problem = dataclasses.replace(problem, transform=transform_of(task, progress))
     asked = problem.evaluation(here)
-    smooth = yield from ask(asked)
+    placed = yield from ask(asked)
+    smooth = problem.beside_edges(placed, here)
     observed = by_trace(problem.bundles, smooth)
-    exact = observed if not task.unknown.numerics else (yield from _sharp(task, asked))
+    exact = observed
+    if task.unknown.numerics:
+        defects = zip((yield from _sharp(task, asked)), by_trace(problem.bundles, placed), observed, strict=True)
+        exact = [seen + sharp - without for sharp, without, seen in defects]
     sensors = learn_sensors(task.traces, task.channels, observed, exact, task.unknown)
     problem = problem.with_sensors(task.traces, sensors)
     point = Point.of(problem, here, smooth, slopes)

@@ -87,8 +87,13 @@ def _asking_of_edges(calibrator: C, report: Report, *, differing: bool = False) 
 
     A record shows no edge before it was, so edges between samples look like a duty that comes early. Searches with a
     free delay followed that: 1.1 ms early, a plunger of 0.4 of the truth, twenty standard errors off. So edges that
-    differ are asked first; not where they are later by whole samples, as searches with edges lose such a delay. What is
-    tried is not reported: a fit that is interrupted meanwhile tries all of it again.
+    differ are asked first; not where they are later by whole samples, as searches with edges lose such a delay.
+
+    A search that knew nothing of the edges may have been led to where another one does not come back from: plungers
+    of 0.4 of the truth, forty standard errors off, and every trace met. So where it ended is one place to search from,
+    with the edges that are found from there, and where it began is the other. Edges that are later than their record
+    need a delay, and are asked again beside one. What is tried is not reported: a fit that
+    is interrupted meanwhile tries all of it again.
     """
     task, progress, edges = calibrator.task, calibrator.minimiser.progress, as_recorded(calibrator.task.fit)
     may_be = task.unknown.duty_hold and any(edges) and not (progress.linear or progress.edges)
@@ -104,16 +109,21 @@ def _asking_of_edges(calibrator: C, report: Report, *, differing: bool = False) 
     there = _moving_edges(calibrator, progress, moved(edges, found.late))
     if differing and there.late and not progress.late:
         return calibrator
+    best = calibrator
     for begin in (progress.coordinates, progress.began or first_progress(task).coordinates):
         coordinates = (*begin[:-1], there.coordinates[-1])
         end = yield from _searching_edges(calibrator, there.moving_edges(coordinates, there.late, there.edges))
         ended = end.minimiser.progress
-        met = not end.is_lost() and meets_noise(end.minimiser) and possible(ended.edges, delay=ended.late)
-        better = calibrator.worth(progress.searched - ended.searched)
+        may_be = possible(ended.edges, delay=ended.late)
+        if not (may_be or end.is_lost()):
+            break
+        met = may_be and not end.is_lost() and meets_noise(end.minimiser)
+        better = calibrator.worth(best.minimiser.progress.searched - ended.searched)
         if met and better and not (differing and alike(ended.edges)):
-            report(ended)
-            return end
-    return calibrator
+            best, there = end, ended
+    if best is not calibrator:
+        report(best.minimiser.progress)
+    return best
 
 
 def _searching_edges(calibrator: C, onward: Progress) -> Steps[C]:

@@ -22,11 +22,18 @@ COMMON = 1.0
 class Edges(eqx.Module):
     """Edges of the duty whose times are not known: by how many samples of their record they are late where they are
     read, whether the delay of the duty is free beside them, and what is observed of every bundle when one is a sample
-    later, `(lanes, sample, channel, edges)`."""
+    later, `(lanes, sample, channel, edges)`.
+
+    They were placed beside a delay of `placed` s. A trace whose edges are the only jumps of its duty stays there when
+    that delay moves: by what is observed when all of them are a second later, as far as the linear problem goes, so
+    that a trace tells of the delay just what is known of its edges beforehand.
+    """
 
     late: Late = eqx.field(static=True)
     delay: bool = eqx.field(static=True)
     responses: list[Float[np.ndarray, "lanes sample channel edges"]]
+    together: list[Float[np.ndarray, "lanes sample channel"]]
+    placed: float = 0.0
 
     @property
     def most(self) -> int:

@@ -63,8 +63,13 @@ def edges_of(
     columns = [
         np.stack([_differences(each[index], base) for each in there], axis=-1) for index, base in enumerate(here)
     ]
+    moving = [
+        column.sum(axis=-1) * (trace.duty_late != 0) / sample_interval(trace)
+        for column, trace in zip(columns, task.traces, strict=True)
+    ]
     rows = [trace.rows_at(recorded.time) for trace, recorded in zip(task.traces, task.fit, strict=True)]
-    return Edges(late, delay, [bundle.to_lanes(columns, rows) for bundle in problem.bundles])
+    responses, together = ([bundle.to_lanes(each, rows) for bundle in problem.bundles] for each in (columns, moving))
+    return Edges(late, delay, responses, together, task.edges_delay)
 
 
 def _seen(task: Task, asked: Evaluation, read: Sequence[Trace]) -> Steps[list[np.ndarray]]:

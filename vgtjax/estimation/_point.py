@@ -151,7 +151,7 @@ class Slopes:
     def find(problem: FitProblem, at: Coordinates) -> Steps["Slopes"]:
         """Derivatives at some coordinates."""
         evaluated = yield from ask(problem.evaluation(at, slopes=True))
-        return Slopes(at, evaluated)
+        return Slopes(at, problem.beside_edges(evaluated, at))
 
 
 def misfit_at(problem: FitProblem, coordinates: Coordinates) -> Steps[Float[np.ndarray, " residuals"] | None]:
@@ -162,4 +162,6 @@ def misfit_at(problem: FitProblem, coordinates: Coordinates) -> Steps[Float[np.n
         answer = yield from ask(question)
     except SimulationError:
         return None
-    return None if answer.failed else problem.everything_of(answer.observed, coordinates)
+    if answer.failed:
+        return None
+    return problem.everything_of(problem.beside_edges(answer, coordinates).observed, coordinates)

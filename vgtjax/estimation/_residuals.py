@@ -19,7 +19,7 @@ from ..simulation import FixedStep
 from ..traces import Trace
 from ._bundle import CHANNELS, Bundle, bundle_traces
 from ._edge_times import Edges, covariance_root, from_mean
-from ._evaluation import Evaluation
+from ._evaluation import Evaluated, Evaluation
 from ._layout import SEGMENT
 from ._measured import (
     Measured,
@@ -78,6 +78,28 @@ class FitProblem(eqx.Module):
         model, delay = self.at(coordinates)
         late = None if delay is None else float(delay)
         return Evaluation(model, self.bundles, late, self.selection if slopes else None)
+
+    def beside_edges(
+        self, evaluated: Evaluated, coordinates: Float[np.ndarray, " coordinates"], *, pulled: Any = None
+    ) -> Evaluated:
+        """What was answered for coordinates, with what a delay of the duty moves of traces whose edges are placed.
+
+        **Arguments:** `pulled`: the cotangent, of an answer in reverse mode.
+        """
+        if self.edges is None or not self.late_duty:
+            return evaluated
+        _, delay = self.at(coordinates)
+        assert delay is not None, "the delay is the last coordinate"
+        together, beyond = self.edges.together, float(delay) - self.edges.placed
+        if pulled is not None:
+            along = [float(np.sum(each * pull)) for each, pull in zip(together, pulled, strict=True)]
+            last = [np.append(np.zeros(len(coordinates) - 1), each) for each in along]
+            return Evaluated([], [each + more for each, more in zip(evaluated.columns, last, strict=True)])
+        observed = [seen + beyond * each for seen, each in zip(evaluated.observed, together, strict=True)]
+        columns = [np.array(each) for each in evaluated.columns]
+        for each, more in zip(columns, together, strict=bool(columns)):
+            each[..., -1] += more
+        return Evaluated(observed, columns)
 
     def residuals_of(self, observed: Sequence[np.ndarray]) -> Float[np.ndarray, " residuals"]:
         """Residuals in units of the noise, of what was observed of every bundle."""

@@ -22,14 +22,14 @@ from ..plants import AbstractModel, State, rows_along, tabulated_along
 from ..simulation import CountedMarch, FixedStep, march
 from ..traces import Drive, Trace
 from ._adjoint import pull_back
-from ._bundle import CHANNELS, Bundle, bundle_traces
+from ._bundle import CHANNELS, Bundle, Slope, bundle_traces
 from ._layout import SEGMENT
 from ._values import Choose, Pushed, chooser, push_all, push_values, values_before
 
 Lanes = Float[Array, "lanes sample channel"]
 TraceJacobian = Float[np.ndarray, "time 2 parameters"] | dict[str, Float[np.ndarray, "samples parameters"]]
 LaneJacobian = Float[Array, "lanes sample channel parameters"]
-Inputs = tuple[Drive, Array | None]
+Inputs = tuple[Drive, Slope | None]
 
 
 def jacobian(
@@ -272,9 +272,10 @@ def _push_lanes(
                     return jax.jvp(lambda *given: function(*given, drive), (values, state), (dvalues, dstate))
 
                 def with_duty(values, state, duty):
-                    return function(values, state, eqx.tree_at(lambda drive: drive.pwm, drive, duty))
+                    return function(values, state, drive.with_duty(duty))
 
-                return jax.jvp(with_duty, (values, state, drive.pwm), (dvalues, dstate, ddelay * slope))
+                moved = tuple(ddelay * each for each in slope)
+                return jax.jvp(with_duty, (values, state, drive.duty), (dvalues, dstate, moved))
 
             return jax.vmap(along, out_axes=(None, 0))(values_tangents, tangents, delay_tangents)
 

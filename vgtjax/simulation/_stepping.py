@@ -55,8 +55,8 @@ class AbstractFixedMarch(AbstractMarch):
     solver: eqx.AbstractVar[diffrax.AbstractSolver | None]
 
     @abc.abstractmethod
-    def _repeat(self, one: Callable[[Any, Array], Any], carry: Any, unroll: int) -> Any:
-        """What is carried on by all steps of an interval, each made by `one` of that and its number."""
+    def _repeat(self, one: Callable[[Any, Array], Any], carry: Any, count: Any, unroll: int) -> Any:
+        """What is carried on by so many steps over an interval, each made by `one` of that and its number."""
 
     def advance(
         self, model: AbstractModel, state: State, drive: Drive, unroll: int = 1
@@ -69,14 +69,16 @@ class AbstractFixedMarch(AbstractMarch):
         term = diffrax.ODETerm(model.vector_field)
         step = drive.duration / self.substeps
         memory = solver.init(term, jnp.zeros_like(step), step, state, drive)
+        jumps = drive.jump is not None
 
         def one(carry, number):
             y, memory, solved = carry
-            begin = number.astype(step.dtype) * step
-            y, _, _, memory, result = solver.step(term, begin, begin + step, y, drive, memory, made_jump=False)
+            begin, end, inputs = drive.step(number, self.substeps)
+            y, _, _, memory, result = solver.step(term, begin, end, y, inputs, memory, made_jump=jumps)
             return y, memory, solved & (result == diffrax.RESULTS.successful)
 
-        state, _, solved = self._repeat(one, (state, memory, jnp.asarray(True)), unroll)
+        count = drive.steps(self.substeps)
+        state, _, solved = self._repeat(one, (state, memory, jnp.asarray(True)), count, unroll)
         return state, solved
 
     def __call__(
@@ -99,9 +101,8 @@ class FixedMarch(AbstractFixedMarch):
     substeps: int = eqx.field(static=True)
     solver: diffrax.AbstractSolver | None = None
 
-    def _repeat(self, one: Callable[[Any, Array], Any], carry: Any, unroll: int) -> Any:
-        numbers = jnp.arange(self.substeps)
-        unroll = min(unroll, self.substeps)
+    def _repeat(self, one: Callable[[Any, Array], Any], carry: Any, count: int, unroll: int) -> Any:
+        numbers, unroll = jnp.arange(count), min(unroll, count)
         return jax.lax.scan(lambda carry, number: (one(carry, number), None), carry, numbers, unroll=unroll)[0]
 
 
@@ -114,8 +115,8 @@ class CountedMarch(AbstractFixedMarch):
     substeps: Int[np.ndarray, ""] | Int[Array, ""]
     solver: diffrax.AbstractSolver | None = None
 
-    def _repeat(self, one: Callable[[Any, Array], Any], carry: Any, unroll: int) -> Any:
-        return jax.lax.fori_loop(0, self.substeps, lambda number, carry: one(carry, jnp.asarray(number)), carry)
+    def _repeat(self, one: Callable[[Any, Array], Any], carry: Any, count: Any, unroll: int) -> Any:
+        return jax.lax.fori_loop(0, count, lambda number, carry: one(carry, jnp.asarray(number)), carry)
 
     def reversible(self) -> "ReversibleMarch":
         """The same steps for reverse mode."""
@@ -131,9 +132,9 @@ class ReversibleMarch(AbstractFixedMarch):
     substeps: int = eqx.field(static=True)
     solver: diffrax.AbstractSolver | None = None
 
-    def _repeat(self, one: Callable[[Any, Array], Any], carry: Any, unroll: int) -> Any:
+    def _repeat(self, one: Callable[[Any, Array], Any], carry: Any, count: int, unroll: int) -> Any:
         again = jax.checkpoint(one)
-        return jax.lax.scan(lambda carry, number: (again(carry, number), None), carry, jnp.arange(self.substeps))[0]
+        return jax.lax.scan(lambda carry, number: (again(carry, number), None), carry, jnp.arange(count))[0]
 
 
 class FixedStep(AbstractStepping):

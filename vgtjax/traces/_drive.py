@@ -1,5 +1,7 @@
 """What acts on a model from outside: a duty held between samples, and pressures linear between them."""
 
+import dataclasses
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -8,6 +10,7 @@ from jaxtyping import Array, Bool, Int
 from .._types import Values
 
 Flags = Bool[Array, "..."] | Bool[np.ndarray, "..."]
+Count = Int[Array, ""] | Int[np.ndarray, ""] | int
 
 
 class Ramp(eqx.Module):
@@ -21,11 +24,28 @@ class Ramp(eqx.Module):
         return self.start + self.rate * elapsed
 
 
+class Jump(eqx.Module):
+    """A duty that jumps once inside an interval."""
+
+    height: Values
+    """How far it jumps, in percent; zero where it does not."""
+    place: Values
+    """The part of the interval that has passed by then."""
+
+    def begin(self, number: Count, count: Count) -> Values:
+        """The part of the interval that has passed when a step begins, of `count` equal ones of which the jump cuts one
+        in two; continuous in `place`, with the derivative of a later one."""
+        passed = self.place * count
+        return jnp.where(
+            passed < number - 1, (number - 1) / count, jnp.where(passed < number, self.place, number / count)
+        )
+
+
 class Drive(eqx.Module):
     """Inputs over one interval between two samples, or over all intervals of a trace (leading axis).
 
-    Nothing jumps inside an interval, and its time counts from its own start, so that single precision does not
-    lose it. A signal that a trace does not have is `None`.
+    Nothing but a late duty jumps inside an interval, and its time counts from its own start, so that single precision
+    does not lose it. A signal that a trace does not have is `None`.
     """
 
     duration: Values
@@ -44,6 +64,33 @@ class Drive(eqx.Module):
     """Measured drive along +x in N, which replaces the chamber pressure as input of the mechanical model."""
     position: Ramp | None = None
     """Given position of the diaphragm in m, the input of the pneumatic model."""
+    jump: Jump | None = None
+    """Of a duty that is late and so may jump inside the interval; `pwm` is that before."""
+
+    @property
+    def duty(self) -> tuple[Values | None, ...]:
+        """What a delay of the duty moves."""
+        return (self.pwm,) if self.jump is None else (self.pwm, self.jump.place)
+
+    def with_duty(self, duty: tuple[Values | None, ...]) -> "Drive":
+        """The same inputs with another `duty`."""
+        pwm, *place = duty
+        jump = None if self.jump is None else dataclasses.replace(self.jump, place=place[0])
+        return dataclasses.replace(self, pwm=pwm, jump=jump)
+
+    def steps(self, count: Count) -> Count:
+        """How many steps go over the interval instead of `count` equal ones: none straddles a jump of the duty."""
+        return count if self.jump is None else count + 1
+
+    def step(self, number: Count, count: Count) -> tuple[Values, Values, "Drive"]:
+        """Begin and end in s of one of these steps, and the inputs during it."""
+        if self.jump is None or self.pwm is None:
+            size = self.duration / count
+            begin = jnp.asarray(number, size.dtype) * size
+            return begin, begin + size, self
+        begin, end = (self.duration * self.jump.begin(each, count) for each in (number, number + 1))
+        jumped = jnp.where(number > self.jump.place * count, self.jump.height, 0.0)
+        return begin, end, dataclasses.replace(self, pwm=self.pwm + jumped)
 
 
 class Start(eqx.Module):

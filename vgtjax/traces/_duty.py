@@ -1,36 +1,40 @@
 """The duty that reaches the valve, when that is later or earlier than its record says."""
 
-from typing import Literal
-
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
 from .._types import Scalar
+from ._drive import Jump
+
+Duty = Float[Array, " time"]
 
 
-def delay_duty(
-    duty: Float[Array, " time"], duration: Float[Array, " time"], delay: Scalar, side: Literal["left", "right"] = "left"
-) -> Float[Array, " time"]:
-    """Mean duty in percent over every interval, of a held duty that arrives `delay` s late.
+def delay_duty(duty: Duty, duration: Duty, delay: Scalar) -> tuple[Duty, Jump]:
+    """A held duty in percent that arrives `delay` s late: at the start of every interval, and where it jumps inside.
 
-    The mean over an interval is continuous in the delay, with a kink where an edge passes a sample; before the first
-    sample the duty was that of the first. Intervals without length keep their duty.
+    Where it does so more than once, its mean over the interval counts. Before the first sample the duty was that of the
+    first; intervals without length keep their duty. Derivatives are those of a duty a little later.
 
-    **Arguments:** `duty` held from its sample to the next; `duration` of every interval in s. By the `side` the
-    derivative at a kink is that of a duty a little later (left) or earlier.
+    **Arguments:** `duty` held from its sample to the next; `duration` of every interval in s.
     """
     ends = jnp.cumsum(duration)
     begins = ends - duration
     area = jnp.cumsum(duty * duration) - duty * duration  # up to the start of every interval
+    before, behind = (jnp.clip(jnp.searchsorted(begins, time - delay) - 1, 0) for time in (begins, ends))
 
-    def integral(time: Array) -> Array:
-        index = jnp.clip(jnp.searchsorted(begins, time, side=side) - 1, 0)
-        return area[index] + duty[index] * (time - begins[index])
+    def integral(time: Duty, index: Int[Array, " time"]) -> Duty:
+        return area[index] + duty[index] * (time - delay - begins[index])
 
+    jumps = jnp.cumsum(jnp.diff(duty, prepend=duty[:1]) != 0)
+    count, last = jumps[behind] - jumps[before], jnp.searchsorted(jumps, jumps[behind])
     present = duration > 0
-    mean = (integral(ends - delay) - integral(begins - delay)) / jnp.where(present, duration, 1.0)
-    return jnp.where(present, mean, duty)
+    length = jnp.where(present, duration, 1.0)
+    mean = (integral(ends, behind) - integral(begins, before)) / length
+    held = jnp.where(present, jnp.where(count > 1, mean, duty[before]), duty)
+    once = present & (count == 1)
+    height, place = duty[behind] - duty[before], (begins[last] + delay - begins) / length
+    return held, Jump(jnp.where(once, height, 0.0), jnp.where(once, place, 0.0))
 
 
 FARTHEST_EDGE = 2
@@ -56,6 +60,16 @@ def inside(times: Float[np.ndarray, " edges"], clock: Float[np.ndarray, " time"]
 
 def beside(times: Float[np.ndarray, " edges"], clock: Float[np.ndarray, " time"]) -> Float[np.ndarray, " edges"]:
     """Times, those that a clock has already a little earlier, so that they are times more."""
-    after = np.clip(np.searchsorted(clock, times), 1, len(clock) - 1)
-    nearest = np.where(times - clock[after - 1] < clock[after] - times, clock[after - 1], clock[after])
+    nearest = _nearest(times, clock)
     return np.where(np.abs(times - nearest) < APART, nearest - APART, times)
+
+
+def onto(times: Float[np.ndarray, " jumps"], clock: Float[np.ndarray, " time"]) -> Float[np.ndarray, " jumps"]:
+    """Times, those next to one that a clock has already at that."""
+    nearest = _nearest(times, clock)
+    return np.where(np.abs(times - nearest) < APART, nearest, times)
+
+
+def _nearest(times: Float[np.ndarray, " some"], clock: Float[np.ndarray, " time"]) -> Float[np.ndarray, " some"]:
+    after = np.clip(np.searchsorted(clock, times), 1, len(clock) - 1)
+    return np.where(times - clock[after - 1] < clock[after] - times, clock[after - 1], clock[after])

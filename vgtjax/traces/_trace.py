@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int, PyTree
 from numpy.typing import ArrayLike
@@ -12,7 +11,7 @@ from numpy.typing import ArrayLike
 from .._errors import InputError
 from ._channel import Channel, Samples, as_channel
 from ._drive import Drive, Ramp, Start
-from ._duty import FARTHEST_EDGE, beside, delay_duty, edges_of, inside
+from ._duty import FARTHEST_EDGE, beside, edges_of, inside, onto
 from ._grid import same_clock, share_time
 from ._signals import SIGNALS
 
@@ -187,14 +186,11 @@ class Trace:
     def with_late_duty(self, delay: float) -> "Trace":
         """The same trace with the duty that reaches a valve `delay` s later than it says (earlier, if negative).
 
-        A duty that only jumps at `edges` does so at times of their own, one more for each; of any other that of every
-        interval of `time` is then its mean over that interval.
+        Every jump is then at a time of the trace, which has more of them where it falls between two.
         """
-        moved = self.with_late_edges([0.0] * len(self.edges()), delay)
-        if moved.duty_late:
-            return moved.replace(duty_late=0.0)
-        duration = jnp.append(jnp.diff(self.time), 0.0)
-        return self.replace(time=self.time, pwm=np.asarray(delay_duty(jnp.asarray(self.at("pwm")), duration, delay)))
+        duty = self.channels["pwm"]
+        jumps = np.flatnonzero(np.diff(duty.value)) + 1
+        return self._jumping(jumps, onto(inside(duty.time[jumps] + delay, duty.time), self.time))
 
     def with_ramped_duty(self) -> "Trace":
         """The same trace with a duty that was linear between its samples; of every interval of `time` its mean."""
@@ -219,12 +215,18 @@ class Trace:
         jumps = np.flatnonzero(np.diff(duty.value)) + 1
         delay = delay if len(jumps) == len(edges) else 0.0
         farthest = FARTHEST_EDGE * float(np.median(np.diff(duty.time)))
-        moved = beside(inside(duty.time[edges] + np.clip(late, -farthest, farthest) + delay, duty.time), self.time)
-        time = np.sort(np.concatenate([self.time, moved]))
-        began = np.append(duty.time[0], duty.time[jumps])
-        began[1 + np.searchsorted(jumps, edges)] = moved
-        held = Channel(began, duty.value[np.append(0, jumps)]).hold(time)
-        return self.replace(pwm=Channel(time, held), duty_late=delay)
+        began = duty.time[edges] + np.clip(late, -farthest, farthest) + delay
+        return self._jumping(edges, beside(inside(began, duty.time), self.time)).replace(duty_late=delay)
+
+    def _jumping(self, samples: Int[np.ndarray, " moved"], moved: Samples) -> "Trace":
+        """The same trace with the jumps of its duty at some samples at other times in s, each a time of the trace."""
+        duty = self.channels["pwm"]
+        time = np.union1d(self.time, moved)
+        jumps = np.flatnonzero(np.diff(duty.value)) + 1
+        times = np.append(duty.time[0], duty.time[jumps])
+        times[1 + np.searchsorted(jumps, samples)] = moved
+        held = Channel(times, duty.value[np.append(0, jumps)]).hold(time)
+        return self.replace(pwm=Channel(time, held))
 
     def drive(self) -> Drive:
         """Inputs over the interval that each time begins; the last one has no length."""
