@@ -145,13 +145,13 @@ def _reverse(
     columns = columns[: sum(bundle.rows for bundle in problem.bundles)]  # without what is known beforehand
     combined = columns @ moves.sum(axis=0)
     asked = problem.evaluation(slopes.at, slopes=True)
-    question = dataclasses.replace(asked, cotangent=problem.pulled(combined, observed))
+    cotangent = problem.pulled(combined, observed)
     try:
-        answer: Evaluated = yield from ask(question)
+        answer: Evaluated = yield from ask(dataclasses.replace(asked, cotangent=cotangent))
     except SimulationError:
         return nothing, np.zeros(columns.shape[1])
-    answer = problem.beside_edges(answer, slopes.at, pulled=question.cotangent)
-    found = np.sum(answer.columns, axis=0) * np.asarray(problem.transform.slope(slopes.at))
+    more = problem.pulled_edges(cotangent, len(slopes.at))
+    found = (np.sum(answer.columns, axis=0) + more) * np.asarray(problem.transform.slope(slopes.at))
     difference = found - combined @ columns
     size = max(float(np.linalg.norm(combined)), 1e-300)
     lengths = np.maximum(np.linalg.norm(columns, axis=0), np.abs(found) / size)

@@ -277,8 +277,8 @@ def comparing(
     sensors: Sensors | None = None,
     errors: Sequence[np.ndarray] | None = None,
 ) -> Steps[list[TraceResult]]:
-    """`compare` as a computation; `errors` `(time, channel)` of what is observed of every trace as it is read,
-    those to fit first."""
+    """`compare` as a computation; `errors` `(time, channel)` of what is observed of every trace as the task reads it,
+    those to fit first. Edges are where they are beside this delay, which may be a little beyond that of the task."""
     results, bundles = [], list[Bundle]()
     left: Iterator[np.ndarray | None] = itertools.repeat(None) if errors is None else iter(errors)
     for use, traces, edges in (("fit", task.fit, task.edges), ("validate", task.validate, ())):
@@ -286,9 +286,11 @@ def comparing(
         bundles = bundle_traces(model, read, task.stepping, bundles)
         observed = yield from observe_traces(model, bundles, delay if task.late_duty else None)
         known = sensors if use == "fit" and sensors is not None else white_sensors(traces, task.channels)
-        for trace, applied, seen, each in zip(traces, read, observed, known, strict=True):
-            rows, error = applied.rows_at(trace.time), next(left)
-            results.append(_compare_one(trace, use, seen[rows], each, None if error is None else error[rows]))
+        of_errors = task.traces if use == "fit" else read
+        for trace, applied, before, seen, each in zip(traces, read, of_errors, observed, known, strict=True):
+            error = next(left)
+            error = None if error is None else error[before.rows_at(trace.time)]
+            results.append(_compare_one(trace, use, seen[applied.rows_at(trace.time)], each, error))
     return results
 
 

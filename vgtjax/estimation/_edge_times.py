@@ -8,10 +8,14 @@ as the delay of the duty where that is free, or else by a sample.
 from collections.abc import Sequence
 
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
+from .._types import Scalar
 from ._duties import Late
+
+Seen = Float[Array | np.ndarray, "lanes sample channel"]
 
 MEAN, DEVIATION = -0.5, 12**-0.5
 """Samples by which an edge is late, of an even spread over the one before its record."""
@@ -39,6 +43,21 @@ class Edges(eqx.Module):
     def most(self) -> int:
         """Edges of the trace that has the most."""
         return max(map(len, self.late))
+
+    def moved(self, observed: Sequence[Seen], delay: Scalar) -> list[Array]:
+        """What is observed of every bundle beside another delay of the duty in s, of traces that stayed where they
+        were placed."""
+        beyond = jnp.asarray(delay) - self.placed
+        return [jnp.asarray(seen) + beyond * each for seen, each in zip(observed, self.together, strict=True)]
+
+    def moving(self, columns: Sequence[Array | np.ndarray]) -> list[Array]:
+        """Derivatives of what is observed, with that by the delay, the last one, of `moved`."""
+        pairs = zip(columns, self.together, strict=True)
+        return [jnp.asarray(each).at[..., -1].add(together) for each, together in pairs]
+
+    def pulled(self, cotangent: Sequence[np.ndarray]) -> float:
+        """The derivative by the delay of a product of what is observed, in reverse mode."""
+        return sum(float(np.sum(each * pull)) for each, pull in zip(self.together, cotangent, strict=True))
 
 
 def covariance_root(count: int, *, delay: bool) -> Float[np.ndarray, "edges edges"]:

@@ -79,27 +79,25 @@ class FitProblem(eqx.Module):
         late = None if delay is None else float(delay)
         return Evaluation(model, self.bundles, late, self.selection if slopes else None)
 
-    def beside_edges(
-        self, evaluated: Evaluated, coordinates: Float[np.ndarray, " coordinates"], *, pulled: Any = None
-    ) -> Evaluated:
-        """What was answered for coordinates, with what a delay of the duty moves of traces whose edges are placed.
+    @property
+    def placed_edges(self) -> Edges | None:
+        """Edges whose traces stay where they were placed when the delay of the duty moves."""
+        return self.edges if self.late_duty else None
 
-        **Arguments:** `pulled`: the cotangent, of an answer in reverse mode.
-        """
-        if self.edges is None or not self.late_duty:
+    def beside_edges(self, evaluated: Evaluated, coordinates: Float[np.ndarray, " coordinates"]) -> Evaluated:
+        """What was answered for coordinates, with what a delay of the duty moves of traces whose edges are placed."""
+        edges, (_, delay) = self.placed_edges, self.at(coordinates)
+        if edges is None or delay is None:
             return evaluated
-        _, delay = self.at(coordinates)
-        assert delay is not None, "the delay is the last coordinate"
-        together, beyond = self.edges.together, float(delay) - self.edges.placed
-        if pulled is not None:
-            along = [float(np.sum(each * pull)) for each, pull in zip(together, pulled, strict=True)]
-            last = [np.append(np.zeros(len(coordinates) - 1), each) for each in along]
-            return Evaluated([], [each + more for each, more in zip(evaluated.columns, last, strict=True)])
-        observed = [seen + beyond * each for seen, each in zip(evaluated.observed, together, strict=True)]
-        columns = [np.array(each) for each in evaluated.columns]
-        for each, more in zip(columns, together, strict=bool(columns)):
-            each[..., -1] += more
-        return Evaluated(observed, columns)
+        observed = [np.asarray(each) for each in edges.moved(evaluated.observed, delay)]
+        columns = edges.moving(evaluated.columns) if evaluated.columns else []
+        return Evaluated(observed, [np.asarray(each) for each in columns])
+
+    def pulled_edges(self, cotangent: Sequence[np.ndarray], count: int) -> Float[np.ndarray, " coordinates"]:
+        """The same of an answer in reverse mode: what it adds to so many derivatives."""
+        edges, more = self.placed_edges, np.zeros(count)
+        more[-1] = 0.0 if edges is None else edges.pulled(cotangent)
+        return more
 
     def residuals_of(self, observed: Sequence[np.ndarray]) -> Float[np.ndarray, " residuals"]:
         """Residuals in units of the noise, of what was observed of every bundle."""
@@ -190,11 +188,12 @@ class FitProblem(eqx.Module):
         would push through it."""
         model, delay = self.at(coordinates)
         slope = jax.jvp(self.transform.to_physical, (coordinates,), (jnp.ones_like(coordinates),))[1]
-        blocks, columns = [], []
-        for bundle, measured in zip(self.bundles, self.measured, strict=True):
-            observed, derivatives = observe_with_jacobian(model, self.selection, bundle, delay)
-            blocks.append(residual_block(measured, observed))
-            columns.append(jacobian_block(measured, derivatives))
+        found = [observe_with_jacobian(model, self.selection, bundle, delay) for bundle in self.bundles]
+        observed, derivatives = ([each[part] for each in found] for part in (0, 1))
+        if self.placed_edges is not None and delay is not None:
+            observed, derivatives = self.placed_edges.moved(observed, delay), self.placed_edges.moving(derivatives)
+        blocks = [residual_block(*pair) for pair in zip(self.measured, observed, strict=True)]
+        columns = [jacobian_block(*pair) for pair in zip(self.measured, derivatives, strict=True)]
         scale = 1 / np.sqrt(self.count)
         residuals, jacobian = jnp.concatenate(blocks) * scale, jnp.concatenate(columns) * (scale * slope)[None, :]
         held = self.transform.pinned(coordinates, residuals @ jacobian)
@@ -212,10 +211,10 @@ def _at(
 @eqx.filter_custom_jvp
 def _residuals(coordinates: Vector, problem: FitProblem) -> Array:
     model, delay = problem.at(coordinates)
-    blocks = [
-        residual_block(measured, observe(model, bundle, delay))
-        for bundle, measured in zip(problem.bundles, problem.measured, strict=True)
-    ]
+    observed = [observe(model, bundle, delay) for bundle in problem.bundles]
+    if problem.placed_edges is not None and delay is not None:
+        observed = problem.placed_edges.moved(observed, delay)
+    blocks = [residual_block(*pair) for pair in zip(problem.measured, observed, strict=True)]
     return jnp.concatenate(blocks) / np.sqrt(problem.count)
 
 

@@ -84,10 +84,11 @@ class Drive(eqx.Module):
 
     def step(self, number: Count, count: Count) -> tuple[Values, Values, "Drive"]:
         """Begin and end in s of one of these steps, and the inputs during it."""
-        if self.jump is None or self.pwm is None:
+        if self.jump is None:
             size = self.duration / count
             begin = jnp.asarray(number, size.dtype) * size
             return begin, begin + size, self
+        assert self.pwm is not None, "only a duty can jump"
         begin, end = (self.duration * self.jump.begin(each, count) for each in (number, number + 1))
         jumped = jnp.where(number > self.jump.place * count, self.jump.height, 0.0)
         return begin, end, dataclasses.replace(self, pwm=self.pwm + jumped)

@@ -7,10 +7,10 @@ from jaxtyping import Array, Float, Int
 from .._types import Scalar
 from ._drive import Jump
 
-Duty = Float[Array, " time"]
+Series = Float[Array, " time"]
 
 
-def delay_duty(duty: Duty, duration: Duty, delay: Scalar) -> tuple[Duty, Jump]:
+def delay_duty(duty: Series, duration: Series, delay: Scalar) -> tuple[Series, Jump]:
     """A held duty in percent that arrives `delay` s late: at the start of every interval, and where it jumps inside.
 
     Where it does so more than once, its mean over the interval counts. Before the first sample the duty was that of the
@@ -23,7 +23,7 @@ def delay_duty(duty: Duty, duration: Duty, delay: Scalar) -> tuple[Duty, Jump]:
     area = jnp.cumsum(duty * duration) - duty * duration  # up to the start of every interval
     before, behind = (jnp.clip(jnp.searchsorted(begins, time - delay) - 1, 0) for time in (begins, ends))
 
-    def integral(time: Duty, index: Int[Array, " time"]) -> Duty:
+    def integral(time: Series, index: Int[Array, " time"]) -> Series:
         return area[index] + duty[index] * (time - delay - begins[index])
 
     jumps = jnp.cumsum(jnp.diff(duty, prepend=duty[:1]) != 0)

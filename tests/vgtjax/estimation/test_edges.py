@@ -1,6 +1,8 @@
 """A duty that jumps between the samples of its record: where its edges are is found, and spoils no parameter."""
 
+import copy
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,7 +19,10 @@ from vgtjax.estimation._duties import as_recorded
 from vgtjax.estimation._edges import alike, edges_of, find_edges, possible, show_in, whole_samples
 from vgtjax.estimation._evaluation import Evaluation, ask
 from vgtjax.estimation._measured import white_sensors
+from vgtjax.estimation._point import Slopes, misfit_at
 from vgtjax.estimation._programs import run_alone
+from vgtjax.estimation._progress import quiet
+from vgtjax.estimation._searches import searching_once
 
 LEVELS = (0, 0.051), (70, 0.152), (40, 0.149), (60, 0.151), (30, 0.148), (65, 0.151), (0, 0.15)
 """Edges at 51, 203, 352, 503, 651 and 802 ms: every second one lies between the samples of a record with 500 Hz."""
@@ -96,6 +101,12 @@ def test_a_delay_moves_placed_edges_by_what_they_move():
     placed, stays = (run_alone(ask(problem.evaluation(at))) for at in (here, beyond))
     np.testing.assert_array_equal(stays.observed[0], placed.observed[0])
     moved = problem.beside_edges(stays, beyond).observed[0] - placed.observed[0]
+    columns = run_alone(Slopes.find(problem, beyond))
+    traced = (*problem.residuals_and_jacobian(beyond), problem.residuals(beyond))
+    searched = run_alone(misfit_at(problem, beyond)), problem.columns_of(columns.evaluated.columns, beyond)
+    for mine, theirs in zip(traced, (*searched, searched[0]), strict=True):
+        # The same numbers by other programs.
+        np.testing.assert_allclose(np.sqrt(problem.count) * np.asarray(mine), theirs, rtol=1e-6, atol=1e-7)
     later = bundle_traces(task.model, [late.with_late_edges([0.0] * len(LATE), 3.1e-3)])
     simulated = run_alone(ask(Evaluation(problem.at(here)[0], later))).observed[0] - placed.observed[0]
     for channel in range(2):
@@ -136,7 +147,7 @@ def test_residuals_are_whitened_by_what_edges_may_do(found):
     search = start_calibration(task, progress).minimiser
     edges = ((0.0,) * len(LATE),)
     steps = edges_of(task, search.problem, edges, search.slopes.at, delay=False)
-    found = answered(steps)
+    found = run_alone(steps)
     free = search.problem.with_edges(found)
     later = search.problem.whitened(found.responses)
     responses = later @ np.linalg.cholesky(np.eye(len(LATE)) / 12 + 1.0)
@@ -149,12 +160,6 @@ def test_residuals_are_whitened_by_what_edges_may_do(found):
     )
     assert free.offsets == search.problem.offsets + len(LATE)
     assert find_edges(free, search.slopes).evident
-
-
-def answered(steps):
-    from vgtjax.estimation._programs import run_alone
-
-    return run_alone(steps)
 
 
 def test_what_edges_have_in_common_is_a_delay():
@@ -176,7 +181,7 @@ def test_what_edges_tell_beyond_a_delay(levels, differ):
     while not search.progress.finished:
         search.step()
     edges = ((0.0,) * len(LATE),)
-    knowing = search.problem.with_edges(answered(edges_of(task, search.problem, edges, search.slopes.at, delay=False)))
+    knowing = search.problem.with_edges(run_alone(edges_of(task, search.problem, edges, search.slopes.at, delay=False)))
     found = find_edges(knowing, search.slopes)
     assert found.evident
     part = find_edges(knowing, search.slopes, beyond_delays=True).gain / found.gain
@@ -201,6 +206,45 @@ def test_edges_that_differ_are_found_without_a_free_delay(found, monkeypatch):
     again = start_calibration(found.task).run()
     assert again.converged
     np.testing.assert_array_equal(again.values, found.values)
+
+
+@pytest.mark.parametrize("costs", [(0.50, 0.45), (0.45, 0.50)], ids=["from the start", "from the end"])
+def test_edges_are_searched_from_the_end_and_from_the_start(found, monkeypatch, costs):
+    """The second search knows the edges of the first, and the better one counts."""
+    ended, tried = run_alone(searching_once(start_calibration(found.task), quiet)), []
+    answers = iter(costs)
+
+    def searching(_, onward):
+        tried.append(onward)
+        yield from ()
+        return told_end(ended, dataclasses.replace(onward, edges=found.progress.edges, history=(next(answers),)))
+
+    monkeypatch.setattr(_duty_questions, "_searching_edges", searching)
+    best = run_alone(_duty_questions._asking_of_edges(ended, quiet, differing=True))
+    assert best.minimiser.progress.searched == 0.45
+    progress = ended.minimiser.progress
+    assert [each.coordinates[:-1] for each in tried] == [progress.coordinates[:-1], progress.began[:-1]]
+    assert tried[1].edges == found.progress.edges
+
+
+def test_edges_later_than_their_record_are_not_searched_on_without_a_delay(found, monkeypatch):
+    ended, tried = run_alone(searching_once(start_calibration(found.task), quiet)), []
+
+    def searching(_, onward):
+        tried.append(onward)
+        yield from ()
+        return told_end(ended, dataclasses.replace(onward, edges=((0.8,) * len(LATE),) * 2, history=(0.45,)))
+
+    monkeypatch.setattr(_duty_questions, "_searching_edges", searching)
+    assert run_alone(_duty_questions._asking_of_edges(ended, quiet, differing=True)) is ended
+    assert len(tried) == 1
+
+
+def told_end(ended, progress):
+    """The end of a search that did not run."""
+    minimiser = copy.copy(ended.minimiser)
+    minimiser.progress = progress
+    return SimpleNamespace(minimiser=minimiser, is_lost=lambda: False, worth=ended.worth)
 
 
 def test_edges_are_found_that_hardly_show():

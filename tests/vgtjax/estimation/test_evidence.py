@@ -2,8 +2,6 @@
 
 import dataclasses
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from support import duty_trace
@@ -13,100 +11,15 @@ from vgtjax import FixedStep
 from vgtjax.estimation import (
     Progress,
     Unknown,
-    bundle_traces,
-    observe,
-    observe_backwards,
-    observe_with_jacobian,
     plan_task,
     start_calibration,
 )
 from vgtjax.identification import plan_fit, start_fit
-from vgtjax.parameters import select
 from vgtjax.parts import with_sharp_seat
-from vgtjax.traces import delay_duty
 
 TRUTH = {"diaphragm.stiffness": 12600.0, "diaphragm.preload": 51.0, "chamber.volume": 57e-6}
 FREE = list(TRUTH)
 LEVELS = (0, 0.05), (70, 0.35), (40, 0.3), (60, 0.3)
-
-
-def test_a_late_duty_jumps_inside_of_intervals():
-    """By hand: two steps of a 1 ms record, 1.5 ms late, two whole ones late, and one early."""
-    duty, duration = jnp.asarray([0.0, 0.0, 80.0, 80.0, 30.0, 30.0, 30.0]), jnp.full(7, 1e-3)
-    late, jump = delay_duty(duty, duration, jnp.asarray(1.5e-3))
-    np.testing.assert_allclose(late, [0.0, 0.0, 0.0, 0.0, 80.0, 80.0, 30.0], atol=1e-9)
-    np.testing.assert_allclose(jump.height, [0.0, 0.0, 0.0, 80.0, 0.0, -50.0, 0.0], atol=1e-9)
-    np.testing.assert_allclose(jump.place[jnp.asarray([3, 5])], 0.5, atol=1e-9)
-    for delay, by in ((2e-3, 2), (-1e-3, -1)):
-        late, jump = delay_duty(duty, duration, jnp.asarray(delay))
-        settled = late + jnp.where(jump.place < 0.5, jump.height, 0.0)
-        np.testing.assert_allclose(settled[2:6], np.roll(duty, by)[2:6], atol=1e-9)
-
-
-def test_a_duty_that_jumps_twice_in_an_interval_has_its_mean_there():
-    """By hand, from 1.5 to 3.5 ms: a quarter of a millisecond of nothing, a half of 60 %, the rest of 20 %."""
-    duty, duration = jnp.asarray([0.0, 60.0, 20.0, 20.0]), jnp.asarray([1e-3, 0.5e-3, 2e-3, 1e-3])
-    late, jump = delay_duty(duty, duration, jnp.asarray(0.75e-3))
-    np.testing.assert_allclose(late, [0.0, 0.0, (0.5 * 60 + 1.25 * 20) / 2, 20.0], atol=1e-9)
-    np.testing.assert_allclose(jump.height, 0.0)
-
-
-@pytest.mark.parametrize("delay", [0.4e-3, 4.3e-3])
-def test_a_late_duty_has_the_slope_of_its_differences(delay):
-    rng = np.random.default_rng(1)
-    duty, duration = jnp.asarray(rng.uniform(0, 100, 50)), jnp.asarray(rng.uniform(0.5e-3, 2e-3, 50)).at[-1].set(0.0)
-
-    def area(late):
-        held, jump = delay_duty(duty, duration, late)
-        return held + jump.height * (1 - jump.place)
-
-    slope = jax.jacfwd(area)(jnp.asarray(delay))
-    above, below = (area(jnp.asarray(delay + step)) for step in (1e-9, -1e-9))
-    # Piecewise linear: exact but for rounding of a percent in a nanosecond.
-    np.testing.assert_allclose(slope, (above - below) / 2e-9, rtol=1e-5, atol=1e-2)
-
-
-@pytest.fixture(scope="module")
-def bundle():
-    trace = duty_trace(*LEVELS, p_res=2.0e4, x_d=0.0, p_act=101013.0)
-    return bundle_traces(vgtjax.Actuator(), [trace])[0]
-
-
-def test_the_derivative_by_the_delay_is_that_of_the_simulation(bundle, actuator):
-    """The last column of the segment-parallel Jacobian against differences, between kinks."""
-    selection, delay, step = select(actuator, ["diaphragm.stiffness"]), 2.6e-3, 2e-6
-    _, columns = observe_with_jacobian(actuator, selection, bundle, jnp.asarray(delay))
-    above, below = (np.asarray(observe(actuator, bundle, jnp.asarray(delay + by))) for by in (step, -step))
-    difference = (above - below) / (2 * step)
-    assert columns.shape == (*difference.shape, 2)
-    for channel in range(2):
-        exact, approximate = np.asarray(columns[..., channel, 1]), difference[..., channel]
-        assert np.linalg.norm(exact - approximate) < 1e-6 * np.linalg.norm(exact)  # measured: 1e-8
-
-
-def test_the_derivative_by_the_delay_hardly_changes_with_it(bundle, actuator):
-    """Over a millisecond, of which every half is a step: by a few percent. Of a mean duty over steps it doubled and
-    halved, as force goes with the square of the duty."""
-    selection, delays = select(actuator, ["diaphragm.stiffness"]), (2.1e-3, 2.45e-3, 2.55e-3, 2.9e-3)
-    slopes = [
-        np.asarray(observe_with_jacobian(actuator, selection, bundle, jnp.asarray(delay))[1])[..., 1]
-        for delay in delays
-    ]
-    for slope in slopes[1:]:
-        for channel in range(2):
-            difference = np.linalg.norm((slope - slopes[0])[..., channel])
-            assert difference < 0.1 * np.linalg.norm(slopes[0][..., channel])  # measured: 0.03 to 0.06
-
-
-@pytest.mark.parametrize("delay", [None, 2.5e-3])
-def test_reverse_mode_finds_what_forward_mode_does(bundle, actuator, delay):
-    selection = select(actuator, ["diaphragm.stiffness", "diaphragm.preload", "chamber.volume"])
-    delay = None if delay is None else jnp.asarray(delay)
-    observed, columns = observe_with_jacobian(actuator, selection, bundle, delay)
-    cotangent = np.random.default_rng(2).normal(size=observed.shape) * [1e5, 1e-2]
-    expected = np.einsum("lsc,lscp->p", cotangent, np.asarray(columns))
-    found = observe_backwards(actuator, selection, bundle, delay, jnp.asarray(cotangent))
-    np.testing.assert_allclose(found, expected, rtol=1e-9)  # rounding
 
 
 def recorded(seed, late=0, keep=0.0, outliers=0.0, linear=False):

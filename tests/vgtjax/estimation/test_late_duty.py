@@ -1,0 +1,137 @@
+"""A duty that reaches the valve later than its record says: what is simulated, and how that changes with the delay."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from support import duty_trace
+
+import vgtjax
+from vgtjax import FixedStep
+from vgtjax.estimation import bundle_traces, observe, observe_backwards, observe_with_jacobian
+from vgtjax.parameters import select
+from vgtjax.parts import with_sharp_seat
+from vgtjax.traces import delay_duty
+
+LEVELS = (0, 0.05), (70, 0.35), (40, 0.3), (60, 0.3)
+
+
+def test_a_late_duty_jumps_inside_of_intervals():
+    """By hand: two steps of a 1 ms record, 1.5 ms late, two whole ones late, and one early."""
+    duty, duration = jnp.asarray([0.0, 0.0, 80.0, 80.0, 30.0, 30.0, 30.0]), jnp.full(7, 1e-3)
+    late, jump = delay_duty(duty, duration, jnp.asarray(1.5e-3))
+    np.testing.assert_allclose(late, [0.0, 0.0, 0.0, 0.0, 80.0, 80.0, 30.0], atol=1e-9)
+    np.testing.assert_allclose(jump.height, [0.0, 0.0, 0.0, 80.0, 0.0, -50.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(jump.place[jnp.asarray([3, 5])], 0.5, atol=1e-9)
+    for delay, by in ((2e-3, 2), (-1e-3, -1)):
+        late, jump = delay_duty(duty, duration, jnp.asarray(delay))
+        settled = late + jnp.where(jump.place < 0.5, jump.height, 0.0)
+        np.testing.assert_allclose(settled[2:6], np.roll(duty, by)[2:6], atol=1e-9)
+
+
+def test_a_duty_that_jumps_twice_in_an_interval_has_its_mean_there():
+    """By hand, from 1.5 to 3.5 ms: a quarter of a millisecond of nothing, a half of 60 %, the rest of 20 %."""
+    duty, duration = jnp.asarray([0.0, 60.0, 20.0, 20.0]), jnp.asarray([1e-3, 0.5e-3, 2e-3, 1e-3])
+    late, jump = delay_duty(duty, duration, jnp.asarray(0.75e-3))
+    np.testing.assert_allclose(late, [0.0, 0.0, (0.5 * 60 + 1.25 * 20) / 2, 20.0], atol=1e-9)
+    np.testing.assert_allclose(jump.height, 0.0)
+
+
+@pytest.mark.parametrize("delay", [0.4e-3, 4.3e-3])
+def test_a_late_duty_has_the_slope_of_its_differences(delay):
+    rng = np.random.default_rng(1)
+    duty, duration = jnp.asarray(rng.uniform(0, 100, 50)), jnp.asarray(rng.uniform(0.5e-3, 2e-3, 50)).at[-1].set(0.0)
+
+    def area(late):
+        held, jump = delay_duty(duty, duration, late)
+        return held + jump.height * (1 - jump.place)
+
+    slope = jax.jacfwd(area)(jnp.asarray(delay))
+    above, below = (area(jnp.asarray(delay + step)) for step in (1e-9, -1e-9))
+    # Piecewise linear: exact but for rounding of a percent in a nanosecond.
+    np.testing.assert_allclose(slope, (above - below) / 2e-9, rtol=1e-5, atol=1e-2)
+
+
+@pytest.fixture(scope="module")
+def bundle():
+    trace = duty_trace(*LEVELS, p_res=2.0e4, x_d=0.0, p_act=101013.0)
+    return bundle_traces(vgtjax.Actuator(), [trace])[0]
+
+
+def test_the_derivative_by_the_delay_is_that_of_the_simulation(bundle, actuator):
+    """The last column of the segment-parallel Jacobian against differences, between kinks."""
+    selection, delay, step = select(actuator, ["diaphragm.stiffness"]), 2.6e-3, 2e-6
+    _, columns = observe_with_jacobian(actuator, selection, bundle, jnp.asarray(delay))
+    above, below = (np.asarray(observe(actuator, bundle, jnp.asarray(delay + by))) for by in (step, -step))
+    difference = (above - below) / (2 * step)
+    assert columns.shape == (*difference.shape, 2)
+    for channel in range(2):
+        exact, approximate = np.asarray(columns[..., channel, 1]), difference[..., channel]
+        assert np.linalg.norm(exact - approximate) < 1e-6 * np.linalg.norm(exact)  # measured: 1e-8
+
+
+def test_the_derivative_by_the_delay_hardly_changes_with_it(bundle, actuator):
+    """Over a millisecond, of which every half is a step: by a few percent. Of a mean duty over steps it doubled and
+    halved, as force goes with the square of the duty."""
+    selection, delays = select(actuator, ["diaphragm.stiffness"]), (2.1e-3, 2.45e-3, 2.55e-3, 2.9e-3)
+    slopes = [
+        np.asarray(observe_with_jacobian(actuator, selection, bundle, jnp.asarray(delay))[1])[..., 1]
+        for delay in delays
+    ]
+    for slope in slopes[1:]:
+        for channel in range(2):
+            difference = np.linalg.norm((slope - slopes[0])[..., channel])
+            assert difference < 0.1 * np.linalg.norm(slopes[0][..., channel])  # measured: 0.03 to 0.06
+
+
+@pytest.mark.parametrize("delay", [None, 2.5e-3])
+def test_reverse_mode_finds_what_forward_mode_does(bundle, actuator, delay):
+    selection = select(actuator, ["diaphragm.stiffness", "diaphragm.preload", "chamber.volume"])
+    delay = None if delay is None else jnp.asarray(delay)
+    observed, columns = observe_with_jacobian(actuator, selection, bundle, delay)
+    cotangent = np.random.default_rng(2).normal(size=observed.shape) * [1e5, 1e-2]
+    expected = np.einsum("lsc,lscp->p", cotangent, np.asarray(columns))
+    found = observe_backwards(actuator, selection, bundle, delay, jnp.asarray(cotangent))
+    np.testing.assert_allclose(found, expected, rtol=1e-9)  # rounding
+
+
+STEPS = FixedStep(max_step=1e-4)
+
+
+def stairs():
+    """A duty that falls by 6.7 % a second in stairs of 10 ms, recorded at 100 Hz: the plunger grazes its seat."""
+    duty = np.concatenate([np.zeros(5), np.full(50, 80.0), 80.0 - 0.067 * np.arange(250)])
+    time = 1e-2 * np.arange(len(duty))
+    return vgtjax.Trace(time, pwm=duty, p_res=np.full(len(duty), 2.0e4))
+
+
+@pytest.fixture(scope="module")
+def late_stairs():
+    """Chamber pressure in Pa at the samples of these, 3 ms late, by a duty that is given every millisecond."""
+    slow = stairs()
+    time = 1e-3 * np.arange(10 * len(slow.time) - 9)
+    pwm = np.asarray(slow.at("pwm", np.maximum(time - 3e-3, 0.0) + 1e-9))
+    fine = vgtjax.Trace(time, pwm=pwm, p_res=np.full(len(time), 2.0e4))
+    return np.asarray(vgtjax.simulate(with_sharp_seat(vgtjax.Actuator()), fine, stepping=STEPS).p_act)[::10]
+
+
+def missed(pressure, late_stairs):
+    """Mean of what is missed of the chamber pressure where the duty falls, in Pa."""
+    return float(np.mean((pressure - late_stairs)[80:]))
+
+
+def test_late_stairs_of_a_slow_record_are_late_and_not_blurred(late_stairs):
+    plant, slow = with_sharp_seat(vgtjax.Actuator()), stairs()
+    (bundle,) = bundle_traces(plant, [slow], STEPS)
+    (free,) = bundle.from_lanes(np.asarray(observe(plant, bundle, jnp.asarray(3e-3))))
+    assert abs(missed(free[:, 1], late_stairs)) < 1.0  # what chatter leaves; measured: 0.07
+    known = slow.with_late_duty(3e-3)
+    given = np.asarray(vgtjax.simulate(plant, known, stepping=STEPS).p_act)[known.rows_at(slow.time)]
+    assert abs(missed(given, late_stairs)) < 1.0  # measured: 0.08
+
+
+def test_a_mean_over_intervals_would_blur_them(late_stairs):
+    plant, slow = with_sharp_seat(vgtjax.Actuator()), stairs()
+    blurred = slow.replace(pwm=0.7 * slow.pwm + 0.3 * np.append(0.0, slow.pwm[:-1]))
+    pressure = np.asarray(vgtjax.simulate(plant, blurred, stepping=STEPS).p_act)
+    assert abs(missed(pressure, late_stairs)) > 5.0  # measured: 11.8
