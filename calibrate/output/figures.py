@@ -92,7 +92,8 @@ def trace_figure(result: TraceResult) -> go.Figure:
         figure.update_yaxes(title_text=LABEL[name], row=row, col=1)
         figure.update_yaxes(title_text=label, row=row + 1, col=1)
     if trace.pwm is not None:
-        duty = curve(trace.channels["pwm"].time, trace.pwm, "duty", DUTY, line_shape="hv", showlegend=False)
+        shape = "hv" if trace.duty_hold == "zero-order" else "linear"
+        duty = curve(trace.channels["pwm"].time, trace.pwm, "duty", DUTY, line_shape=shape, showlegend=False)
         figure.add_trace(duty, row=rows, col=1)
         figure.update_yaxes(title_text="duty, %", row=rows, col=1)
     figure.update_xaxes(title_text="time, s", row=rows, col=1)

@@ -44,10 +44,12 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
 
 
 def to_csv(trace: vgtjax.Trace, solution: vgtjax.Solution, rows: np.ndarray) -> str:
-    """A simulated trace as text, inputs first, then the signals under the headers of a bench trace.
+    """A simulated trace as text, inputs first, then the signals under the headers of a bench trace. A duty that was
+    linear between samples is written as what held duty has its mean.
 
     `rows` of the solution are those at the times of the trace.
     """
+    trace = trace.with_held_duty()
     columns = {"time [s]": trace.time}
     for name in ("pwm", "p_res", "p_trb"):
         values = trace.at(name)

@@ -13,14 +13,14 @@ from jaxtyping import Array, Float, Int
 from .._types import Scalar
 from ..plants import AbstractModel
 from ..simulation import CountedMarch, FixedStep, ReversibleMarch, model_dtype
-from ..traces import Drive, Jump, Start, Trace, cast, delay_duty, require
+from ..traces import Drive, Start, Trace, cast, delay_duty, require
 from ._layout import SEGMENT, Group, Layout, Shape, packed
 
 CHANNELS = ("x_d", "p_act")
 """The measured signals, in the order of every array with a channel axis."""
 
 Slope = tuple[Float[Array, "sample lanes"], Float[Array, "sample lanes"]]
-"""Of what a delay moves, by that delay: of the duty in percent where its mean counts, and of the place of its jump."""
+"""Of what a delay moves, by that delay: of the duty in percent where its mean counts, and of the place of its knot."""
 
 
 class Bundle(eqx.Module):
@@ -88,32 +88,25 @@ class Bundle(eqx.Module):
 
     def with_late_duty(self, delay: Scalar) -> tuple["Bundle", Slope]:
         """The same traces with a duty that reaches the valve `delay` s late, and its slope by that in every lane."""
-        *late, slope = self.late_duty(delay)
-        *lane_late, lane_slope = jax.tree.map(self._cut, [*late, slope])
+        drive, slope = self.late_duty(delay)
+        lane_drive, lane_slope = jax.tree.map(self._cut, (drive, slope))
+        late = eqx.tree_at(lambda bundle: (bundle.drive, bundle.lane_drive), self, (drive, lane_drive))
+        return late, lane_slope
 
-        def parts(bundle: Bundle) -> list[Any]:
-            return [part for drive in (bundle.drive, bundle.lane_drive) for part in (drive.pwm, drive.jump)]
-
-        bundle = eqx.tree_at(parts, self, [*late, *lane_late], is_leaf=lambda leaf: leaf is None)
-        return bundle, lane_slope
-
-    def late_duty(self, delay: Scalar) -> tuple[Float[Array, "time traces"], Jump, Slope]:
-        """A duty that reaches the valve `delay` s late, its jumps inside of intervals, and the slope of what the delay
-        moves of both.
+    def late_duty(self, delay: Scalar) -> tuple[Drive, Slope]:
+        """Inputs with a duty that reaches the valve `delay` s late, and the slope of what the delay moves of them.
 
         A trace that is late already has its jumps where they are, and stays: what a delay moves of it beyond that is
         what its edges move, see [`Edges`][].
         """
-        recorded, duration = self.drive.pwm, self.drive.duration
-        assert recorded is not None, "only a duty can be late"
         timely = jnp.asarray(self.duty_late) == 0
 
-        def late(delay: Scalar) -> tuple[Float[Array, "time traces"], Jump]:
-            by_trace = jax.vmap(delay_duty, in_axes=(1, 1, 0), out_axes=1)
-            return by_trace(recorded, duration, jnp.where(timely, delay, 0.0))
+        def late(delay: Scalar) -> Drive:
+            by_trace = jax.vmap(delay_duty, in_axes=(1, 0), out_axes=1)
+            return by_trace(self.drive, jnp.where(timely, delay, 0.0))
 
-        (duty, jump), (slope, moving) = jax.jvp(late, (delay,), (jnp.ones_like(delay),))
-        return duty, jump, (slope, moving.place)
+        drive, moving = jax.jvp(late, (delay,), (jnp.ones_like(delay),))
+        return drive, (moving.pwm, moving.knot.place)
 
     def _cut(self, values: Float[Array, "time traces"]) -> Float[Array, "sample lanes"]:
         """Values at every time of every trace, cut into lanes."""

@@ -69,7 +69,7 @@ class AbstractFixedMarch(AbstractMarch):
         term = diffrax.ODETerm(model.vector_field)
         step = drive.duration / self.substeps
         memory = solver.init(term, jnp.zeros_like(step), step, state, drive)
-        jumps = drive.jump is not None
+        jumps = drive.knot is not None
 
         def one(carry, number):
             y, memory, solved = carry
@@ -226,9 +226,9 @@ class AdaptiveMarch(AbstractMarch):
         def vector_field(time, scaled, args):
             inputs, model, size = args
             index = jnp.clip(jnp.searchsorted(starts, time, side="right") - 1, 0)
-            here = jax.tree.map(lambda leaf: leaf[index], inputs)
+            here, elapsed = jax.tree.map(lambda leaf: leaf[index], inputs), time - starts[index]
             state = jax.tree.map(jnp.multiply, scaled, size)
-            return jax.tree.map(jnp.divide, model.vector_field(time - starts[index], state, here), size)
+            return jax.tree.map(jnp.divide, model.vector_field(elapsed, state, here.held_at(elapsed)), size)
 
         # The controller never comes to an infinite time.
         jump_ts = jnp.where(self.jumps < 0, jnp.inf, starts[self.jumps])

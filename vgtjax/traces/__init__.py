@@ -2,7 +2,7 @@
 
 from ._channel import Channel as Channel, noise_level as noise_level
 from ._checks import TRAVEL as TRAVEL
-from ._drive import Drive as Drive, Jump as Jump, Ramp as Ramp, Start as Start
+from ._drive import Drive as Drive, Knot as Knot, Ramp as Ramp, Start as Start
 from ._duty import delay_duty as delay_duty
 from ._load import load_trace as load_trace
 from ._noise import remove_noise as remove_noise

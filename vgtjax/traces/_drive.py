@@ -1,4 +1,4 @@
-"""What acts on a model from outside: a duty held between samples, and pressures linear between them."""
+"""What acts on a model from outside: a duty held or linear between samples, and pressures linear between them."""
 
 import dataclasses
 
@@ -24,16 +24,18 @@ class Ramp(eqx.Module):
         return self.start + self.rate * elapsed
 
 
-class Jump(eqx.Module):
-    """A duty that jumps once inside an interval."""
+class Knot(eqx.Module):
+    """Where a duty jumps or changes its rate inside an interval, once."""
 
-    height: Values
-    """How far it jumps, in percent; zero where it does not."""
+    jump: Values
+    """How far it jumps there, in percent."""
+    bend: Values
+    """How its rate changes there, in percent a second."""
     place: Values
-    """The part of the interval that has passed by then."""
+    """The part of the interval that has passed by then; zero where there is none."""
 
     def begin(self, number: Count, count: Count) -> Values:
-        """The part of the interval that has passed when a step begins, of `count` equal ones of which the jump cuts one
+        """The part of the interval that has passed when a step begins, of `count` equal ones of which the knot cuts one
         in two; continuous in `place`, with the derivative of a later one."""
         passed = self.place * count
         return jnp.where(
@@ -44,8 +46,8 @@ class Jump(eqx.Module):
 class Drive(eqx.Module):
     """Inputs over one interval between two samples, or over all intervals of a trace (leading axis).
 
-    Nothing but a late duty jumps inside an interval, and its time counts from its own start, so that single precision
-    does not lose it. A signal that a trace does not have is `None`.
+    Nothing but a late duty has a knot inside an interval, and its time counts from its own start, so that single
+    precision does not lose it. A signal that a trace does not have is `None`.
     """
 
     duration: Values
@@ -55,7 +57,9 @@ class Drive(eqx.Module):
     turbine: Ramp
     """Turbine inlet pressure in Pa gauge."""
     pwm: Values | None = None
-    """Duty in percent, held."""
+    """Duty in percent where it begins. A model sees it held over a step at what it is half-way."""
+    pwm_rate: Values | None = None
+    """Its rate in percent a second; zero or `None` where it is held."""
     reservoir: Ramp | None = None
     """Reservoir pressure in Pa absolute."""
     chamber: Ramp | None = None
@@ -64,34 +68,42 @@ class Drive(eqx.Module):
     """Measured drive along +x in N, which replaces the chamber pressure as input of the mechanical model."""
     position: Ramp | None = None
     """Given position of the diaphragm in m, the input of the pneumatic model."""
-    jump: Jump | None = None
-    """Of a duty that is late and so may jump inside the interval; `pwm` is that before."""
+    knot: Knot | None = None
+    """Of a duty that is late; `pwm` and `pwm_rate` are those before."""
 
     @property
     def duty(self) -> tuple[Values | None, ...]:
         """What a delay of the duty moves."""
-        return (self.pwm,) if self.jump is None else (self.pwm, self.jump.place)
+        return (self.pwm,) if self.knot is None else (self.pwm, self.knot.place)
 
     def with_duty(self, duty: tuple[Values | None, ...]) -> "Drive":
         """The same inputs with another `duty`."""
         pwm, *place = duty
-        jump = None if self.jump is None else dataclasses.replace(self.jump, place=place[0])
-        return dataclasses.replace(self, pwm=pwm, jump=jump)
+        knot = None if self.knot is None else dataclasses.replace(self.knot, place=place[0])
+        return dataclasses.replace(self, pwm=pwm, knot=knot)
 
     def steps(self, count: Count) -> Count:
-        """How many steps go over the interval instead of `count` equal ones: none straddles a jump of the duty."""
-        return count if self.jump is None else count + 1
+        """How many steps go over the interval instead of `count` equal ones: none straddles a knot of the duty."""
+        return count if self.knot is None else count + 1
 
     def step(self, number: Count, count: Count) -> tuple[Values, Values, "Drive"]:
         """Begin and end in s of one of these steps, and the inputs during it."""
-        if self.jump is None:
+        if self.knot is None:
             size = self.duration / count
             begin = jnp.asarray(number, size.dtype) * size
-            return begin, begin + size, self
-        assert self.pwm is not None, "only a duty can jump"
-        begin, end = (self.duration * self.jump.begin(each, count) for each in (number, number + 1))
-        jumped = jnp.where(number > self.jump.place * count, self.jump.height, 0.0)
-        return begin, end, dataclasses.replace(self, pwm=self.pwm + jumped)
+            return begin, begin + size, self.held_at(begin + 0.5 * size)
+        begin, end = (self.duration * self.knot.begin(each, count) for each in (number, number + 1))
+        inputs = self.held_at(0.5 * (begin + end))
+        assert inputs.pwm is not None, "only a duty has a knot"
+        since = 0.5 * (begin + end) - self.duration * self.knot.place
+        moved = jnp.where(number > self.knot.place * count, self.knot.jump + self.knot.bend * since, 0.0)
+        return begin, end, dataclasses.replace(inputs, pwm=inputs.pwm + moved)
+
+    def held_at(self, elapsed: Values) -> "Drive":
+        """The same inputs with the duty held at what it is `elapsed` s after the start, before a knot."""
+        if self.pwm is None or self.pwm_rate is None:
+            return self
+        return dataclasses.replace(self, pwm=self.pwm + self.pwm_rate * elapsed)
 
 
 class Start(eqx.Module):

@@ -1,40 +1,77 @@
 """The duty that reaches the valve, when that is later or earlier than its record says."""
 
+import dataclasses
+
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
 from .._types import Scalar
-from ._drive import Jump
+from ._drive import Drive, Knot
 
 Series = Float[Array, " time"]
 
 
-def delay_duty(duty: Series, duration: Series, delay: Scalar) -> tuple[Series, Jump]:
-    """A held duty in percent that arrives `delay` s late: at the start of every interval, and where it jumps inside.
+def delay_duty(drive: Drive, delay: Scalar) -> Drive:
+    """The inputs of a trace with a duty that arrives `delay` s late, with a knot in every interval in which it jumps or
+    its rate changes.
 
-    Where it does so more than once, its mean over the interval counts. Before the first sample the duty was that of the
+    Where an interval has more than one knot, the mean over it counts. Before the first sample the duty was that of the
     first; intervals without length keep their duty. Derivatives are those of a duty a little later.
-
-    **Arguments:** `duty` held from its sample to the next; `duration` of every interval in s.
     """
-    ends = jnp.cumsum(duration)
-    begins = ends - duration
-    area = jnp.cumsum(duty * duration) - duty * duration  # up to the start of every interval
-    before, behind = (jnp.clip(jnp.searchsorted(begins, time - delay) - 1, 0) for time in (begins, ends))
+    assert drive.pwm is not None, "only a duty can be late"
+    assert drive.pwm_rate is not None, "a trace's duty has a rate"
+    ends = jnp.cumsum(drive.duration)
+    begins = ends - drive.duration
+    lines = _Lines.of(drive.pwm, drive.pwm_rate, begins)
+    before, behind = (lines.number(time - delay) for time in (begins, ends))
+    count, last = lines.knots[behind] - lines.knots[before], jnp.searchsorted(lines.knots, lines.knots[behind])
+    present = drive.duration > 0
+    length = jnp.where(present, drive.duration, 1.0)
+    mean = (lines.area_until(ends - delay, behind) - lines.area_until(begins - delay, before)) / length
+    several, once = present & (count > 1), present & (count == 1)
+    duty = jnp.where(several, mean, lines.at(begins - delay, before))
+    knot = Knot(
+        jump=jnp.where(once, lines.value[behind] - lines.at(lines.begin[last], before), 0.0),
+        bend=jnp.where(once, lines.rate[behind] - lines.rate[before], 0.0),
+        place=jnp.where(once, (lines.begin[last] + delay - begins) / length, 0.0),
+    )
+    rate = jnp.where(present & ~several, lines.rate[before], 0.0)
+    return dataclasses.replace(drive, pwm=jnp.where(present, duty, drive.pwm), pwm_rate=rate, knot=knot)
 
-    def integral(time: Series, index: Int[Array, " time"]) -> Series:
-        return area[index] + duty[index] * (time - delay - begins[index])
 
-    jumps = jnp.cumsum(jnp.diff(duty, prepend=duty[:1]) != 0)
-    count, last = jumps[behind] - jumps[before], jnp.searchsorted(jumps, jumps[behind])
-    present = duration > 0
-    length = jnp.where(present, duration, 1.0)
-    mean = (integral(ends, behind) - integral(begins, before)) / length
-    held = jnp.where(present, jnp.where(count > 1, mean, duty[before]), duty)
-    once = present & (count == 1)
-    height, place = duty[behind] - duty[before], (begins[last] + delay - begins) / length
-    return held, Jump(jnp.where(once, height, 0.0), jnp.where(once, place, 0.0))
+class _Lines(eqx.Module):
+    """A duty as lines: one that holds before the first sample, and one from each. Where they begin in s, the number of
+    knots until then, and the area under them in % s."""
+
+    begin: Series
+    value: Series
+    rate: Series
+    knots: Int[Array, " time"]
+    area: Series
+
+    @staticmethod
+    def of(duty: Series, rate: Series, begins: Series) -> "_Lines":
+        """The lines of a duty at its samples in s, and its rate until the next."""
+        begin, value, rate = jnp.append(begins[:1], begins), jnp.append(duty[:1], duty), jnp.append(0.0, rate)
+        differs = (jnp.diff(value, prepend=value[:1]) != 0) | (jnp.diff(rate, prepend=0.0) != 0)
+        since = jnp.diff(begin)
+        area = jnp.append(0.0, jnp.cumsum((value[:-1] + 0.5 * rate[:-1] * since) * since))
+        return _Lines(begin, value, rate, jnp.cumsum(differs), area)
+
+    def number(self, time: Series) -> Int[Array, " time"]:
+        """Which line there is just before each time."""
+        return jnp.clip(jnp.searchsorted(self.begin, time) - 1, 0)
+
+    def at(self, time: Series, line: Int[Array, " time"]) -> Series:
+        """The duty at each time, on the line of that number."""
+        return self.value[line] + self.rate[line] * (time - self.begin[line])
+
+    def area_until(self, time: Series, line: Int[Array, " time"]) -> Series:
+        """The area up to each time, on the line of that number."""
+        since = time - self.begin[line]
+        return self.area[line] + (self.value[line] + 0.5 * self.rate[line] * since) * since
 
 
 FARTHEST_EDGE = 2

@@ -1,7 +1,7 @@
 """A bench trace: signals over time, in SI units with absolute pressures."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Literal, get_args
 
 import jax
 import numpy as np
@@ -21,26 +21,30 @@ ASSUMED_RESERVOIR = 2.0e4
 """Pa absolute; assumed where no trace tells the reservoir pressure."""
 SENSOR_PRESSURE_OFFSET = 5000.0
 """Pa; pressure sensors are trusted to within 50 mbar."""
+STRAIGHT = 1e-6
+"""Percent a second by which a duty's rate may change and be the same: rounding, and far below what moves anything."""
 START_WINDOW = 0.05
 """s; the start of a trace that does not begin at rest is the mean of its first 50 ms."""
 
 Signal = ArrayLike | Channel | None
+Hold = Literal["zero-order", "linear"]
 
 
 class Trace:
     """Signals of one bench run.
 
-    `pwm` in percent (held from its sample to the next), `p_act` and `p_res` in Pa absolute, `p_trb` in Pa gauge, `x_d`
-    in m, `f_vane` and `f_drive` in N, `x_drive` in m (a position that drives the pneumatic model, free of the sensor's
-    offset and noise; no file has it). Each is an array, sampled at `time` in s, or a [`Channel`][] with a clock of its
-    own, or `None` where the bench did not record it. `atmosphere` in Pa; `notes` says what loading assumed or ignored.
+    `pwm` in percent (held from its sample to the next, or linear between them, as `duty_hold` says), `p_act` and
+    `p_res` in Pa absolute, `p_trb` in Pa gauge, `x_d` in m, `f_vane` and `f_drive` in N, `x_drive` in m (a position
+    that drives the pneumatic model, free of the sensor's offset and noise; no file has it). Each is an array, sampled
+    at `time` in s, or a [`Channel`][] with a clock of its own, or `None` where the bench did not record it.
+    `atmosphere` in Pa; `notes` says what loading assumed or ignored.
 
     As attributes, the signals are the values of their valid samples. `channels` has them with their times, by name.
     `time` then holds the times at which the trace is simulated: the common clock, or else all samples of all channels
     in the time that they share. A trace can't be changed, see `replace`.
 
     **Raises:** `InputError` as [`Channel`][] does, and when the channels have fewer than two samples in common time, or
-    a unit is not that of the signal.
+    a unit is not that of the signal, or `duty_hold` is another word.
     """
 
     time: Float[np.ndarray, " time"]
@@ -58,6 +62,8 @@ class Trace:
     notes: tuple[str, ...]
     start_number: int
     """Which of the start states that a fit frees is its own; zero for none."""
+    duty_hold: Hold
+    """How the duty is between its samples."""
     duty_late: float
     """s by which the duty is late already; a delay of the duty counts beyond that."""
     has_common_clock: bool
@@ -79,8 +85,13 @@ class Trace:
         name: str = "trace",
         notes: tuple[str, ...] = (),
         start_number: int = 0,
+        duty_hold: Hold = "zero-order",
         duty_late: float = 0.0,
     ):
+        if duty_hold not in get_args(Hold):
+            raise InputError(
+                f"{name}: duty_hold must be one of {', '.join(get_args(Hold))}, but it is '{duty_hold}'; choose one"
+            )
         given = dict(pwm=pwm, p_act=p_act, p_res=p_res, p_trb=p_trb, x_d=x_d)
         given |= dict(f_vane=f_vane, f_drive=f_drive, x_drive=x_drive)
         channels = {
@@ -99,6 +110,7 @@ class Trace:
             name=name,
             notes=notes,
             start_number=start_number,
+            duty_hold=duty_hold,
             duty_late=duty_late,
         )
 
@@ -121,7 +133,7 @@ class Trace:
             if changes[signal] is not None:
                 changes[signal] = as_channel(self.name, signal, changes[signal], mine if clock is None else clock)
         kept: dict[str, Any] = {"atmosphere": self.atmosphere, "name": self.name, "notes": self.notes}
-        kept |= {"start_number": self.start_number, "duty_late": self.duty_late}
+        kept |= {"start_number": self.start_number, "duty_hold": self.duty_hold, "duty_late": self.duty_late}
         return Trace(self.time if clock is None else clock, **{**self.channels, **kept, **changes})
 
     @property
@@ -144,14 +156,16 @@ class Trace:
         return self.replace(time=inside, **cut)
 
     def at(self, name: str, time: Samples | None = None) -> Samples | None:
-        """A signal at any times in s, by default at `time`: held or linear, as `SIGNALS` says; `None` without it."""
+        """A signal at any times in s, by default at `time`: held or linear, as `SIGNALS` and `duty_hold` say; `None`
+        without it."""
         channel = self.channels.get(name)
         if channel is None:
             return None
         time = self.time if time is None else time
         if same_clock(channel.time, time):
             return channel.value
-        return channel.hold(time) if SIGNALS[name].held else channel.interpolate(time)
+        held = SIGNALS[name].held and self.duty_hold == "zero-order"
+        return channel.hold(time) if held else channel.interpolate(time)
 
     def sampled(self, name: str) -> Channel | None:
         """The valid samples of a channel among `time`, at which a simulation can be compared; `None` without any."""
@@ -172,35 +186,57 @@ class Trace:
 
         **Arguments:** `time` in s, increasing; by default the samples of that of `x_d` and `p_act` which has fewer, so
         that no sample is made up from others, as long as every channel has valid ones around. A trace with one clock
-        is returned as it is.
+        is returned as it is. A duty that is linear between samples is held over each interval at its mean.
         """
         if time is None:
             if self.has_common_clock:
-                return self
+                return self.with_held_duty()
             measured = [channel for name in ("x_d", "p_act") if (channel := self.sampled(name)) is not None]
             time = min((channel.time for channel in measured), key=len, default=self.time)
             linear = [channel.time for name, channel in self.channels.items() if not SIGNALS[name].held]
             time = time[(time >= max(t[0] for t in linear)) & (time <= min(t[-1] for t in linear))]
-        return self.replace(**{name: Channel(time, np.asarray(self.at(name, time))) for name in self.channels})
+        sampled = self.replace(**{name: Channel(time, np.asarray(self.at(name, time))) for name in self.channels})
+        return sampled.with_held_duty()
+
+    def with_ramped_duty(self) -> "Trace":
+        """The same trace with a duty that is linear between its samples."""
+        return self.replace(duty_hold="linear")
+
+    def with_held_duty(self) -> "Trace":
+        """The same trace with a duty that is held over every interval of `time`: at its mean where it was linear."""
+        duty = self.at("pwm")
+        if self.duty_hold == "zero-order" or duty is None:
+            return self
+        means = np.append(0.5 * (duty[1:] + duty[:-1]), duty[-1])
+        return self.replace(pwm=Channel(self.time, means), duty_hold="zero-order")
 
     def with_late_duty(self, delay: float) -> "Trace":
         """The same trace with the duty that reaches a valve `delay` s later than it says (earlier, if negative).
 
-        Every jump is then at a time of the trace, which has more of them where it falls between two.
+        Every jump, and every change of its rate, is then at a time of the trace, which has more of them where it falls
+        between two.
         """
         duty = self.channels["pwm"]
-        jumps = np.flatnonzero(np.diff(duty.value)) + 1
-        return self._jumping(jumps, onto(inside(duty.time[jumps] + delay, duty.time), self.time))
+        knots = self._knots()
+        moved = duty.time[knots] + delay
+        if self.duty_hold == "zero-order":
+            return self._jumping(knots, onto(inside(moved, duty.time), self.time))
+        there = moved[(moved > self.time[0]) & (moved < self.time[-1])]
+        time = np.union1d(self.time, onto(there, self.time))
+        return self.replace(pwm=Channel(time, duty.interpolate(time - delay)))
 
-    def with_ramped_duty(self) -> "Trace":
-        """The same trace with a duty that was linear between its samples; of every interval of `time` its mean."""
-        assert self.pwm is not None, "only a duty can be ramped"
-        duty = self.channels["pwm"].interpolate(self.time)
-        return self.replace(time=self.time, pwm=np.append(0.5 * (duty[1:] + duty[:-1]), duty[-1]))
+    def _knots(self) -> Int[np.ndarray, " knots"]:
+        """Samples of the duty's own clock at which it jumps, or its rate changes where it is linear between them."""
+        duty = self.channels["pwm"]
+        if self.duty_hold == "zero-order":
+            return np.flatnonzero(np.diff(duty.value)) + 1
+        rates = np.concatenate([[0.0], np.diff(duty.value) / np.diff(duty.time), [0.0]])
+        return np.flatnonzero(np.abs(np.diff(rates)) > STRAIGHT)
 
     def edges(self) -> Int[np.ndarray, " edges"]:
         """Samples of the duty's own clock at which it jumps between levels that it holds for five samples and more."""
-        return edges_of(self.channels["pwm"].value) if "pwm" in self.channels else np.zeros(0, int)
+        jumps = "pwm" in self.channels and self.duty_hold == "zero-order"
+        return edges_of(self.channels["pwm"].value) if jumps else np.zeros(0, int)
 
     def with_late_edges(self, late: Sequence[float], delay: float = 0.0) -> "Trace":
         """The same trace with each of the duty's `edges` so many seconds later (earlier, if negative), at a time of its
@@ -212,7 +248,7 @@ class Trace:
         of their own.
         """
         duty, edges = self.channels["pwm"], self.edges()
-        jumps = np.flatnonzero(np.diff(duty.value)) + 1
+        jumps = self._knots()
         delay = delay if len(jumps) == len(edges) else 0.0
         farthest = FARTHEST_EDGE * float(np.median(np.diff(duty.time)))
         began = duty.time[edges] + np.clip(late, -farthest, farthest) + delay
@@ -239,11 +275,14 @@ class Trace:
         def constant(value: float) -> Ramp:
             return Ramp(np.full_like(self.time, value), np.zeros_like(self.time))
 
+        duty = ramp("pwm")
+        held = self.duty_hold == "zero-order"
         return Drive(
             duration=duration,
             ambient_shift=np.full_like(self.time, self.atmosphere - STANDARD_ATMOSPHERE),
             turbine=ramp("p_trb") or constant(0.0),
-            pwm=self.at("pwm"),
+            pwm=None if duty is None else duty.start,
+            pwm_rate=None if duty is None else np.zeros_like(duty.rate) if held else duty.rate,
             reservoir=ramp("p_res") or constant(ASSUMED_RESERVOIR),
             chamber=ramp("p_act"),
             force=ramp("f_drive"),
@@ -251,16 +290,21 @@ class Trace:
         )
 
     def jumps(self) -> Int[np.ndarray, " jumps"]:
-        """Samples of `time` at which the duty differs from the one before: there the vector field jumps."""
+        """Samples of `time` at which the duty differs from the one before, held: there the vector field jumps."""
+        return np.zeros(0, int) if self.duty_hold == "linear" else self._changes()
+
+    def _changes(self) -> Int[np.ndarray, " changes"]:
+        """Samples of `time` from which the duty is another, or no longer constant."""
         duty = self.at("pwm")
-        return np.zeros(0, int) if duty is None else np.flatnonzero(np.diff(duty)) + 1
+        later = 1 if self.duty_hold == "zero-order" else 0
+        return np.zeros(0, int) if duty is None else np.flatnonzero(np.diff(duty)) + later
 
     def start(self) -> Start:
         """What the trace says about the state at its first sample."""
-        jumps, duty = self.jumps(), self.at("pwm")
+        changes, duty = self._changes(), self.at("pwm")
         pressure, position = self._beginning("p_act"), self._beginning("x_d")
         # What the first duty step has moved already says nothing about the rest before it.
-        before = self._beginning("p_act", self.time[jumps[0]]) if len(jumps) else pressure
+        before = self._beginning("p_act", self.time[changes[0]]) if len(changes) else pressure
         vented = before is None or abs(before - self.atmosphere) <= SENSOR_PRESSURE_OFFSET
         off = duty is None or duty[0] == 0.0
         return Start(

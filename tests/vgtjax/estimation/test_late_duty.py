@@ -11,44 +11,75 @@ from vgtjax import FixedStep
 from vgtjax.estimation import bundle_traces, observe, observe_backwards, observe_with_jacobian
 from vgtjax.parameters import select
 from vgtjax.parts import with_sharp_seat
-from vgtjax.traces import delay_duty
+from vgtjax.traces import Drive, Ramp, delay_duty
 
 LEVELS = (0, 0.05), (70, 0.35), (40, 0.3), (60, 0.3)
+
+
+def late_by(delay, duty, duration, rate=None):
+    """A duty in percent that is `delay` s late, at the start of every interval, with its rate and knot there."""
+    zero = jnp.zeros_like(duty)
+    drive = Drive(duration, zero, Ramp(zero, zero), pwm=duty, pwm_rate=zero if rate is None else rate)
+    return delay_duty(drive, jnp.asarray(delay))
+
+
+def area(drive):
+    """The mean over every interval."""
+    left = drive.duration * (1 - drive.knot.place)
+    return (
+        drive.pwm
+        + 0.5 * drive.pwm_rate * drive.duration
+        + (drive.knot.jump + 0.5 * drive.knot.bend * left) * (1 - drive.knot.place)
+    )
 
 
 def test_a_late_duty_jumps_inside_of_intervals():
     """By hand: two steps of a 1 ms record, 1.5 ms late, two whole ones late, and one early."""
     duty, duration = jnp.asarray([0.0, 0.0, 80.0, 80.0, 30.0, 30.0, 30.0]), jnp.full(7, 1e-3)
-    late, jump = delay_duty(duty, duration, jnp.asarray(1.5e-3))
-    np.testing.assert_allclose(late, [0.0, 0.0, 0.0, 0.0, 80.0, 80.0, 30.0], atol=1e-9)
-    np.testing.assert_allclose(jump.height, [0.0, 0.0, 0.0, 80.0, 0.0, -50.0, 0.0], atol=1e-9)
-    np.testing.assert_allclose(jump.place[jnp.asarray([3, 5])], 0.5, atol=1e-9)
+    late = late_by(1.5e-3, duty, duration)
+    np.testing.assert_allclose(late.pwm, [0.0, 0.0, 0.0, 0.0, 80.0, 80.0, 30.0], atol=1e-9)
+    np.testing.assert_allclose(late.knot.jump, [0.0, 0.0, 0.0, 80.0, 0.0, -50.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(late.knot.place[jnp.asarray([3, 5])], 0.5, atol=1e-9)
+    np.testing.assert_array_equal([late.pwm_rate, late.knot.bend], np.zeros((2, 7)))
     for delay, by in ((2e-3, 2), (-1e-3, -1)):
-        late, jump = delay_duty(duty, duration, jnp.asarray(delay))
-        settled = late + jnp.where(jump.place < 0.5, jump.height, 0.0)
+        late = late_by(delay, duty, duration)
+        settled = late.pwm + jnp.where(late.knot.place < 0.5, late.knot.jump, 0.0)
         np.testing.assert_allclose(settled[2:6], np.roll(duty, by)[2:6], atol=1e-9)
 
 
 def test_a_duty_that_jumps_twice_in_an_interval_has_its_mean_there():
     """By hand, from 1.5 to 3.5 ms: a quarter of a millisecond of nothing, a half of 60 %, the rest of 20 %."""
-    duty, duration = jnp.asarray([0.0, 60.0, 20.0, 20.0]), jnp.asarray([1e-3, 0.5e-3, 2e-3, 1e-3])
-    late, jump = delay_duty(duty, duration, jnp.asarray(0.75e-3))
-    np.testing.assert_allclose(late, [0.0, 0.0, (0.5 * 60 + 1.25 * 20) / 2, 20.0], atol=1e-9)
-    np.testing.assert_allclose(jump.height, 0.0)
+    late = late_by(0.75e-3, jnp.asarray([0.0, 60.0, 20.0, 20.0]), jnp.asarray([1e-3, 0.5e-3, 2e-3, 1e-3]))
+    np.testing.assert_allclose(late.pwm, [0.0, 0.0, (0.5 * 60 + 1.25 * 20) / 2, 20.0], atol=1e-9)
+    np.testing.assert_allclose(late.knot.jump, 0.0)
 
 
+@pytest.mark.parametrize("delay", [4e-3, 10e-3, -4e-3])
+def test_a_late_duty_that_is_linear_between_samples_is_so_still(delay):
+    """Within every interval, on a line at each side of its knot, against interpolation in a record that is moved."""
+    duty, duration = np.array([0.0, 0.0, 80.0, 80.0, 30.0, 35.0, 35.0, 35.0]), np.append(np.full(7, 1e-2), 0.0)
+    time = 1e-2 * np.arange(8)
+    rate = np.append(np.diff(duty) / 1e-2, 0.0)
+    late = late_by(delay, *map(jnp.asarray, (duty, duration, rate)))
+    for part in (0.0, 0.3, 0.39, 0.41, 0.61, 0.7):
+        after = jnp.where(part > late.knot.place, late.knot.jump + late.knot.bend * 1e-2 * (part - late.knot.place), 0)
+        there = np.asarray(late.pwm + late.pwm_rate * 1e-2 * part + after)[:-1]
+        np.testing.assert_allclose(there, np.interp(time[:-1] + 1e-2 * part - delay, time, duty), atol=1e-9)
+
+
+@pytest.mark.parametrize("linear", [False, True])
 @pytest.mark.parametrize("delay", [0.4e-3, 4.3e-3])
-def test_a_late_duty_has_the_slope_of_its_differences(delay):
+def test_a_late_duty_has_the_slope_of_its_differences(delay, linear):
     rng = np.random.default_rng(1)
     duty, duration = jnp.asarray(rng.uniform(0, 100, 50)), jnp.asarray(rng.uniform(0.5e-3, 2e-3, 50)).at[-1].set(0.0)
+    rate = jnp.append(jnp.diff(duty) / duration[:-1], 0.0) if linear else None
 
-    def area(late):
-        held, jump = delay_duty(duty, duration, late)
-        return held + jump.height * (1 - jump.place)
+    def mean(late):
+        return area(late_by(late, duty, duration, rate))
 
-    slope = jax.jacfwd(area)(jnp.asarray(delay))
-    above, below = (area(jnp.asarray(delay + step)) for step in (1e-9, -1e-9))
-    # Piecewise linear: exact but for rounding of a percent in a nanosecond.
+    slope = jax.jacfwd(mean)(jnp.asarray(delay))
+    above, below = (mean(jnp.asarray(delay + step)) for step in (1e-9, -1e-9))
+    # Piecewise smooth: exact but for rounding of a percent in a nanosecond.
     np.testing.assert_allclose(slope, (above - below) / 2e-9, rtol=1e-5, atol=1e-2)
 
 
@@ -135,3 +166,22 @@ def test_a_mean_over_intervals_would_blur_them(late_stairs):
     blurred = slow.replace(pwm=0.7 * slow.pwm + 0.3 * np.append(0.0, slow.pwm[:-1]))
     pressure = np.asarray(vgtjax.simulate(plant, blurred, stepping=STEPS).p_act)
     assert abs(missed(pressure, late_stairs)) > 5.0  # measured: 11.8
+
+
+def test_a_duty_that_is_linear_between_slow_samples_is_no_staircase():
+    """A duty that falls as slowly, given every millisecond and 3 ms late, against what is read of every tenth value."""
+    plant, slow = with_sharp_seat(vgtjax.Actuator()), stairs().with_ramped_duty()
+    time = 1e-3 * np.arange(10 * len(slow.time) - 9)
+    applied = np.interp(time - 3e-3, slow.time, slow.pwm)
+    fine = vgtjax.Trace(time, pwm=applied, p_res=np.full(len(time), 2.0e4), duty_hold="linear")
+    expected = np.asarray(vgtjax.simulate(plant, fine, stepping=STEPS).p_act)[::10]
+    (bundle,) = bundle_traces(plant, [slow], STEPS)
+    (free,) = bundle.from_lanes(np.asarray(observe(plant, bundle, jnp.asarray(3e-3))))
+    known = slow.with_late_duty(3e-3)
+    given = np.asarray(vgtjax.simulate(plant, known, stepping=STEPS).p_act)[known.rows_at(slow.time)]
+    means = slow.with_held_duty().with_late_duty(3e-3)
+    staircase = np.asarray(vgtjax.simulate(plant, means, stepping=STEPS).p_act)[means.rows_at(slow.time)]
+    print(missed(free[:, 1], expected), missed(given, expected), missed(staircase, expected))
+    assert abs(missed(free[:, 1], expected)) < 1.0
+    assert abs(missed(given, expected)) < 1.0
+    assert abs(missed(staircase, expected)) > 1.0

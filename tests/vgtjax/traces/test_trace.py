@@ -207,8 +207,31 @@ def test_a_ramped_duty_is_that_of_its_own_samples_whatever_the_other_clocks():
     slow, fast = np.arange(0, 1.01, 0.1), np.arange(0, 1.001, 0.02)
     trace = vgtjax.Trace(pwm=vgtjax.Channel(slow, 100 * slow), x_d=vgtjax.Channel(fast, 0 * fast))
     ramped = trace.with_ramped_duty()
+    drive, held = ramped.drive(), ramped.with_held_duty()
+    np.testing.assert_allclose(drive.pwm, 100 * ramped.time, rtol=1e-12)  # rounding
+    np.testing.assert_allclose(drive.pwm_rate[:-1], 100.0, rtol=1e-9)
     middles = 0.5 * (ramped.time[:-1] + ramped.time[1:])
-    np.testing.assert_allclose(ramped.at("pwm")[:-1], 100 * middles, rtol=1e-12)  # rounding
+    np.testing.assert_allclose(held.at("pwm")[:-1], 100 * middles, rtol=1e-12)
+    np.testing.assert_array_equal(held.drive().pwm_rate, 0.0)
+    np.testing.assert_array_equal(ramped.on_one_clock().pwm, held.on_one_clock().pwm)
+    assert len(ramped.jumps()) == len(ramped.edges()) == 0
+
+
+def test_a_late_duty_that_is_linear_between_samples_bends_at_times_of_its_own():
+    time = 0.1 * np.arange(6)
+    duty = np.array([0.0, 0.0, 50.0, 50.0, 20.0, -10.0]) + 10.0
+    late = vgtjax.Trace(time, pwm=duty, x_d=0 * time, duty_hold="linear").with_late_duty(0.03)
+    np.testing.assert_allclose(late.time, [0, 0.1, 0.13, 0.2, 0.23, 0.3, 0.33, 0.4, 0.5], atol=1e-12)
+    np.testing.assert_allclose(late.at("pwm"), np.interp(late.time - 0.03, time, duty), atol=1e-9)
+    np.testing.assert_array_equal(late.time[late.rows("x_d")], time)
+
+
+def test_an_actuator_is_at_rest_until_a_duty_begins_to_rise():
+    time = 0.01 * np.arange(20)
+    fall = np.interp(time, [0, 0.02, 0.05, 0.2], [101013.0, 101013.0, 5e4, 5e4])
+    ramped = vgtjax.Trace(time, pwm=np.minimum(np.maximum(time - 0.02, 0) * 8e3, 80), p_act=fall, duty_hold="linear")
+    assert ramped.start().at_rest
+    assert not ramped.replace(duty_hold="zero-order", pwm=np.where(time < 0.05, 0.0, 80.0)).start().at_rest
 
 
 def test_edges_come_at_times_of_their_own():
