@@ -9,7 +9,18 @@ import numpy as np
 from jaxtyping import Float
 
 from .._errors import SimulationError
-from ..estimation import Calibrator, Evaluated, FitProblem, Slopes, Steps, ask, misfit_at, side_by_side
+from ..estimation import (
+    Calibrator,
+    Evaluated,
+    FitProblem,
+    LevenbergMarquardt,
+    Point,
+    Slopes,
+    Steps,
+    ask,
+    misfit_at,
+    side_by_side,
+)
 
 DIRECTIONS = 4
 """Random directions along which all columns are tried together."""
@@ -97,11 +108,13 @@ class Certificate:
 
 
 def certifying(calibrator: Calibrator) -> Steps[Certificate]:
-    """The certificate of a calibration at its end, as a computation: one sweep in reverse mode, two simulations a
-    direction, and two to eight an entry where these disagree."""
+    """The certificate of a calibration at its end, by the derivatives of that place itself, as a computation.
+
+    One sweep in reverse mode, two simulations a direction, and two to eight an entry where these disagree.
+    """
     search, entries = calibrator.minimiser, calibrator.task.selection.entries
     problem, at = search.problem, search.slopes.at
-    columns = np.asarray(search.point.columns)
+    columns = _columns(search)
     lengths = np.linalg.norm(columns, axis=0)
     usable = np.isfinite(lengths) & (lengths > 0)
     names = [*entries, "duty_delay"][: len(at)]
@@ -132,6 +145,15 @@ def certifying(calibrator: Calibrator) -> Steps[Certificate]:
         {name: part for name, part in parts.items() if part > WRONG_ALONE},
         {name: float(part) for name, part in zip(names, apart, strict=True) if part > UNEQUAL},
     )
+
+
+def _columns(search: LevenbergMarquardt) -> Float[np.ndarray, "rows coordinates"]:
+    """Derivatives at the end itself, and what those that errors rest on have beside the means of such."""
+    problem, slopes = search.problem, search.slopes
+    own = Point.of(problem, slopes.at, slopes.evaluated, slopes.alone).columns
+    mean = Point.by(problem, np.asarray(search.progress.coordinates), search.point.residuals, slopes).columns
+    same = (search.point.columns == mean) | (np.isnan(search.point.columns) & np.isnan(mean))
+    return own + np.where(same, 0.0, search.point.columns - mean)
 
 
 def _reverse(

@@ -48,7 +48,7 @@ class Information:
         search, entries = calibrator.minimiser, calibrator.task.selection.entries
         coordinates = np.asarray(search.progress.coordinates)
         values = np.asarray(calibrator.transform.to_physical(coordinates))[: len(entries)]
-        columns = search.problem.columns_of(search.slopes.evaluated.columns, search.slopes.at)[:, : len(entries)]
+        columns = search.problem.columns_of(search.slopes.columns, search.slopes.at)[:, : len(entries)]
         triangle = np.asarray(np.linalg.qr(np.where(np.all(np.isfinite(columns), axis=0), columns, 0.0), mode="r"))
         return Information(entries, values, triangle)
 

@@ -46,7 +46,7 @@ from ._least_squares import (
     windowed_gram as windowed_gram,
 )
 from ._measured import Sensors as Sensors, white_sensors as white_sensors
-from ._point import Point as Point, Reduced as Reduced, Secant as Secant, Slopes as Slopes, misfit_at as misfit_at
+from ._point import Point as Point, Reduced as Reduced, Secant as Secant, misfit_at as misfit_at
 from ._profiles import Profile as Profile, Profiles as Profiles, profiling as profiling
 from ._programs import Question as Question, run_alone as run_alone, run_together as run_together
 from ._progress import CHI2_TOLERANCE as CHI2_TOLERANCE, Progress as Progress
@@ -61,6 +61,7 @@ from ._sensitivities import (
 )
 from ._sensors import Sensor as Sensor, noise_to_meet as noise_to_meet
 from ._slices import WORDS as WORDS, End as End, Slice as Slice, Slices as Slices, slicing as slicing
+from ._slopes import Slopes as Slopes
 from ._starts import REACHED as REACHED
 from ._task import Task as Task, plan_task as plan_task
 from ._weighed import BLOCKS as BLOCKS, Linearised as Linearised, Weighed as Weighed

@@ -1,6 +1,5 @@
 """How well the parameters' errors leave a simulated trace known."""
 
-import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -8,21 +7,25 @@ from jaxtyping import Float
 
 from .._errors import SimulationError
 from ._bundle import CHANNELS, Bundle, bundle_traces
-from ._evaluation import Evaluated, Evaluation, Steps, ask
+from ._evaluation import Evaluated, Steps
 from ._evidence import by_trace
 from ._holds import ramped
+from ._residuals import FitProblem
+from ._slopes import Slopes
 from ._task import Task
 
 Bands = list[np.ndarray]
 """By trace, `(time, channel)`."""
 
 
-def spread_of(bundles: Sequence[Bundle], slopes: Evaluated, covariance: Float[np.ndarray, "units units"]) -> Bands:
+def spread_of(
+    bundles: Sequence[Bundle], columns: Sequence[np.ndarray], covariance: Float[np.ndarray, "units units"]
+) -> Bands:
     """Standard errors of what is observed of every trace, in m and Pa, to first order.
 
-    **Arguments:** `slopes` with respect to the same quantities as the covariance.
+    **Arguments:** `columns` are derivatives with respect to the same quantities as the covariance.
     """
-    errors = [spread_along(columns, covariance) for columns in slopes.columns]
+    errors = [spread_along(each, covariance) for each in columns]
     return by_trace(bundles, Evaluated(errors, []))
 
 
@@ -39,23 +42,23 @@ def spread_along(
 
 
 def predicted_spread(
-    task: Task, asked: Evaluation, slopes: Evaluated, covariance: Float[np.ndarray, "units units"]
+    task: Task, problem: FitProblem, slopes: Slopes, covariance: Float[np.ndarray, "units units"]
 ) -> Steps[Bands]:
     """`spread_of` all traces of a task, those to fit first; NaN where a simulation fails.
 
-    **Arguments:** `asked` and `slopes`: the derivatives along the traces to fit; those of the others are asked for, of
-    the same model.
+    **Arguments:** `slopes`: the derivatives along the traces to fit; those of the others are asked for, of the same
+    places.
     """
     others = ramped(task.validate, task.linear)
     nothing = [np.full((len(trace.time), len(CHANNELS)), np.nan) for trace in (*task.traces, *others)]
     if not np.all(np.isfinite(covariance)):
         return nothing
-    found, missing = spread_of(asked.bundles, slopes, covariance), nothing[len(task.fit) :]
+    found, missing = spread_of(problem.bundles, slopes.columns, covariance), nothing[len(task.fit) :]
     if not others:
         return found
-    bundles = bundle_traces(asked.model, others, task.stepping, asked.bundles)
+    bundles = bundle_traces(task.model, others, task.stepping, problem.bundles)
     try:
-        beyond = yield from ask(dataclasses.replace(asked, bundles=bundles))
+        beyond = yield from slopes.along(problem, bundles)
     except SimulationError:
         return [*found, *missing]
-    return [*found, *(missing if beyond.failed else spread_of(bundles, beyond, covariance))]
+    return [*found, *(missing if beyond.failed else spread_of(bundles, beyond.columns, covariance))]

@@ -27,12 +27,13 @@ from ._finish import finishing
 from ._least_squares import LeastSquares
 from ._many_starts import from_many_starts
 from ._measured import Sensors, white_sensors
-from ._point import Point, Slopes
+from ._point import Point
 from ._programs import WIDE, run_alone
 from ._progress import Progress, Report, quiet
 from ._residuals import FitProblem, build_fit_problem
 from ._search import LevenbergMarquardt
 from ._searches import beginning_again, from_second_guess, searching, searching_once
+from ._slopes import Slopes, places_around
 from ._task import Task
 
 HELD_MATTERS = 9.0
@@ -100,6 +101,16 @@ class Calibrator:
         calibrator = yield from self.at(progress)
         report(calibrator.minimiser.progress)
         return (yield from searching(calibrator, report))
+
+    def looking_around(self) -> "Steps[Calibrator]":
+        """The same place of its corrections, with derivatives over all that its errors leave possible."""
+        search = self.minimiser
+        here, clip = np.array(search.progress.coordinates), search.problem.transform.clip
+        around = [np.asarray(clip(place)) for place in places_around(self.uncertainty(), here)]
+        slopes = yield from Slopes.find(search.problem, here, around)
+        progress = search.progress.looking_around(place.tolist() for place in around)
+        point = Point.of(search.problem, here, slopes.evaluated, slopes)
+        return dataclasses.replace(self, minimiser=LevenbergMarquardt(search.problem, progress, slopes, point))
 
     def correct(self) -> "Calibrator | None":
         """The next correction of a search that has converged, or `None` where there is none, or none that matters."""
@@ -169,7 +180,8 @@ def starting(
     if not progress.corrections:
         minimiser = yield from LevenbergMarquardt.begin(problem, progress, task.unknown.anything, slopes)
         return Calibrator(task, sensors, minimiser, notes)
-    slopes = yield from Slopes.find(problem, np.array(progress.linearised))
+    around = [np.array(place) for place in progress.around]
+    slopes = yield from Slopes.find(problem, np.array(progress.linearised), around)
     return (yield from corrected_calibration(task, problem, progress, slopes, notes))
 
 
@@ -230,7 +242,7 @@ def corrected_calibration(
     if point.bend(problem, here, slopes) > NEARBY:
         slopes = yield from Slopes.find(problem, here)
         point = Point.of(problem, here, smooth, slopes)
-        progress = dataclasses.replace(progress, linearised=progress.coordinates)
+        progress = progress.looking_around(())
     if len(progress.history) <= progress.iteration:
         progress = dataclasses.replace(progress, history=(*progress.history, 0.5 * point.chi2 / problem.count))
     return Calibrator(task, sensors, LevenbergMarquardt(problem, progress, slopes, point), notes)

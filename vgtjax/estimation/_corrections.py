@@ -49,7 +49,8 @@ def trusted(problem: FitProblem, point: Point, here: Coordinates, full: Coordina
 
 
 def correcting(calibrator: C) -> Steps[C | None]:
-    """The next correction, or `None` where there is none, or none that matters."""
+    """The next correction, or `None` where there is none, or none that matters, also not by derivatives over all places
+    that the errors leave possible."""
     progress = calibrator.minimiser.progress
     lost = progress.lost or bool(np.any(calibrator.away()))
     if not (calibrator.task.unknown.anything and progress.converged) or progress.settled or lost:
@@ -68,6 +69,8 @@ def correcting(calibrator: C) -> Steps[C | None]:
         if following is not None:
             return following
         small = found.gain < SMALL_GAIN
+    if not progress.around:
+        return (yield from calibrator.looking_around())
     calibrator.minimiser.progress = dataclasses.replace(progress, wanted=wanted, settled=small)
     return None
 

@@ -20,9 +20,10 @@ from ._evaluation import Evaluated, Evaluation, Steps, ask, side_by_side
 from ._evidence import by_trace
 from ._holds import sample_interval
 from ._least_squares import reduce_rows
-from ._point import Coordinates, Point, Slopes
+from ._point import Coordinates, Point
 from ._residuals import FitProblem
 from ._search import SPREAD
+from ._slopes import Slopes
 from ._task import Task
 
 NUDGE = 0.2

@@ -192,5 +192,4 @@ def _bands(task: Task, search: LevenbergMarquardt, covariance: Covariance) -> St
     scale = np.asarray(search.problem.transform.slope(search.slopes.at))
     with np.errstate(over="ignore", invalid="ignore"):  # of a value that ran away
         units = everything * np.outer(scale, scale)
-    asked = search.problem.evaluation(search.slopes.at, slopes=True)
-    return (yield from predicted_spread(task, asked, search.slopes.evaluated, units))
+    return (yield from predicted_spread(task, search.problem, search.slopes, units))

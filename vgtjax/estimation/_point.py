@@ -16,6 +16,7 @@ from .._kept import keep_compiled
 from ._evaluation import Evaluated, Steps, ask
 from ._least_squares import LeastSquares, estimate_uncertainty, finite_columns, reduce_rows
 from ._residuals import FitProblem
+from ._slopes import Slopes
 
 WEAK = 1e-7
 """Singular values below this part of the largest, for columns of unit length, that a secant leaves out of its basis."""
@@ -65,17 +66,23 @@ class Point:
     columns: Float[np.ndarray, "residuals coordinates"]
 
     @staticmethod
-    def of(problem: FitProblem, here: Coordinates, observed: Evaluated, slopes: "Slopes") -> "Point":
+    def of(problem: FitProblem, here: Coordinates, observed: Evaluated, slopes: Slopes) -> "Point":
         """A problem with what is observed at `here`; derivatives may be those of a point nearby."""
-        residuals = problem.everything_of(observed.observed, here)
-        columns = problem.columns_of(slopes.evaluated.columns, slopes.at)
+        return Point.by(problem, here, problem.everything_of(observed.observed, here), slopes)
+
+    @staticmethod
+    def by(
+        problem: FitProblem, here: Coordinates, residuals: Float[np.ndarray, " residuals"], slopes: Slopes
+    ) -> "Point":
+        """The same with residuals that are known."""
+        columns = problem.columns_of(slopes.columns, slopes.at)
         if problem.prior is not None:
             columns = np.concatenate([columns, np.diag(problem.prior.precision)])
         with np.errstate(over="ignore", invalid="ignore"):  # of a search that got lost
             held = np.asarray(problem.transform.pinned(here, residuals @ columns))
         return Point(residuals, np.where(held, 0.0, columns))
 
-    def bend(self, problem: FitProblem, here: Coordinates, slopes: "Slopes") -> float:
+    def bend(self, problem: FitProblem, here: Coordinates, slopes: Slopes) -> float:
         """By how many standard errors, over all directions, a linear step goes wrong for derivatives from elsewhere."""
         there = problem.residuals_of(slopes.evaluated.observed)
         traces = slice(len(there))
@@ -138,20 +145,6 @@ class Secant:
         basis = np.column_stack([self.basis, outside / max(length, 1e-300)])
         at_end = np.append(self.reduced.residuals + along, 0.0) + new
         return Secant(basis, Reduced(at_end, padded + learned, self.reduced.count))
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Slopes:
-    """Derivatives of all traces, and the coordinates that they are from."""
-
-    at: Coordinates
-    evaluated: Evaluated
-
-    @staticmethod
-    def find(problem: FitProblem, at: Coordinates) -> Steps["Slopes"]:
-        """Derivatives at some coordinates."""
-        evaluated = yield from ask(problem.evaluation(at, slopes=True))
-        return Slopes(at, problem.beside_edges(evaluated, at))
 
 
 def misfit_at(problem: FitProblem, coordinates: Coordinates) -> Steps[Float[np.ndarray, " residuals"] | None]:

@@ -30,8 +30,9 @@ class Progress:
     A search that has converged may be corrected, in full linear steps, for what it tells of sensors and of numerical
     errors: `corrections` counts these, and `settled` says whether the last one would move anything that matters.
     `found` is where the search ended, `wanted` are the full linear steps from there on, and `linearised` is where the
-    derivatives are from that they take. `held` numbers the coordinates that ran away and are held at their start
-    since, `let_go` is the cost before; `lost` says that holding them made the fit worse. `linear` has the sample
+    derivatives are from that they take, means over the places `around` it once there are any. `held` numbers the
+    coordinates that ran away and are held at their start since, `let_go` is the cost before; `lost` says that holding
+    them made the fit worse. `linear` has the sample
     intervals in s of traces whose duty was found to be linear between samples, and `hold_decided` whether that, or that
     it was held, is the only explanation; `None` before that was asked. `late` says whether the delay of the duty is
     free. `edges` are by how many samples those of the duty of every trace are late, beside that delay, where their
@@ -57,6 +58,7 @@ class Progress:
     found: tuple[float, ...] = ()
     wanted: tuple[tuple[float, ...], ...] = ()
     linearised: tuple[float, ...] = ()
+    around: tuple[tuple[float, ...], ...] = ()
     held: tuple[int, ...] = ()
     let_go: float | None = None
     lost: bool = False
@@ -82,6 +84,10 @@ class Progress:
             linearised=tuple(linearised),
         )
 
+    def looking_around(self, places: Iterable[Iterable[float]]) -> "Progress":
+        """Where it is, with derivatives of there, and of these places around."""
+        return dataclasses.replace(self, linearised=self.coordinates, around=tuple(map(tuple, places)))
+
     def holding(self, numbers: Iterable[int], coordinates: Iterable[float]) -> "Progress":
         """A search that goes on from these coordinates with more of them held."""
         let_go = self.cost if self.let_go is None else min(self.let_go, self.cost)
@@ -104,7 +110,7 @@ class Progress:
     def reading_duty(self, coordinates: Iterable[float], linear: Iterable[float]) -> "Progress":
         """A search that goes on with the duty of some traces read as linear between samples."""
         return dataclasses.replace(
-            self.elsewhere(coordinates), linear=tuple(linear), corrections=0, found=(), linearised=()
+            self.elsewhere(coordinates), linear=tuple(linear), corrections=0, found=(), linearised=(), around=()
         )
 
     def moving_edges(
@@ -112,12 +118,12 @@ class Progress:
     ) -> "Progress":
         """A search that goes on with edges of the duty that are so late, whose times are free."""
         here = tuple(coordinates)
-        again = dataclasses.replace(self.elsewhere(here), corrections=0, found=(), wanted=(), linearised=())
+        again = dataclasses.replace(self.elsewhere(here), corrections=0, found=(), wanted=(), linearised=(), around=())
         return dataclasses.replace(again, late=late, edges=edges, edges_seen=here)
 
     def seeing_edges(self, edges: tuple[tuple[float, ...], ...]) -> "Progress":
         """A search among its corrections with edges elsewhere, whose derivatives are from here on."""
-        return dataclasses.replace(self, edges=edges, edges_seen=self.coordinates, linearised=self.coordinates)
+        return dataclasses.replace(self.looking_around(()), edges=edges, edges_seen=self.coordinates)
 
     @property
     def cost(self) -> float:

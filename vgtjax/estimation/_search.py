@@ -14,10 +14,11 @@ from jaxtyping import Float
 from .._errors import SimulationError
 from ._evaluation import Steps, side_by_side
 from ._least_squares import LeastSquares
-from ._point import Coordinates, Point, Reduced, Secant, Slopes, misfit_at
+from ._point import Coordinates, Point, Reduced, Secant, misfit_at
 from ._programs import run_alone
 from ._progress import CHI2_TOLERANCE, STALL_TOLERANCE, Progress
 from ._residuals import FitProblem
+from ._slopes import Slopes
 
 SPREAD = (0.03, 0.3, 3.0, 30.0)
 """Sizes that are tried at once, in units of the one that was best before: as many as fill a core's vector units."""

@@ -116,7 +116,7 @@ def test_only_the_trace_with_its_number_begins_elsewhere(cut, actuator):
 def test_a_campaign_of_a_recovery_begins_where_its_trace_did(rest, cut):
     task = plan([rest, cut], "evidence")
     clean = [np.zeros((len(trace.time), 2)) for trace in task.fit]
-    nothing = Slopes(np.zeros(0), Evaluated([], []))
+    nothing = Slopes(np.zeros(0), Evaluated([], []), [])
     truth = Truth(task, clean, white_sensors(task.fit, task.channels), nothing)
     for trace, again in zip(task.fit, truth.campaign(0, 0).fit, strict=True):
         np.testing.assert_array_equal(again.time, trace.time)

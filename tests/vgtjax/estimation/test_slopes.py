@@ -1,0 +1,57 @@
+"""Derivatives over the places that the errors of an end leave possible."""
+
+import numpy as np
+import pytest
+from known_truth import FREE, bench
+
+import vgtjax
+from vgtjax.estimation import LeastSquares, Slopes, Unknown, plan_task, run_alone, start_calibration
+from vgtjax.estimation._slopes import FARTHEST, places_around
+
+
+@pytest.fixture(scope="module")
+def ended():
+    task = plan_task(vgtjax.Actuator(), [bench(0)], free=FREE, unknown=Unknown(duty_delay=False, duty_hold=False))
+    return run_alone(start_calibration(task).ending())
+
+
+def test_errors_are_by_derivatives_around_the_end(ended):
+    progress, search = ended.minimiser.progress, ended.minimiser
+    assert progress.settled
+    assert len(progress.around) == len(search.slopes.around) == 4
+    moved = np.array(progress.around) - search.slopes.at
+    np.testing.assert_allclose(moved[::2], -moved[1::2], atol=1e-12)
+    each = [Slopes.find(search.problem, np.array(place)) for place in (search.slopes.at, *progress.around)]
+    columns = [search.problem.columns_of(found.columns, found.at) for found in map(run_alone, each)]
+    np.testing.assert_allclose(search.point.columns, np.mean(columns, axis=0), rtol=1e-9, atol=1e-9)  # rounding
+    assert np.max(np.abs(search.point.columns - columns[0])) > 1e-5  # not one place several times
+
+
+def test_a_place_that_can_not_be_simulated_is_left_out(ended):
+    search = ended.minimiser
+    good, bad = np.array(search.progress.around[0]), np.full(len(search.slopes.at), 200.0)
+    with np.errstate(over="ignore"):
+        found = run_alone(Slopes.find(search.problem, search.slopes.at, [good, bad]))
+    expected = run_alone(Slopes.find(search.problem, search.slopes.at, [good]))
+    for one, other in zip(found.columns, expected.columns, strict=True):
+        np.testing.assert_array_equal(one, other)
+    for one, other in zip(found.alone.columns, found.evaluated.columns, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_places_have_the_errors_of_the_end():
+    """A thousand pairs of a known covariance, of which one entry is not determined and another hardly."""
+    rng = np.random.default_rng(0)
+    mixed = rng.normal(size=(4, 4)) * [1e-3, 1e-6, 1e-2, 1e-1]
+    covariance = mixed.T @ mixed
+    covariance[2] = covariance[:, 2] = 0.0
+    covariance[3] *= 50
+    covariance[:, 3] *= 50
+    at, determined = np.arange(4.0), np.array([True, True, False, True])
+    found = LeastSquares(np.zeros(4), covariance, determined, np.zeros((0, 4)), 1.0, 0.0)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("vgtjax.estimation._slopes.PAIRS", 1000)
+        moves = np.array(places_around(found, at)) - at
+    expected = np.minimum(np.sqrt(np.diag(covariance)), FARTHEST)
+    np.testing.assert_allclose(np.sqrt(np.mean(moves**2, axis=0)), expected, rtol=0.1)  # four errors of a thousand
+    assert np.all(moves[:, 2] == 0.0)
