@@ -239,7 +239,7 @@ def corrected_calibration(
         beyond = abs(_delay_of(task, progress, progress.coordinates) - task.edges_delay)
         if beyond > MISPLACED or found.farthest > NEAR_ENOUGH:
             return (yield from starting(task, progress.seeing_edges(moved(progress.edges, found.late)), notes))
-    if point.bend(problem, here, slopes) > NEARBY:
+    if not progress.around and point.bend(problem, here, slopes) > NEARBY:
         slopes = yield from Slopes.find(problem, here)
         point = Point.of(problem, here, smooth, slopes)
         progress = progress.looking_around(())

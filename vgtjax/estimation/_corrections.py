@@ -22,6 +22,9 @@ CHATTER = 1.0
 LONGEST_STEP = 0.5
 """Coordinates by which a correction moves at most; farther no linear model reaches."""
 
+BEYOND = 2.0
+"""Standard errors from where derivatives over all places were taken, beyond which they are taken anew."""
+
 C = TypeVar("C", bound=Any)
 """A calibrator, which corrects itself like this."""
 
@@ -69,7 +72,8 @@ def correcting(calibrator: C) -> Steps[C | None]:
         if following is not None:
             return following
         small = found.gain < SMALL_GAIN
-    if not progress.around:
+    away = np.abs(np.asarray(progress.coordinates) - calibrator.minimiser.slopes.at)
+    if not progress.around or bool(np.any(away > BEYOND * errors)):
         return (yield from calibrator.looking_around())
     calibrator.minimiser.progress = dataclasses.replace(progress, wanted=wanted, settled=small)
     return None

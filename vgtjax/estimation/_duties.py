@@ -12,13 +12,11 @@ Late = tuple[tuple[float, ...], ...]
 
 
 def read_duties(traces: Sequence[Trace], linear: Sequence[float], late: Late, delay: float = 0.0) -> list[Trace]:
-    """Traces with the duty as it is read: ramped where that was linear between samples, with edges at
-    the times at which they were, where these are known; `delay` in s of the duty where they were found."""
-    if not late:
-        return ramped(traces, linear)
+    """Traces with the duty as it is read: with edges at the times at which they were, where these are known, and else
+    ramped where it was linear between samples; `delay` in s of the duty where edges were found."""
     return [
-        trace.with_late_edges(in_seconds(trace, each), delay) if each else trace
-        for trace, each in zip(traces, late, strict=True)
+        trace.with_late_edges(in_seconds(trace, each), delay) if each else ramp
+        for trace, ramp, each in zip(traces, ramped(traces, linear), late or [()] * len(traces), strict=True)
     ]
 
 

@@ -6,8 +6,9 @@ import numpy as np
 
 from ._beginning import transform_of
 from ._evidence import EVIDENT
-from ._holds import Holds, read_holds
+from ._holds import Holds, read_holds, sample_interval
 from ._point import Point
+from ._residuals import FitProblem
 from ._search import LevenbergMarquardt
 from ._task import Task
 
@@ -23,6 +24,12 @@ def tells_of_delay(task: Task, search: LevenbergMarquardt) -> bool:
     """Whether the traces tell of a delay where a search ended that took the duty for timely."""
     found = _with_delay(task, search).uncertainty(search.problem.count)
     return bool(found.determined[-1] and abs(found.values[-1]) > EVIDENT * found.std_errors[-1])
+
+
+def delay_told(task: Task, search: LevenbergMarquardt) -> float:
+    """The coordinate of the delay that traces tell of there."""
+    found = _with_delay(task, search).uncertainty(search.problem.count)
+    return float(search.progress.coordinates[-1] - found.values[-1])
 
 
 def meets_noise(search: LevenbergMarquardt) -> bool:
@@ -41,14 +48,27 @@ def holds_of_duty(task: Task, search: LevenbergMarquardt) -> Holds | None:
     if not meets_noise(search):  # what a wrong model leaves over looks like a late duty, too
         return Holds((), delay, False)
     point = _with_delay(task, search)
-    holds = read_holds(point.residuals, point.columns, problem.owner, task.fit, delay, scale, freedom)
+    holds = read_holds(point.residuals, point.columns, problem.owner, task.fit, delay, scale, freedom, task.linear)
     # No delay, and yet not held: neither is evident.
     return holds if progress.late or not holds.linear else Holds((), delay, False)
 
 
-def _with_delay(task: Task, search: LevenbergMarquardt) -> Point:
-    """The linear problem where a search stands, with the delay of the duty free."""
+def holds_beside_edges(task: Task, search: LevenbergMarquardt, knowing: FitProblem) -> Holds:
+    """How duties were held by what traces without edges tell, whatever the times of the edges of the others.
+
+    **Arguments:** `knowing`: the problem of the search, knowing what edges move.
+    """
+    scale, delay = float(search.problem.transform.scale[-1]), float(search.progress.coordinates[-1])
+    held = [sample_interval(trace) for trace in task.fit if len(trace.edges())]
+    point, freedom = _with_delay(task, search, knowing), knowing.count - knowing.offsets
+    return read_holds(
+        point.residuals, point.columns, knowing.owner, task.fit, scale * delay, scale, freedom, task.linear, held
+    )
+
+
+def _with_delay(task: Task, search: LevenbergMarquardt, problem: FitProblem | None = None) -> Point:
+    """The linear problem where a search stands, with the delay of the duty free; by default that of the search."""
     here = np.asarray(search.progress.coordinates)
     transform = transform_of(task, dataclasses.replace(search.progress, late=True))
-    problem = dataclasses.replace(search.problem, transform=transform)
+    problem = dataclasses.replace(search.problem if problem is None else problem, transform=transform)
     return Point.of(problem, here, search.slopes.evaluated, search.slopes)

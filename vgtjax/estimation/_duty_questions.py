@@ -6,8 +6,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ._beginning import first_progress
-from ._duties import Late, as_recorded
-from ._duty import holds_of_duty, meets_noise, tells_of_delay
+from ._duties import Late, as_recorded, read_duties
+from ._duty import delay_told, holds_beside_edges, holds_of_duty, meets_noise, tells_of_delay
 from ._edges import NEAR_ENOUGH, ROUNDS, alike, edges_of, find_edges, moved, possible, show_in, whole_samples
 from ._evaluation import Steps
 from ._progress import Progress, Report, quiet
@@ -18,10 +18,19 @@ C = TypeVar("C", bound=Any)
 
 
 def asking_of_duty(calibrator: C, report: Report) -> Steps[C]:
-    """A search that has ended once, gone on to its end where the duty is read as the traces tell.
+    """A search that has ended once, gone on to its end where the duty is read as the traces tell."""
+    ended = yield from _asking_beside_edges((yield from _asking(calibrator, report)), report)
+    progress, task = ended.minimiser.progress, ended.task
+    if progress.edges and not all(progress.edges) and not ended.is_lost():
+        holds = holds_beside_edges(task, ended.minimiser, ended.minimiser.problem)
+        decided = holds.decided and holds.linear == progress.linear
+        ended.minimiser.progress = dataclasses.replace(progress, hold_decided=decided)
+    return ended
 
-    Edges that differ are asked first, also before a search begins again that may be stuck because of them.
-    """
+
+def _asking(calibrator: C, report: Report) -> Steps[C]:
+    """Edges that differ are asked first, also before a search begins again that may be stuck because of them."""
+    calibrator = yield from _asking_of_slow_holds(calibrator, report)
     edged = yield from _asking_of_edges(calibrator, report, differing=True)
     if edged is not calibrator:
         return edged
@@ -61,6 +70,22 @@ def _asking_of_hold(calibrator: C, report: Report) -> Steps[C]:
     return (yield from ended.searching_from(onward, report))
 
 
+def _asking_of_slow_holds(calibrator: C, report: Report) -> Steps[C]:
+    """The search begun again where traces without edges tell that their duty was linear between samples, whatever the
+    edges of the others, which a search would else move to where such a duty, read half a sample late, wants them."""
+    task, search, edges = calibrator.task, calibrator.minimiser, as_recorded(calibrator.task.fit)
+    mixed = any(edges) and not all(edges)
+    if not (task.unknown.duty_hold and mixed) or calibrator.is_lost() or meets_noise(search):
+        return calibrator
+    what_moves = yield from edges_of(task, search.problem, edges, search.slopes.at, delay=search.progress.late)
+    holds = holds_beside_edges(task, search, search.problem.with_edges(what_moves))
+    if not holds.linear:
+        return calibrator
+    begin = search.progress.began or first_progress(task).coordinates
+    onward = dataclasses.replace(search.progress.reading_duty(begin, holds.linear), hold_decided=holds.decided)
+    return (yield from calibrator.searching_from(onward, report))
+
+
 def _asking_of_delay(calibrator: C, report: Report) -> Steps[C]:
     """The search with a free delay where the traces tell of one, or else the first correction of this one.
 
@@ -95,8 +120,9 @@ def _asking_of_edges(calibrator: C, report: Report, *, differing: bool = False) 
     need a delay, and are asked again beside one. What is tried is not reported: a fit that
     is interrupted meanwhile tries all of it again.
     """
-    task, progress, edges = calibrator.task, calibrator.minimiser.progress, as_recorded(calibrator.task.fit)
-    may_be = task.unknown.duty_hold and any(edges) and not (progress.linear or progress.edges)
+    task, progress = calibrator.task, calibrator.minimiser.progress
+    edges = as_recorded(read_duties(task.fit, progress.linear, ()))
+    may_be = task.unknown.duty_hold and any(edges) and not progress.edges
     if not may_be or calibrator.is_lost():
         return calibrator
     problem, slopes = calibrator.minimiser.problem, calibrator.minimiser.slopes
@@ -124,6 +150,26 @@ def _asking_of_edges(calibrator: C, report: Report, *, differing: bool = False) 
     if best is not calibrator:
         report(best.minimiser.progress)
     return best
+
+
+def _asking_beside_edges(ended: C, report: Report) -> Steps[C]:
+    """The search with a free delay, where edges are known and traces without any, linear between samples, tell of one.
+
+    What computes such a duty holds it for a while as well, a millisecond for instance, so that it comes half of that
+    late; edges come when they come.
+    """
+    progress = ended.minimiser.progress
+    if not (progress.linear and progress.edges) or progress.late or ended.is_lost():
+        return ended
+    timely = (yield from ended.correcting()) or ended
+    if not tells_of_delay(ended.task, timely.minimiser):
+        return ended
+    coordinates = (*progress.coordinates[:-1], delay_told(ended.task, timely.minimiser))
+    end = yield from _searching_edges(ended, progress.moving_edges(coordinates, True, progress.edges))
+    if end.is_lost() or not ended.worth(progress.searched - end.minimiser.progress.searched):
+        return ended
+    report(end.minimiser.progress)
+    return end
 
 
 def _searching_edges(calibrator: C, onward: Progress) -> Steps[C]:
@@ -157,6 +203,7 @@ def _searching_late(calibrator: C, timely: Progress, report: Report) -> Steps[C]
     first = first_progress(calibrator.task)
     begin = timely.began or first.coordinates
     again = dataclasses.replace(first, coordinates=begin, late=True, waterfall=timely.waterfall)
+    again = dataclasses.replace(again, linear=timely.linear, hold_decided=timely.hold_decided)
     elsewhere = timely.found or timely.coordinates
     ends: list[C] = []
     for coordinates in (again.coordinates, elsewhere):

@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 from .._types import Scalar
 from ._duties import Late
 
-Seen = Float[Array | np.ndarray, "lanes sample channel"]
+Seen = Float[Array | np.ndarray, "_ sample channel"]  # bundles have lanes of their own
 
 MEAN, DEVIATION = -0.5, 12**-0.5
 """Samples by which an edge is late, of an even spread over the one before its record."""
@@ -35,8 +35,8 @@ class Edges(eqx.Module):
 
     late: Late = eqx.field(static=True)
     delay: bool = eqx.field(static=True)
-    responses: list[Float[np.ndarray, "lanes sample channel edges"]]
-    together: list[Float[np.ndarray, "lanes sample channel"]]
+    responses: list[Float[np.ndarray, "_ sample channel edges"]]
+    together: list[Float[np.ndarray, "_ sample channel"]]
     placed: float = 0.0
 
     @property

@@ -58,7 +58,7 @@ def edges_of(
     """
     asked, count = problem.evaluation(at), max(map(len, late))
     nudged = (late, *(_nudged(late, edge) for edge in range(count)))
-    read = [read_duties(task.fit, (), each, asked.delay or 0.0) for each in nudged]
+    read = [read_duties(task.fit, task.linear, each, asked.delay or 0.0) for each in nudged]
     answers = yield from side_by_side([_seen(task, asked, each) for each in read], at_once=len(SPREAD))
     here, *there = ([np.asarray(seen) for seen in each] for each in answers)
     columns = [

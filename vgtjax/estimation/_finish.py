@@ -12,7 +12,7 @@ from ._bands import Bands, predicted_spread
 from ._budget import Budget
 from ._bundle import CHANNELS, bundle_traces
 from ._calibration import Calibration, comparing
-from ._evaluation import Evaluation, Steps, ask
+from ._evaluation import Steps, ask
 from ._evidence import turns
 from ._least_squares import LeastSquares, finite_columns, least_squares, windowed_gram
 from ._measured import Sensors
@@ -146,14 +146,13 @@ def _moved_by_tolerances(task: Task, search: LevenbergMarquardt) -> Steps[Moved]
     if not task.tolerances:
         return {}
     problem, point = search.problem, search.point
-    asked = problem.evaluation(np.asarray(search.progress.coordinates))
-    held = select(asked.model, list(task.tolerances))
-    evaluated = yield from ask(Evaluation(asked.model, problem.bundles, asked.delay, held))
-    sizes = np.array([task.tolerances[entry] for entry in held.entries])
-    columns = problem.whitened(evaluated.columns)[:, : len(sizes)] * sizes
+    entries = select(task.model, list(task.tolerances)).entries
+    sizes = np.array([task.tolerances[entry] for entry in entries])
+    held = yield from search.slopes.held(problem, entries)
+    columns = problem.whitened(held)[:, : len(sizes)] * sizes
     padded = np.concatenate([columns, np.zeros((len(point.columns) - len(columns), len(sizes)))])
     moved = [-least_squares(point.columns, column).values for column in padded.T]
-    return dict(zip(held.entries, moved, strict=True))
+    return dict(zip(entries, moved, strict=True))
 
 
 def _moved_by_inputs(task: Task, search: LevenbergMarquardt) -> Steps[Float[np.ndarray, "moves coordinates"]]:

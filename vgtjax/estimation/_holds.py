@@ -7,7 +7,7 @@ is left the explanation counts that needs the smaller delay.
 
 import dataclasses
 import itertools
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -47,11 +47,14 @@ def read_holds(
     delay: float,
     slope: float,
     count: int,
+    linear: Sequence[float] = (),
+    held: Container[float] = (),
 ) -> Holds:
-    """How the duty of traces was held, by a fit that took all of it for held and `delay` s late.
+    """How the duty of traces was held, by a fit that took it for `delay` s late, held but where it says `linear`.
 
     **Arguments:** `residuals` and `columns` at the end of the fit, the delay last, in units of `slope` s; `owner`: the
-    trace of every row, behind which may be rows of what is known beforehand.
+    trace of every row, behind which may be rows of what is known beforehand; `linear` and `held`: sample intervals in s
+    of traces whose duty was read as linear between samples, and of those where it is known to be held.
     """
     intervals = np.array([sample_interval(trace) for trace in traces])
     kinds = np.unique(intervals)
@@ -62,19 +65,22 @@ def read_holds(
     last = slice(columns.shape[1] - 1, None)
     if not np.all(found.determined[last]):
         return Holds((), delay, False)
-    return judge_holds(delay - slope * found.values[last], slope**2 * found.covariance[last, last], kinds)
+    delays = delay - slope * found.values[last] - np.where(np.isin(kinds, linear), kinds / 2, 0.0)
+    return judge_holds(delays, slope**2 * found.covariance[last, last], kinds, held)
 
 
 def judge_holds(
     delays: Float[np.ndarray, " kinds"],
     covariance: Float[np.ndarray, "kinds kinds"],
     intervals: Float[np.ndarray, " kinds"],
+    held: Container[float] = (),
 ) -> Holds:
-    """How duties were held that, all of them taken for held, arrive `delays` s late, by sample interval in s."""
+    """How duties were held that, all of them taken for held, arrive `delays` s late, by sample interval in s; those of
+    some intervals are known to be `held`."""
     information = np.linalg.inv(covariance)
     weight = float(np.sum(information))
     explanations = []
-    for linear in itertools.product((False, True), repeat=len(intervals)):
+    for linear in itertools.product(*((False,) if each in held else (False, True) for each in intervals)):
         late = delays + np.where(linear, intervals / 2, 0.0)
         common = float(np.sum(information @ late)) / weight
         misfit = float((late - common) @ information @ (late - common)) + weight * min(common, 0.0) ** 2

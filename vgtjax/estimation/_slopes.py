@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from .._errors import SimulationError
+from ..parameters import select
 from ._bundle import Bundle
 from ._evaluation import Evaluated, Steps, ask
 from ._least_squares import LeastSquares
@@ -57,6 +58,16 @@ class Slopes:
         evaluated = yield from _derivatives(problem, bundles, self.at)
         columns = yield from self.mean(problem, bundles, evaluated.columns)
         return Evaluated(evaluated.observed, columns)
+
+    def held(self, problem: FitProblem, entries: Sequence[str]) -> Steps[Columns]:
+        """Derivatives of the same places with respect to entries that are held, in units of the table."""
+
+        def asked(place: Coordinates) -> Steps[Evaluated]:
+            question = problem.evaluation(place)
+            return (yield from ask(dataclasses.replace(question, selection=select(question.model, list(entries)))))
+
+        own = yield from asked(self.at)
+        return (yield from _mean_columns(own.columns, self.around, asked, lambda _: np.ones(1)))
 
     def mean(self, problem: FitProblem, bundles: Sequence[Bundle], own: Columns) -> Steps[Columns]:
         """The mean over all places of what is `own` to the first."""

@@ -19,10 +19,11 @@ from vgtjax.estimation._duties import as_recorded
 from vgtjax.estimation._edges import alike, edges_of, find_edges, possible, show_in, whole_samples
 from vgtjax.estimation._evaluation import Evaluation, ask
 from vgtjax.estimation._measured import white_sensors
-from vgtjax.estimation._point import Slopes, misfit_at
+from vgtjax.estimation._point import misfit_at
 from vgtjax.estimation._programs import run_alone
 from vgtjax.estimation._progress import quiet
 from vgtjax.estimation._searches import searching_once
+from vgtjax.estimation._slopes import Slopes
 
 LEVELS = (0, 0.051), (70, 0.152), (40, 0.149), (60, 0.151), (30, 0.148), (65, 0.151), (0, 0.15)
 """Edges at 51, 203, 352, 503, 651 and 802 ms: every second one lies between the samples of a record with 500 Hz."""
@@ -280,3 +281,35 @@ def test_residuals_tell_of_edges_before_anything_is_simulated(keep, tells):
     while not search.progress.finished:
         search.step()
     assert show_in(search.problem, search.slopes, calibrator.task.fit) == tells
+
+
+def ramp(seed, *, linear=True):
+    """A duty that rises and falls by 130 % a second, recorded at 100 Hz: in lines, or in stairs of that."""
+    time, rng = 1e-3 * np.arange(1500), np.random.default_rng(seed)
+    duty = 80 * np.clip(1 - np.abs(time - 0.7) / 0.6, 0, None)
+    applied = duty if linear else np.repeat(duty[::10], 10)
+    drive = vgtjax.Trace(
+        time, pwm=applied, p_res=np.full_like(time, 2.0e4), duty_hold="linear" if linear else "zero-order"
+    )
+    run = vgtjax.simulate(vgtjax.replace_parameters(vgtjax.Actuator(), TRUTH), drive)
+    seen = {name: np.asarray(getattr(run, name)) + rng.normal(0, NOISE[name], len(time)) for name in ("x_d", "p_act")}
+    trace = vgtjax.Trace(time, pwm=applied, p_res=drive.p_res, name="ramp", **seen)
+    every = slice(None, None, 10)
+    return vgtjax.Trace(
+        time[every], name="ramp", **{name: getattr(trace, name)[every] for name in ("pwm", "p_res", "x_d", "p_act")}
+    )
+
+
+@pytest.mark.parametrize("linear", [True, False])
+def test_slow_traces_beside_edges_are_read_as_they_were(linear):
+    """A search for edges alone took from the slow traces what comes of reading them half a sample late."""
+    found = start_calibration(task_of(recorded(1), recorded(2), ramp(3, linear=linear))).run()
+    progress = found.progress
+    assert found.converged
+    assert progress.linear == ((1e-2,) if linear else ())
+    assert progress.hold_decided
+    assert [len(edges) > 0 for edges in progress.edges] == [True, True, False]
+    assert found.duty_hold(found.task.fit[2]) == ("linear" if linear else "zero-order")
+    assert found.duty_hold(found.task.fit[0]) == "zero-order"
+    assert abs(found.duty_delay) < 4 * (found.duty_delay_error or 1e-5)
+    assert np.all(np.abs(scores(found)) < 4)
