@@ -100,9 +100,13 @@ def found_besides(calibration: Calibration) -> list[str]:
     progress, sentences = calibration.progress, []
     if progress.waterfall:
         sentences.append(starts_sentence(calibration))
-    linear = [result for result in calibration.traces if calibration.duty_hold(result.trace) == "linear"]
+    linear = [
+        result.trace.name
+        for result in calibration.traces
+        if calibration.duty_hold(result.trace) == "linear" != result.trace.duty_hold
+    ]
     if linear:
-        names = ", ".join(result.trace.name for result in linear)
+        names = ", ".join(linear)
         sentences.append(
             f"the duty of {names} was linear between samples: held, it would have to reach the valve early"
         )

@@ -148,10 +148,11 @@ def certifying(calibrator: Calibrator) -> Steps[Certificate]:
 
 
 def _columns(search: LevenbergMarquardt) -> Float[np.ndarray, "rows coordinates"]:
-    """Derivatives at the end itself, and what those that errors rest on have beside the means of such."""
-    problem, slopes = search.problem, search.slopes
-    own = Point.of(problem, slopes.at, slopes.evaluated, slopes.alone).columns
-    mean = Point.by(problem, np.asarray(search.progress.coordinates), search.point.residuals, slopes).columns
+    """Derivatives at the end itself, and by what those that errors rest on differ from what they should be, means."""
+    here, residuals = np.asarray(search.progress.coordinates), search.point.residuals
+    own, mean = (
+        Point.by(search.problem, here, residuals, slopes).columns for slopes in (search.slopes.alone, search.slopes)
+    )
     same = (search.point.columns == mean) | (np.isnan(search.point.columns) & np.isnan(mean))
     return own + np.where(same, 0.0, search.point.columns - mean)
 

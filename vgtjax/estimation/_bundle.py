@@ -20,7 +20,8 @@ CHANNELS = ("x_d", "p_act")
 """The measured signals, in the order of every array with a channel axis."""
 
 Slope = tuple[Float[Array, "sample lanes"], Float[Array, "sample lanes"]]
-"""Of what a delay moves, by that delay: of the duty in percent where its mean counts, and of the place of its knot."""
+"""Of what a delay moves, by that delay: of the duty in percent where it is linear or its mean counts, and of the place
+of its knot."""
 
 
 class Bundle(eqx.Module):

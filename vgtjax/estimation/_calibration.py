@@ -156,8 +156,10 @@ class Calibration(Printed):
         return rows
 
     def duty_hold(self, trace: Trace) -> str:
-        """How the duty of a trace was found to be between its samples: `linear`, or as it was read, `zero-order`."""
-        return "linear" if sample_interval(trace) in self.progress.linear else "zero-order"
+        """How the duty of a trace is between its samples, as it was found or as the trace says: `linear` or
+        `zero-order`."""
+        linear = trace.duty_hold == "linear" or sample_interval(trace) in self.progress.linear
+        return "linear" if linear else "zero-order"
 
     def late_edges(self, trace: Trace) -> list[float]:
         """By how many seconds each of the edges of the duty of a fitted trace is later than recorded, beside a delay of

@@ -13,7 +13,7 @@ from ..simulation import model_dtype
 from ._beginning import first_progress, transform_of
 from ._calibration import RUNAWAY, Calibration
 from ._corrections import correcting
-from ._duty_questions import asking_of_duty
+from ._duty_questions import asking_beside_edges, asking_of_duty
 from ._edges import NEAR_ENOUGH, edges_of, find_edges, moved
 from ._evaluation import Evaluation, Steps, ask
 from ._evidence import (
@@ -80,8 +80,12 @@ class Calibrator:
         progress = first.minimiser.progress
         if progress.given_up:
             return first
-        asked = progress.corrections or progress.edges or not self.task.late_duty
-        calibrator = yield from (beginning_again if asked else asking_of_duty)(first, report)
+        if progress.corrections or not self.task.late_duty:
+            calibrator = yield from beginning_again(first, report)
+        elif progress.edges:
+            calibrator = yield from asking_beside_edges((yield from beginning_again(first, report)), report)
+        else:
+            calibrator = yield from asking_of_duty(first, report)
         while (following := (yield from calibrator.correcting())) is not None:
             calibrator = following
             report(calibrator.minimiser.progress)
@@ -102,13 +106,13 @@ class Calibrator:
         report(calibrator.minimiser.progress)
         return (yield from searching(calibrator, report))
 
-    def looking_around(self) -> "Steps[Calibrator]":
+    def linearised_around(self) -> "Steps[Calibrator]":
         """The same place of its corrections, with derivatives over all that its errors leave possible."""
         search = self.minimiser
         here, clip = np.array(search.progress.coordinates), search.problem.transform.clip
         around = [np.asarray(clip(place)) for place in places_around(self.uncertainty(), here)]
         slopes = yield from Slopes.find(search.problem, here, around)
-        progress = search.progress.looking_around(place.tolist() for place in around)
+        progress = search.progress.linearised_around(place.tolist() for place in around)
         point = Point.of(search.problem, here, slopes.evaluated, slopes)
         return dataclasses.replace(self, minimiser=LevenbergMarquardt(search.problem, progress, slopes, point))
 
@@ -234,7 +238,8 @@ def corrected_calibration(
     sensors = learn_sensors(task.traces, task.channels, observed, exact, task.unknown)
     problem = problem.with_sensors(task.traces, sensors)
     point = Point.of(problem, here, smooth, slopes)
-    if task.edges and progress.edges_seen != progress.coordinates:
+    resumed = bool(progress.around) and progress.linearised == progress.coordinates
+    if task.edges and progress.edges_seen != progress.coordinates and not resumed:
         found = find_edges(problem, slopes, (here, smooth))
         beyond = abs(_delay_of(task, progress, progress.coordinates) - task.edges_delay)
         if beyond > MISPLACED or found.farthest > NEAR_ENOUGH:
@@ -242,7 +247,7 @@ def corrected_calibration(
     if not progress.around and point.bend(problem, here, slopes) > NEARBY:
         slopes = yield from Slopes.find(problem, here)
         point = Point.of(problem, here, smooth, slopes)
-        progress = progress.looking_around(())
+        progress = progress.linearised_around(())
     if len(progress.history) <= progress.iteration:
         progress = dataclasses.replace(progress, history=(*progress.history, 0.5 * point.chi2 / problem.count))
     return Calibrator(task, sensors, LevenbergMarquardt(problem, progress, slopes, point), notes)

@@ -22,6 +22,8 @@ CHATTER = 1.0
 LONGEST_STEP = 0.5
 """Coordinates by which a correction moves at most; farther no linear model reaches."""
 
+MORE_AROUND = 5
+"""Corrections beyond the most that there are else, which derivatives over all places may still ask for."""
 BEYOND = 2.0
 """Standard errors from where derivatives over all places were taken, beyond which they are taken anew."""
 
@@ -67,14 +69,14 @@ def correcting(calibrator: C) -> Steps[C | None]:
     wanted = (*progress.wanted, tuple(step.tolist()))
     part = 1 / (1 + len(turns(np.array(wanted) / errors)))
     small = bool(np.all(np.abs(part * step) <= SETTLED * errors))
-    if not small and progress.corrections < MOST_CORRECTIONS:
+    if not small and progress.corrections < MOST_CORRECTIONS + MORE_AROUND * bool(progress.around):
         following = yield from _try(calibrator, step, part, SETTLED * errors)
         if following is not None:
             return following
         small = found.gain < SMALL_GAIN
     away = np.abs(np.asarray(progress.coordinates) - calibrator.minimiser.slopes.at)
     if not progress.around or bool(np.any(away > BEYOND * errors)):
-        return (yield from calibrator.looking_around())
+        return (yield from calibrator.linearised_around())
     calibrator.minimiser.progress = dataclasses.replace(progress, wanted=wanted, settled=small)
     return None
 

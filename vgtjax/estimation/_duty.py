@@ -59,11 +59,21 @@ def holds_beside_edges(task: Task, search: LevenbergMarquardt, knowing: FitProbl
     **Arguments:** `knowing`: the problem of the search, knowing what edges move.
     """
     scale, delay = float(search.problem.transform.scale[-1]), float(search.progress.coordinates[-1])
-    held = [sample_interval(trace) for trace in task.fit if len(trace.edges())]
+    held = _held(task)
     point, freedom = _with_delay(task, search, knowing), knowing.count - knowing.offsets
     return read_holds(
         point.residuals, point.columns, knowing.owner, task.fit, scale * delay, scale, freedom, task.linear, held
     )
+
+
+def may_be_linear(task: Task) -> bool:
+    """Whether some traces are sampled as no trace with edges is, whose duty is known to be held."""
+    return not {sample_interval(trace) for trace in task.fit} <= set(_held(task))
+
+
+def _held(task: Task) -> list[float]:
+    """Sample intervals in s of the traces with edges."""
+    return [sample_interval(trace) for trace in task.fit if len(trace.edges())]
 
 
 def _with_delay(task: Task, search: LevenbergMarquardt, problem: FitProblem | None = None) -> Point:

@@ -7,7 +7,7 @@ import numpy as np
 
 from ._beginning import first_progress
 from ._duties import Late, as_recorded, read_duties
-from ._duty import delay_told, holds_beside_edges, holds_of_duty, meets_noise, tells_of_delay
+from ._duty import delay_told, holds_beside_edges, holds_of_duty, may_be_linear, meets_noise, tells_of_delay
 from ._edges import NEAR_ENOUGH, ROUNDS, alike, edges_of, find_edges, moved, possible, show_in, whole_samples
 from ._evaluation import Steps
 from ._progress import Progress, Report, quiet
@@ -19,17 +19,23 @@ C = TypeVar("C", bound=Any)
 
 def asking_of_duty(calibrator: C, report: Report) -> Steps[C]:
     """A search that has ended once, gone on to its end where the duty is read as the traces tell."""
-    ended = yield from _asking_beside_edges((yield from _asking(calibrator, report)), report)
-    progress, task = ended.minimiser.progress, ended.task
+    return (yield from asking_beside_edges((yield from _asking(calibrator, report)), report))
+
+
+def asking_beside_edges(calibrator: C, report: Report) -> Steps[C]:
+    """What is asked last, where edges are known: a delay beside them, and whether the hold of others is decided."""
+    ended = yield from _asking_of_delay_beside_edges(calibrator, report)
+    progress = ended.minimiser.progress
     if progress.edges and not all(progress.edges) and not ended.is_lost():
-        holds = holds_beside_edges(task, ended.minimiser, ended.minimiser.problem)
-        decided = holds.decided and holds.linear == progress.linear
+        holds = holds_beside_edges(ended.task, ended.minimiser, ended.minimiser.problem)
+        decided = holds.decided and holds.linear == progress.linear and meets_noise(ended.minimiser)
         ended.minimiser.progress = dataclasses.replace(progress, hold_decided=decided)
     return ended
 
 
 def _asking(calibrator: C, report: Report) -> Steps[C]:
-    """Edges that differ are asked first, also before a search begins again that may be stuck because of them."""
+    """Slow traces beside edges are asked first, then edges that differ, also before a search begins again that may be
+    stuck because of them."""
     calibrator = yield from _asking_of_slow_holds(calibrator, report)
     edged = yield from _asking_of_edges(calibrator, report, differing=True)
     if edged is not calibrator:
@@ -74,16 +80,22 @@ def _asking_of_slow_holds(calibrator: C, report: Report) -> Steps[C]:
     """The search begun again where traces without edges tell that their duty was linear between samples, whatever the
     edges of the others, which a search would else move to where such a duty, read half a sample late, wants them."""
     task, search, edges = calibrator.task, calibrator.minimiser, as_recorded(calibrator.task.fit)
-    mixed = any(edges) and not all(edges)
-    if not (task.unknown.duty_hold and mixed) or calibrator.is_lost() or meets_noise(search):
+    asked = search.progress.linear or search.progress.edges or search.progress.hold_decided is not None
+    if asked or not (task.unknown.duty_hold and any(edges) and may_be_linear(task)):
+        return calibrator
+    if calibrator.is_lost() or meets_noise(search):
         return calibrator
     what_moves = yield from edges_of(task, search.problem, edges, search.slopes.at, delay=search.progress.late)
     holds = holds_beside_edges(task, search, search.problem.with_edges(what_moves))
     if not holds.linear:
         return calibrator
     begin = search.progress.began or first_progress(task).coordinates
-    onward = dataclasses.replace(search.progress.reading_duty(begin, holds.linear), hold_decided=holds.decided)
-    return (yield from calibrator.searching_from(onward, report))
+    onward = dataclasses.replace(search.progress.reading_duty(begin, holds.linear), hold_decided=False)
+    linear = yield from calibrator.searching_from(onward)
+    if linear.is_lost() or not calibrator.worth(search.progress.cost - linear.minimiser.progress.cost):
+        return calibrator
+    report(linear.minimiser.progress)
+    return linear
 
 
 def _asking_of_delay(calibrator: C, report: Report) -> Steps[C]:
@@ -121,12 +133,13 @@ def _asking_of_edges(calibrator: C, report: Report, *, differing: bool = False) 
     is interrupted meanwhile tries all of it again.
     """
     task, progress = calibrator.task, calibrator.minimiser.progress
-    edges = as_recorded(read_duties(task.fit, progress.linear, ()))
+    read = read_duties(task.fit, progress.linear, ())
+    edges = as_recorded(read)
     may_be = task.unknown.duty_hold and any(edges) and not progress.edges
     if not may_be or calibrator.is_lost():
         return calibrator
     problem, slopes = calibrator.minimiser.problem, calibrator.minimiser.slopes
-    if meets_noise(calibrator.minimiser) and not ((differing or progress.late) and show_in(problem, slopes, task.fit)):
+    if meets_noise(calibrator.minimiser) and not ((differing or progress.late) and show_in(problem, slopes, read)):
         return calibrator
     knowing = problem.with_edges((yield from edges_of(task, problem, edges, slopes.at, delay=progress.late)))
     found = find_edges(knowing, slopes)
@@ -152,7 +165,7 @@ def _asking_of_edges(calibrator: C, report: Report, *, differing: bool = False) 
     return best
 
 
-def _asking_beside_edges(ended: C, report: Report) -> Steps[C]:
+def _asking_of_delay_beside_edges(ended: C, report: Report) -> Steps[C]:
     """The search with a free delay, where edges are known and traces without any, linear between samples, tell of one.
 
     What computes such a duty holds it for a while as well, a millisecond for instance, so that it comes half of that
@@ -162,13 +175,15 @@ def _asking_beside_edges(ended: C, report: Report) -> Steps[C]:
     if not (progress.linear and progress.edges) or progress.late or ended.is_lost():
         return ended
     timely = (yield from ended.correcting()) or ended
-    if not tells_of_delay(ended.task, timely.minimiser):
+    delay = delay_told(ended.task, timely.minimiser)
+    if delay < 0 or not tells_of_delay(ended.task, timely.minimiser):
         return ended
-    coordinates = (*progress.coordinates[:-1], delay_told(ended.task, timely.minimiser))
-    end = yield from _searching_edges(ended, progress.moving_edges(coordinates, True, progress.edges))
-    if end.is_lost() or not ended.worth(progress.searched - end.minimiser.progress.searched):
+    onward = progress.moving_edges((*progress.coordinates[:-1], delay), True, progress.edges)
+    end = yield from _searching_edges(ended, onward)
+    found = end.minimiser.progress
+    if end.is_lost() or not (possible(found.edges, delay=True) and ended.worth(progress.searched - found.searched)):
         return ended
-    report(end.minimiser.progress)
+    report(found)
     return end
 
 

@@ -84,7 +84,7 @@ class Progress:
             linearised=tuple(linearised),
         )
 
-    def looking_around(self, places: Iterable[Iterable[float]]) -> "Progress":
+    def linearised_around(self, places: Iterable[Iterable[float]]) -> "Progress":
         """Where it is, with derivatives of there, and of these places around."""
         return dataclasses.replace(self, linearised=self.coordinates, around=tuple(map(tuple, places)))
 
@@ -123,7 +123,7 @@ class Progress:
 
     def seeing_edges(self, edges: tuple[tuple[float, ...], ...]) -> "Progress":
         """A search among its corrections with edges elsewhere, whose derivatives are from here on."""
-        return dataclasses.replace(self.looking_around(()), edges=edges, edges_seen=self.coordinates)
+        return dataclasses.replace(self.linearised_around(()), edges=edges, edges_seen=self.coordinates)
 
     @property
     def cost(self) -> float:

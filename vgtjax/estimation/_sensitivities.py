@@ -311,6 +311,7 @@ def _chain(
         return following, sensitivity
 
     initial = jnp.moveaxis(push_all(start_states, *values_and_tangents)[1], 0, -1)
-    # The duty before the first sample is that of the first, so a delay does not move the start.
+    # The duty before the first sample is that of the first, so a delay does not move the start; nor does it where a
+    # linear duty comes early, but for the little by which that has changed by then.
     initial = jnp.pad(initial, [(0, 0), (0, 0), (0, tangents.shape[-1] - states - initial.shape[-1])])
     return jax.lax.scan(segment, initial, table)[1][bundle.lane_segment, bundle.lane_trace]

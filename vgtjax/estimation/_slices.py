@@ -1,6 +1,6 @@
 """The misfit around the end of a fit, along every direction that the traces tell: a parabola where errors are honest.
 
-Standard errors come from the derivatives at one point. What the misfit really does two standard errors away needs a
+Standard errors come from a linear model. What the misfit really does two standard errors away needs a
 simulation on either side, and no derivative.
 """
 

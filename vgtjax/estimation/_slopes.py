@@ -23,7 +23,7 @@ from ._residuals import FitProblem
 PAIRS = 2
 """Pairs of opposite places beside the end itself; with four the errors of 25 campaigns were the same."""
 FARTHEST = 0.3
-"""Coordinates by which one is moved at most, however little is known of it."""
+"""Coordinates by which a standard error of any direction moves one at most, however little is known of that."""
 SEED = 1966
 
 Coordinates = Float[np.ndarray, " coordinates"]
@@ -92,7 +92,9 @@ def places_around(found: LeastSquares, at: Coordinates) -> list[Coordinates]:
     sizes = np.where(errors > 0, errors, 1.0)
     known = np.outer(errors > 0, errors > 0)
     parts, ways = np.linalg.eigh(np.where(known, found.covariance / np.outer(sizes, sizes), 0.0))
-    factor = np.minimum(errors, FARTHEST)[:, None] * ways * np.sqrt(np.maximum(parts, 0.0))
+    factor = errors[:, None] * ways * np.sqrt(np.maximum(parts, 0.0))
+    # Whole directions are shortened: parts of one would lead to where the traces rule it out.
+    factor = factor / np.maximum(1.0, np.max(np.abs(factor), axis=0) / FARTHEST)
     moves = np.random.default_rng(SEED).standard_normal((PAIRS, len(at))) @ factor.T
     return [at + sign * move for move in moves for sign in (1.0, -1.0)]
 
@@ -108,6 +110,8 @@ def _mean_columns(
     **Arguments:** `asked`: what is observed at a place, and its derivatives; `units` that these have there, in those of
     `own`.
     """
+    if not places:
+        return own
     total, count = own, 1
     for place in places:
         try:

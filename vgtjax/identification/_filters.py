@@ -135,6 +135,7 @@ def holds(trace: Trace, shortest: float) -> list[slice]:
     """Stretches of at least `shortest` seconds at one duty."""
     if trace.pwm is None:
         return []
+    trace = trace.with_held_duty()
     edges = [0, *trace.jumps(), len(trace.time)]
     return [
         slice(begin, end)

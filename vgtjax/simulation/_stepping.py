@@ -69,7 +69,7 @@ class AbstractFixedMarch(AbstractMarch):
         term = diffrax.ODETerm(model.vector_field)
         step = drive.duration / self.substeps
         memory = solver.init(term, jnp.zeros_like(step), step, state, drive)
-        jumps = drive.knot is not None
+        jumps = drive.knot is not None or drive.pwm_rate is not None  # what a step sees of the duty, the next does not
 
         def one(carry, number):
             y, memory, solved = carry

@@ -12,13 +12,18 @@ from ._drive import Drive, Knot
 
 Series = Float[Array, " time"]
 
+SAME, STRAIGHT = 1e-6, 1e-6
+"""Percent by which a duty may jump, and percent a second by which its rate may change, and go on as it was: far above
+rounding, and far below what moves anything."""
+
 
 def delay_duty(drive: Drive, delay: Scalar) -> Drive:
     """The inputs of a trace with a duty that arrives `delay` s late, with a knot in every interval in which it jumps or
     its rate changes.
 
-    Where an interval has more than one knot, the mean over it counts. Before the first sample the duty was that of the
-    first; intervals without length keep their duty. Derivatives are those of a duty a little later.
+    Where an interval has more than one knot, its mean counts, of a linear duty on the way from its start to its end.
+    Before the first sample the duty was that of the first; intervals without length keep their duty. Derivatives are
+    those of a duty a little later.
     """
     assert drive.pwm is not None, "only a duty can be late"
     assert drive.pwm_rate is not None, "a trace's duty has a rate"
@@ -31,13 +36,15 @@ def delay_duty(drive: Drive, delay: Scalar) -> Drive:
     length = jnp.where(present, drive.duration, 1.0)
     mean = (lines.area_until(ends - delay, behind) - lines.area_until(begins - delay, before)) / length
     several, once = present & (count > 1), present & (count == 1)
-    duty = jnp.where(several, mean, lines.at(begins - delay, before))
+    first, final = lines.at(begins - delay, before), lines.at(ends - delay, behind)
+    chord = jnp.where(jnp.any(lines.rate != 0), (final - first) / length, 0.0)
+    duty = jnp.where(several, mean - 0.5 * chord * length, first)
     knot = Knot(
         jump=jnp.where(once, lines.value[behind] - lines.at(lines.begin[last], before), 0.0),
         bend=jnp.where(once, lines.rate[behind] - lines.rate[before], 0.0),
         place=jnp.where(once, (lines.begin[last] + delay - begins) / length, 0.0),
     )
-    rate = jnp.where(present & ~several, lines.rate[before], 0.0)
+    rate = jnp.where(several, chord, jnp.where(present, lines.rate[before], 0.0))
     return dataclasses.replace(drive, pwm=jnp.where(present, duty, drive.pwm), pwm_rate=rate, knot=knot)
 
 
@@ -55,8 +62,9 @@ class _Lines(eqx.Module):
     def of(duty: Series, rate: Series, begins: Series) -> "_Lines":
         """The lines of a duty at its samples in s, and its rate until the next."""
         begin, value, rate = jnp.append(begins[:1], begins), jnp.append(duty[:1], duty), jnp.append(0.0, rate)
-        differs = (jnp.diff(value, prepend=value[:1]) != 0) | (jnp.diff(rate, prepend=0.0) != 0)
         since = jnp.diff(begin)
+        jumps = jnp.append(0.0, value[1:] - value[:-1] - rate[:-1] * since)
+        differs = (jnp.abs(jumps) > SAME) | (jnp.abs(jnp.diff(rate, prepend=0.0)) > STRAIGHT)
         area = jnp.append(0.0, jnp.cumsum((value[:-1] + 0.5 * rate[:-1] * since) * since))
         return _Lines(begin, value, rate, jnp.cumsum(differs), area)
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from .._errors import InputError
 from ._channel import Channel, Samples, as_channel
 from ._drive import Drive, Ramp, Start
-from ._duty import FARTHEST_EDGE, beside, edges_of, inside, onto
+from ._duty import FARTHEST_EDGE, STRAIGHT, beside, edges_of, inside, onto
 from ._grid import same_clock, share_time
 from ._signals import SIGNALS
 
@@ -21,8 +21,6 @@ ASSUMED_RESERVOIR = 2.0e4
 """Pa absolute; assumed where no trace tells the reservoir pressure."""
 SENSOR_PRESSURE_OFFSET = 5000.0
 """Pa; pressure sensors are trusted to within 50 mbar."""
-STRAIGHT = 1e-6
-"""Percent a second by which a duty's rate may change and be the same: rounding, and far below what moves anything."""
 START_WINDOW = 0.05
 """s; the start of a trace that does not begin at rest is the mean of its first 50 ms."""
 
@@ -304,7 +302,7 @@ class Trace:
         changes, duty = self._changes(), self.at("pwm")
         pressure, position = self._beginning("p_act"), self._beginning("x_d")
         # What the first duty step has moved already says nothing about the rest before it.
-        before = self._beginning("p_act", self.time[changes[0]]) if len(changes) else pressure
+        before = self._beginning("p_act", self.time[max(changes[0], 1)]) if len(changes) else pressure
         vented = before is None or abs(before - self.atmosphere) <= SENSOR_PRESSURE_OFFSET
         off = duty is None or duty[0] == 0.0
         return Start(

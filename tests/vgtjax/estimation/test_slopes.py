@@ -27,6 +27,13 @@ def test_errors_are_by_derivatives_around_the_end(ended):
     assert np.max(np.abs(search.point.columns - columns[0])) > 1e-5  # not one place several times
 
 
+def test_a_fit_that_is_resumed_has_the_same_derivatives(ended):
+    again = start_calibration(ended.task, ended.minimiser.progress)
+    np.testing.assert_array_equal(again.minimiser.slopes.at, ended.minimiser.slopes.at)
+    # Sensors are learned again of the same residuals: rounding.
+    np.testing.assert_allclose(again.minimiser.point.columns, ended.minimiser.point.columns, rtol=1e-9, atol=1e-9)
+
+
 def test_a_place_that_can_not_be_simulated_is_left_out(ended):
     search = ended.minimiser
     good, bad = np.array(search.progress.around[0]), np.full(len(search.slopes.at), 200.0)
@@ -39,19 +46,30 @@ def test_a_place_that_can_not_be_simulated_is_left_out(ended):
         np.testing.assert_array_equal(one, other)
 
 
-def test_places_have_the_errors_of_the_end():
-    """A thousand pairs of a known covariance, of which one entry is not determined and another hardly."""
-    rng = np.random.default_rng(0)
-    mixed = rng.normal(size=(4, 4)) * [1e-3, 1e-6, 1e-2, 1e-1]
-    covariance = mixed.T @ mixed
-    covariance[2] = covariance[:, 2] = 0.0
-    covariance[3] *= 50
-    covariance[:, 3] *= 50
-    at, determined = np.arange(4.0), np.array([True, True, False, True])
-    found = LeastSquares(np.zeros(4), covariance, determined, np.zeros((0, 4)), 1.0, 0.0)
+def places(covariance, determined):
+    """A thousand pairs about zero."""
+    count = len(covariance)
+    found = LeastSquares(np.zeros(count), covariance, determined, np.zeros((0, count)), 1.0, 0.0)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("vgtjax.estimation._slopes.PAIRS", 1000)
-        moves = np.array(places_around(found, at)) - at
-    expected = np.minimum(np.sqrt(np.diag(covariance)), FARTHEST)
+        return np.array(places_around(found, np.zeros(count)))
+
+
+def test_places_have_the_errors_of_the_end():
+    """Of units 5 orders apart, of which one is not determined."""
+    mixed = np.random.default_rng(0).normal(size=(4, 4)) * [1e-3, 1e-6, 1e-2, 1e-1]
+    covariance = mixed.T @ mixed
+    covariance[2] = covariance[:, 2] = 0.0
+    moves = places(covariance, np.array([True, True, False, True]))
+    expected = np.sqrt(np.diag(covariance))
     np.testing.assert_allclose(np.sqrt(np.mean(moves**2, axis=0)), expected, rtol=0.1)  # four errors of a thousand
     assert np.all(moves[:, 2] == 0.0)
+
+
+def test_what_is_hardly_known_is_not_moved_far_nor_against_what_is_known():
+    """Two entries of which only a difference is known well: to shorten one of them alone would move that."""
+    covariance = np.array([[1.0, 0.1], [0.1, 0.01 + 1e-10]])
+    moves = places(covariance, np.array([True, True]))
+    assert np.sqrt(np.mean(moves[:, 0] ** 2)) == pytest.approx(FARTHEST, rel=0.1)
+    distance = np.einsum("ni,ij,nj->n", moves, np.linalg.inv(covariance), moves)
+    assert np.mean(distance) < 2.2  # two directions, none farther than its error

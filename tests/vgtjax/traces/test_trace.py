@@ -232,6 +232,9 @@ def test_an_actuator_is_at_rest_until_a_duty_begins_to_rise():
     ramped = vgtjax.Trace(time, pwm=np.minimum(np.maximum(time - 0.02, 0) * 8e3, 80), p_act=fall, duty_hold="linear")
     assert ramped.start().at_rest
     assert not ramped.replace(duty_hold="zero-order", pwm=np.where(time < 0.05, 0.0, 80.0)).start().at_rest
+    rising = ramped.replace(pwm=80 * time)
+    assert rising.start().at_rest
+    assert not rising.replace(p_act=np.full_like(time, 5e4)).start().at_rest
 
 
 def test_edges_come_at_times_of_their_own():
