@@ -3,7 +3,7 @@
 A plunger that lands between two steps, or a rod that sticks a sample later, changes the derivatives at a place from
 those a microsecond beside it, and an error that is read off one place is that of its kinks: beside a late duty, which
 moves all events through the steps, that of the delay came out between 5 and 37 us in campaigns that tell it to 30 us.
-What a linear model should have is the mean over the errors that it claims (statistical linearisation, Gelb 1974, 6.2;
+What a linear model should have is the mean over the errors that it claims (statistical linearisation, Gelb 1974;
 by Stein's lemma it is the best linear fit).
 """
 
