@@ -78,7 +78,7 @@ def calibrated(calibration: Calibration, profiled: Mapping[str, Interval | None]
     **Arguments:** `profiled`: intervals by profiles, in place of the linear ones; `None` where one says nothing.
     """
     entries = calibration.task.selection.entries
-    known = calibration.uncertainty.determined.tolist()
+    known = calibration.determined.tolist()
     errors, ends = calibration.std_errors.tolist(), calibration.at_bound.tolist()
     intervals = [tuple(found) if np.all(np.isfinite(found)) else None for found in calibration.intervals.tolist()]
     columns = zip(entries, errors, ends, known, intervals, strict=True)

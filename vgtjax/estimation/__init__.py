@@ -4,7 +4,6 @@ from ._bands import spread_along as spread_along
 from ._budget import Budget as Budget
 from ._bundle import CHANNELS as CHANNELS, Bundle as Bundle, bundle_traces as bundle_traces
 from ._calibration import (
-    NORMAL_95 as NORMAL_95,
     RUNAWAY as RUNAWAY,
     Calibration as Calibration,
     Comparison as Comparison,
@@ -34,6 +33,7 @@ from ._evidence import (
 )
 from ._layout import SEGMENT as SEGMENT
 from ._least_squares import (
+    NORMAL_95 as NORMAL_95,
     LeastSquares as LeastSquares,
     clustered_errors as clustered_errors,
     clustered_gram as clustered_gram,

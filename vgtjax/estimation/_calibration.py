@@ -18,7 +18,7 @@ from ._evaluation import Steps
 from ._evidence import observe_traces
 from ._holds import sample_interval
 from ._inputs import InputSensor
-from ._least_squares import LeastSquares
+from ._least_squares import NORMAL_95, LeastSquares
 from ._measured import Sensors, white_sensors
 from ._programs import run_alone
 from ._progress import Progress
@@ -28,8 +28,6 @@ from ._task import Task
 RUNAWAY = 1e5
 """Factor by which a positive value may leave its start. In fits of twenty actuators none moves by more than 10^1.7;
 from a hopeless start a fit goes to where nothing changes any more, converges there, and leaves a mass of 1e88 kg."""
-NORMAL_95 = 1.959964
-"""Standard errors on either side that hold 95 % of a normal distribution."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -137,12 +135,11 @@ class Calibration(Printed):
 
     def _estimates(self) -> Cells:
         table, rows = parameter_table(self.task.model), [("parameter", "value", "std. error", "unit", "")]
-        found = zip(self.task.selection.entries, self.values, self.std_errors, self.at_bound, strict=True)
-        for entry, value, error, at_bound in found:
-            unknown = not np.isfinite(error)
-            status = "at bound" if at_bound else "not determined" if unknown else "free"
+        columns = (self.values, self.std_errors, self.at_bound, self.determined)
+        for entry, value, error, at_bound, known in zip(self.task.selection.entries, *columns, strict=True):
+            status = "at bound" if at_bound else "free" if known else "not determined"
             unit = str(table_row(table, entry).unit)
-            rows.append((entry, f"{value:.6g}", "" if unknown else f"{error:.2g}", unit, status))
+            rows.append((entry, f"{value:.6g}", f"{error:.2g}" if np.isfinite(error) else "", unit, status))
         return rows
 
     def _comparisons(self) -> Cells:
@@ -226,6 +223,11 @@ class Calibration(Printed):
         at_bound = np.array(self.transform.at_bound(np.asarray(self.progress.coordinates)))[: len(self.values)]
         at_bound[list(self.progress.held)] = False
         return at_bound
+
+    @property
+    def determined(self) -> Bool[np.ndarray, " parameters"]:
+        """Which values the traces determine: they show them, and positive ones to a factor of ten to either side."""
+        return self.uncertainty.tells(self.transform.positive[: len(self.values)])
 
     @property
     def ran_away(self) -> tuple[str, ...]:

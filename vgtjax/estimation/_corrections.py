@@ -55,22 +55,25 @@ def trusted(problem: FitProblem, point: Point, here: Coordinates, full: Coordina
 
 def correcting(calibrator: C) -> Steps[C | None]:
     """The next correction, or `None` where there is none, or none that matters, also not by derivatives over all places
-    that the errors leave possible."""
+    that the errors leave possible. Along what the traces hardly tell values stay where the search has left them: steps
+    would follow each time another chance of the numbers, and none would be near enough to be believed."""
     progress = calibrator.minimiser.progress
     lost = progress.lost or bool(np.any(calibrator.away()))
     if not (calibrator.task.unknown.anything and progress.converged) or progress.settled or lost:
         return None
     nowhere = np.zeros(len(progress.coordinates))
     if not progress.corrections:
-        return (yield from _try(calibrator, nowhere, 1.0, nowhere))
-    found = calibrator.uncertainty()
-    errors = np.where(found.determined, found.std_errors, np.inf)
-    step = np.where(found.determined, -found.values, 0.0)
+        return (yield from _try(calibrator, calibrator.minimiser.point, nowhere, 1.0, nowhere))
+    known = calibrator.uncertainty()
+    errors = np.where(known.determined, known.std_errors, np.inf)
+    point = calibrator.minimiser.point.holding(known.vague(calibrator.transform.positive))
+    found = point.uncertainty(calibrator.minimiser.problem.count)
+    step = np.where(known.determined, -found.values, 0.0)
     wanted = (*progress.wanted, tuple(step.tolist()))
     part = 1 / (1 + len(turns(np.array(wanted) / errors)))
     small = bool(np.all(np.abs(part * step) <= SETTLED * errors))
     if not small and progress.corrections < MOST_CORRECTIONS + MORE_AROUND * bool(progress.around):
-        following = yield from _try(calibrator, step, part, SETTLED * errors)
+        following = yield from _try(calibrator, point, step, part, SETTLED * errors)
         if following is not None:
             return following
         small = found.gain < SMALL_GAIN
@@ -81,7 +84,7 @@ def correcting(calibrator: C) -> Steps[C | None]:
     return None
 
 
-def _try(calibrator: C, step: Vector, part: float, least: Vector) -> Steps[C | None]:
+def _try(calibrator: C, point: Point, step: Vector, part: float, least: Vector) -> Steps[C | None]:
     """Corrected after a part of a step, or less of it where the misfit does not bear it out or a simulation fails;
     `None` where that is so for all of it, or what is left moves nothing by more than `least`."""
     search = calibrator.minimiser
@@ -89,7 +92,7 @@ def _try(calibrator: C, step: Vector, part: float, least: Vector) -> Steps[C | N
     while part > SHORTEST:
         there = here
         if np.any(step):
-            there = yield from trusted(search.problem, search.point, here, step, part)
+            there = yield from trusted(search.problem, point, here, step, part)
             if np.all(np.abs(there - here) <= least):
                 return None
         try:

@@ -1,6 +1,7 @@
 """Linear least squares in NumPy: the solution, its covariance, and which unknowns the equations determine."""
 
 import dataclasses
+import math
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -15,6 +16,11 @@ IN_NULL = 1e-6
 our actuators the smallest real part is 7e-5 (the mass, where the area is free as well), rounding leaves 1e-12."""
 WORST_CONDITION = 1e6
 """Of columns of unit length, up to which squaring them loses nothing that a second pass does not bring back."""
+NORMAL_95 = 1.959964
+"""Standard errors on either side that hold 95 % of a normal distribution."""
+VAGUE = math.log(10.0) / NORMAL_95
+"""Standard error of a logarithm beyond which the 95 % interval goes farther than a factor of ten to either side: the
+traces don't tell such a value, and what a linear model says over such a distance is no word about them."""
 HUBER = 2.0
 """Standard deviations beyond which a residual counts by its size instead of its square."""
 
@@ -44,6 +50,17 @@ class LeastSquares:
     def std_errors(self) -> Float[np.ndarray, " unknowns"]:
         """Standard errors of the values; NaN for what is not determined."""
         return np.where(self.determined, np.sqrt(np.diag(self.covariance)), np.nan)
+
+    def tells(self, logarithms: Bool[np.ndarray, " unknowns"]) -> Bool[np.ndarray, " unknowns"]:
+        """Which unknowns are determined, those that are `logarithms` to a factor of ten to either side at least."""
+        return self.determined & ~(logarithms & (np.nan_to_num(self.std_errors) > VAGUE))
+
+    def vague(self, logarithms: Bool[np.ndarray, " unknowns"]) -> Float[np.ndarray, "directions unknowns"]:
+        """Combinations of unknowns that are logarithms, each of length one, along which one of these has a standard
+        error above `VAGUE`."""
+        sizes, directions = np.linalg.eigh(np.where(logarithms[:, None] & logarithms, self.covariance, 0.0))
+        reach = np.sqrt(np.maximum(sizes, 0.0)) * np.max(np.abs(directions), axis=0, initial=0.0)
+        return directions.T[reach > VAGUE]
 
     def first(self, count: int) -> "LeastSquares":
         """What it says of the first unknowns, whatever the others are."""

@@ -20,6 +20,8 @@ from ._slopes import Slopes
 
 WEAK = 1e-7
 """Singular values below this part of the largest, for columns of unit length, that a secant leaves out of its basis."""
+STIFF = 1e4
+"""Times a sensor's noise that a combination of coordinates that is held would cost for each unit that it moves by."""
 _DESCENT: optx.DampedNewtonDescent = optx.DampedNewtonDescent()
 
 Coordinates = Float[np.ndarray, " coordinates"]
@@ -81,6 +83,13 @@ class Point:
         with np.errstate(over="ignore", invalid="ignore"):  # of a search that got lost
             held = np.asarray(problem.transform.pinned(here, residuals @ columns))
         return Point(residuals, np.where(held, 0.0, columns))
+
+    def holding(self, combinations: Float[np.ndarray, "directions coordinates"]) -> "Point":
+        """The same problem with combinations of coordinates held where they are, by a row more for each."""
+        if not len(combinations):
+            return self
+        residuals = np.append(self.residuals, np.zeros(len(combinations)))
+        return Point(residuals, np.concatenate([self.columns, STIFF * combinations]))
 
     def bend(self, problem: FitProblem, here: Coordinates, slopes: Slopes) -> float:
         """By how many standard errors, over all directions, a linear step goes wrong for derivatives from elsewhere."""

@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ._calibration import NORMAL_95
 from ._evaluation import Steps, side_by_side
+from ._least_squares import NORMAL_95
 from ._slices import DOWNHILL, HONEST, Coordinates, End, pseudo_inverse
 
 RISE_95 = NORMAL_95**2
@@ -78,7 +78,8 @@ class Profiles:
 
 def profiling(end: End, entries: Sequence[str], most: int = MOST_PROFILES) -> Steps[Profiles]:
     """Profiles of the first entries, `most` of them, as a computation; those not determined have none."""
-    wanted = [entry for entry in entries if end.found.determined[end.entries.index(entry)]]
+    told = dict(zip(end.entries, end.found.tells(end.problem.transform.positive), strict=True))
+    wanted = [entry for entry in entries if told[entry]]
     held = [_Held(end, end.entries.index(entry)) for entry in wanted[:most]]
     found = yield from side_by_side([each.profile() for each in held])
     return Profiles(dict(zip(wanted, found, strict=False)), wanted[most:], sum(each.evaluations for each in held))
