@@ -97,7 +97,7 @@ def _run(command: str, **arguments: Any) -> None:
             with stated(OF_A_MODEL), _company(processes):
                 module.run(**arguments)
         except InputError as error:
-            click.echo(f"error: {error}", err=True)
+            click.echo(f"error: {_in_study(error, arguments.get('study'))}{error}", err=True)
             sys.exit(2)
         except SimulationError as error:
             click.echo(f"failed: {error}", err=True)
@@ -107,6 +107,13 @@ def _run(command: str, **arguments: Any) -> None:
             sys.exit(1)
     finally:
         signal.signal(signal.SIGINT, previous)
+
+
+def _in_study(error: Exception, study: pathlib.Path | None) -> str:
+    """The name of the study's file before what is wrong with the study."""
+    from .study.places import StudyError
+
+    return "" if study is None or not isinstance(error, StudyError) else f"{study.name}: "
 
 
 def _load(command: str) -> types.ModuleType:

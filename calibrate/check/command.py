@@ -7,7 +7,7 @@ import time
 from typing import Any
 
 from vgtjax import SimulationError
-from vgtjax.assurance import Gain, Information, examining, ranking
+from vgtjax.assurance import NOTHING, Gain, Information, examining, ranking, remedies
 from vgtjax.estimation import Steps, run_alone, run_together
 
 from ..fit.plan import plan
@@ -37,29 +37,16 @@ class Checked:
         """What they can't tell, and what would help."""
         if self.known is None:
             return [f"nothing is known: {self.error}"]
-        return [*self.known.sentences, *_remedies(self.known, self.gains), *filter(None, [self.assumed])]
+        return [*self.known.sentences, *remedies(self.known, self.gains), *filter(None, [self.assumed])]
 
     def summary(self) -> dict[str, Any]:
         """Relative errors, `None` for what is not determined."""
         if self.known is None:
             return {"error": self.error}
-        nothing = {} if self.known.tells else {"error": "these traces determine none of the free parameters"}
+        nothing = {} if self.known.tells else {"error": NOTHING}
         return {
             **self.known.summary(),
-            "next": [
-                {
-                    "run": gain.run.kind,
-                    "seconds": gain.run.seconds,
-                    "rate": gain.run.rate,
-                    "turbine_pressure": gain.run.turbine_pressure,
-                    "gain": gain.factor,
-                    "lowers": {
-                        name: {"from": before, "to": after, "factor": before / after}
-                        for name, (before, after) in gain.lowers.items()
-                    },
-                }
-                for gain in self.gains
-            ],
+            "next": [gain.summary() for gain in self.gains],
             "sentences": self.sentences,
             **nothing,
         }
@@ -119,16 +106,6 @@ def _checking(job: Job, unit: Unit) -> Steps[Checked]:
     task = plan(job, unit)
     known = yield from examining(task)
     return Checked(known, (yield from ranking(task, known)), assumed=assumed_note(task))
-
-
-def _remedies(known: Information, gains: list[Gain]) -> list[str]:
-    """For each entry that hardly shows or not at all, the shortest sentence on the run that would help it most."""
-    said: dict[str, list[str]] = {}
-    for name in [*known.unseen, *dict.fromkeys(name for group, _ in known.nearly_null for name in group)]:
-        best = min(gains, key=lambda gain: gain.after[name], default=None)
-        if best is not None and best.after[name] < 0.5 * known.errors[name]:
-            said.setdefault(best.run.label, []).append(f"{name} to {100 * best.after[name]:.2g} %")
-    return [f"a run of {label} would determine {', '.join(names)}" for label, names in said.items()]
 
 
 def _say(name: str | None, checked: Checked) -> None:

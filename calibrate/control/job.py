@@ -5,12 +5,11 @@ import pathlib
 from typing import Any
 
 import vgtjax
-from vgtjax import InputError
 from vgtjax.control import AbstractController, AbstractSignal, check
 from vgtjax.tuning import Cases
 
 from ..population import Actuators, read_actuators
-from ..study.places import OF_A_CONTROLLER, stated
+from ..study.places import OF_A_CONTROLLER, StudyError, stated
 from ..study.read import expand_traces, fingerprint, load_study
 from ..study.references import build_references, cycle
 from ..study.tables import Study
@@ -42,7 +41,7 @@ def prepare_control(
     path = EXAMPLE if path is None else path
     study = load_study(path)
     if study.model != "full":
-        raise InputError(f"loops are closed on model = 'full', but it is '{study.model}'; change it")
+        raise StudyError(f"loops are closed on model = 'full', but it is '{study.model}'; change it")
     actuators = read_actuators(path, study, parameters)
     plants, notes = all_plants(study, actuators)
     with stated(OF_A_CONTROLLER):

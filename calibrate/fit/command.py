@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from vgtjax import SimulationError
-from vgtjax.assurance import Information, certifying, require_blackjax
-from vgtjax.estimation import Calibrator, End, Progress, Question, Steps, foreseen, run_alone, run_together
+from vgtjax.assurance import certifying, require_blackjax
+from vgtjax.estimation import End, Progress, Question, Steps, foreseen, run_alone, run_together
 from vgtjax.identification import starting_fit
 
 from ..output.console import console, say
@@ -17,6 +17,7 @@ from ..study.models import passivity_note
 from ..study.parameter_file import Entry, calibrated, covariance, nuisance, to_json
 from ..study.places import OF_A_MODEL, stated
 from ..study.units import Job, Unit, prepare
+from . import beforehand
 from .around import looking_around
 from .budget import budget_rows
 from .decisions import decisions
@@ -79,15 +80,10 @@ def _fitting(job: Job, unit: Unit, folder: pathlib.Path) -> Steps[Fitted]:
     saved = ProgressFile(folder, Progress, f"{who}the fit")
     calibrator = yield from starting_fit(plan(job, unit), saved.progress)
     resumed = saved.progress is not None
-    known = saved.facts if resumed else _known_before(calibrator)
-    undetermined = list(known.get("undetermined", ()))
     for note in calibrator.notes:
         console.print(f"note: {who}{note}")
-    if undetermined:
-        console.print(f"warning: {who}these traces do not determine {', '.join(undetermined)}; hold or excite them")
-    for group in known.get("null", ()):
-        if len(group) > 1:
-            console.print(f"warning: {who}{', '.join(group)} can't be told apart: measure one of them, and hold it")
+    known = saved.facts if resumed else (yield from beforehand.knowing(calibrator))
+    beforehand.say(known, who)
 
     def show(progress: Progress) -> None:
         kind = "  corrected" if progress.corrections else ""
@@ -114,11 +110,6 @@ def _fitting(job: Job, unit: Unit, folder: pathlib.Path) -> Steps[Fitted]:
     for sentence in (*found_besides(calibration), *(() if around is None else around.sentences)):
         console.print(f"{who}found: {sentence}")
     return Fitted(calibration, certificate, around, posterior, saved.seconds, known)
-
-
-def _known_before(calibrator: Calibrator) -> dict[str, Any]:
-    """What the traces can tell where a fit begins."""
-    return {"undetermined": calibrator.undetermined(), **Information.of(calibrator).summary()}
 
 
 def _write(job: Job, unit: Unit, folder: pathlib.Path, outcome: Fitted | SimulationError) -> None:
@@ -182,6 +173,7 @@ def _summary(fitted: Fitted, job: Job, unit: Unit, table: Sequence[Entry]) -> di
         },
         "unidentifiable_at_start": fitted.undetermined,
         "expected_relative_error_at_start": fitted.known_before.get("expected_relative_error", {}),
+        "check": {name: fitted.known_before.get(name, []) for name in ("null", "nearly_null", "next", "sentences")},
         "friction_is_passive": passivity_note(calibration.model) is None,
         "found": [*found_besides(calibration), *filter(None, [passivity_note(calibration.model)])],
         "noise_by_windows": {"seconds": calibration.budget.window, "factor": finite(calibration.budget.excess)},

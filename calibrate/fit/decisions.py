@@ -4,11 +4,10 @@ import dataclasses
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-import numpy as np
-
-from vgtjax.assurance import UNEQUAL, WRONG
+from vgtjax.assurance import UNEQUAL, WRONG, WRONG_ALONE, Certificate, largest
 from vgtjax.estimation import Calibration, noise_to_meet
 
+from ..output.files import finite
 from ..study.parameter_file import Entry
 from .outcome import Fitted
 
@@ -32,7 +31,7 @@ class Decision:
 
     def summary(self) -> dict[str, Any]:
         """For JSON."""
-        return dataclasses.asdict(self)
+        return {**dataclasses.asdict(self), "found": finite(self.found)}
 
 
 def decisions(fitted: Fitted, entries: Sequence[Entry]) -> list[Decision]:
@@ -42,19 +41,26 @@ def decisions(fitted: Fitted, entries: Sequence[Entry]) -> list[Decision]:
 
 def _of_the_fit(fitted: Fitted) -> Iterator[Decision]:
     calibration, certificate = fitted.calibration, fitted.certificate
-    for found, limit, against in (
-        (certificate.mismatches, WRONG, "differences"),
-        (certificate.modes, UNEQUAL, "reverse mode"),
-    ):
-        worst = float(np.nanmax(found, initial=0.0))
-        rule = f"along no random direction may derivatives differ from {against} by a larger part"
-        yield _below(f"derivatives against {against}", worst, limit, rule)
+    yield from _of_derivatives(certificate)
     rule = "a full linear step from the end may not promise more, or errors are indicative"
     yield _below("chi^2 that a further linear step promises", calibration.uncertainty.gain, FURTHER, rule)
     rule = "what remains of no signal of a fitted trace may be more times its sensor's noise"
     ratios = noise_ratios(calibration)
     (trace, channel), worst = max(ratios.items(), key=lambda pair: pair[1])
     yield _below(f"worst trace: {channel} of {trace}", worst, MEETS, rule)
+
+
+def _of_derivatives(certificate: Certificate) -> Iterator[Decision]:
+    rule = "along no random direction may derivatives differ from {} by a larger part"
+    what, worst, limit, by = "derivatives", largest(certificate.mismatches), WRONG, rule.format("differences")
+    if worst > WRONG:
+        what, worst, limit = "derivatives by one parameter", largest(certificate.alone.values()), WRONG_ALONE
+        by = (
+            f"where random directions miss differences by more than {WRONG:g}, as at a kink, no derivative by one "
+            "parameter may by a larger part, asked ever nearer to the end"
+        )
+    yield _below(f"{what} against differences", worst, limit, by)
+    yield _below("derivatives against reverse mode", largest(certificate.modes), UNEQUAL, rule.format("reverse mode"))
 
 
 def _below(what: str, found: float, limit: float, rule: str) -> Decision:

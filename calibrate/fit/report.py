@@ -42,6 +42,7 @@ def render(job: Job, unit: Unit, fitted: Fitted, table: list[Entry]) -> str:
         certificate=fitted.certificate,
         seconds=fitted.seconds,
         undetermined=fitted.undetermined,
+        before=fitted.known_before.get("sentences", []),
         table=table,
         start=start_as_study(calibration),
         besides=found_besides(calibration),

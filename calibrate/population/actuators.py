@@ -5,14 +5,13 @@ import pathlib
 from typing import Any
 
 import vgtjax
-from vgtjax import InputError
 from vgtjax.plants import on_given_knots
 from vgtjax.population import Population, Spread, fitted_levels, fitted_population, spread_population
 
 from ..output.files import read_json
 from ..study.models import build_model, start_model, values_of
 from ..study.parameter_file import fit_covariance, fitted_entries
-from ..study.places import OF_A_POPULATION, stated
+from ..study.places import OF_A_POPULATION, StudyError, of_study, stated
 from ..study.read import hash_file
 from ..study.start_file import load_values, unit_files
 from ..study.tables import Study
@@ -97,7 +96,7 @@ def _population(
     if None in models:
         spreads = {name: Spread(**spread.model_dump()) for name, spread in table.parameters.items()}
         pairs = [(each.parameters, each.value) for each in table.correlation]
-        with stated(OF_A_POPULATION):
+        with of_study(), stated(OF_A_POPULATION):
             population = spread_population(
                 models[None],
                 table.relative,
@@ -119,7 +118,7 @@ def _population(
     assert parameters is not None
     named = table.model_fields_set - {"units", "passive"}
     if named:
-        raise InputError(
+        raise StudyError(
             f"a population of fitted units has their spread, but [population] states {', '.join(sorted(named))} too; "
             "drop that, or give the parameters of one actuator"
         )

@@ -7,12 +7,12 @@ import jax.numpy as jnp
 import numpy as np
 
 import vgtjax
-from vgtjax import InputError
 from vgtjax.experiments import AbstractExperiment, MeasuredLoops, SlowLoop, StepResponse, measure_loops, nominal_target
 from vgtjax.parts import AbstractVaneMap, feels_gas
 from vgtjax.population import Population
 
 from ..study.models import start_values
+from ..study.places import StudyError, of_study
 from ..study.read import TraceSource, expand_traces, fingerprint, load_study
 from ..study.tables import Study
 from ..study.units import StudyJob, load_source
@@ -45,18 +45,20 @@ def prepare_population(path: pathlib.Path | None, parameters: pathlib.Path | Non
     path = FLEET if path is None else path
     study = load_study(path)
     if study.model != "full":
-        raise InputError(f"a population study needs model = 'full', but it is '{study.model}'; change it")
+        raise StudyError(f"a population study needs model = 'full', but it is '{study.model}'; change it")
     actuators = read_actuators(path, study, parameters, levels=levels)
     nominal = actuators.population.model
     sources = expand_traces(study, path.parent)
     measured = _measured(study, sources, actuators.first)
+    with of_study():
+        experiments = _experiments(study, nominal, measured)
     return PopulationJob(
         study,
         path.read_text(encoding="utf-8-sig"),
         fingerprint(study, sources, actuators.hashed),
         actuators.population,
         actuators.fitted,
-        _experiments(study, nominal, measured),
+        experiments,
         measured,
         actuators.notes + _more_notes(study.components.vane_force, nominal, sources, measured),
     )

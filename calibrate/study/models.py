@@ -8,13 +8,13 @@ import equinox as eqx
 import numpy as np
 
 import vgtjax
-from vgtjax import InputError
 from vgtjax.estimation import Task
 from vgtjax.parameters import Bounds, check_bounds, entry_names, match_entries, parameter_table
 from vgtjax.plants import on_given_knots, require_physical
 
 from .base import StartValue
 from .components import FullComponents, MechanicalComponents, ReducedComponents
+from .places import StudyError
 from .tables import Study
 
 
@@ -52,7 +52,7 @@ def parameters_of(study: Study) -> dict[str, StartValue]:
         return study.parameters
     for name, given in study.parameters.items():
         if name.startswith("converter.") and (given.lower is not None or given.upper is not None):
-            raise InputError(
+            raise StudyError(
                 f"'{name}' only shapes the flow map of model = 'static-map', so it has a value and no bounds; remove "
                 "them"
             )
@@ -75,7 +75,7 @@ def start_values(model: eqx.Module, stated: Mapping[str, StartValue]) -> tuple[d
         for position, entry in enumerate(entries):
             low, high = _bound(given.lower, position), _bound(given.upper, position)
             if low is not None and high is not None and not low < high:
-                raise InputError(
+                raise StudyError(
                     f"the bounds of '{entry}' must rise, but they are {low:g} and {high:g}; swap them", "bounds"
                 )
             bounds[entry] = (low, high)
@@ -95,7 +95,7 @@ def deviations_of(model: eqx.Module, stated: Mapping[str, StartValue]) -> dict[s
         for entry, size in zip(entries, sizes.tolist(), strict=True):
             deviation = given.deviation if given.deviation is not None else (given.relative or 0.0) * size
             if not deviation > 0:
-                raise InputError(
+                raise StudyError(
                     f"the deviation of '{entry}' relative to its value must be positive, but that is {size:g}; state "
                     "it in the unit of the parameter with deviation",
                     "values",
@@ -107,7 +107,7 @@ def deviations_of(model: eqx.Module, stated: Mapping[str, StartValue]) -> dict[s
 def _entries_of(model: eqx.Module, name: str) -> list[str]:
     table = vgtjax.parameter_table(model)
     if any(letter in name for letter in "*?"):
-        raise InputError(
+        raise StudyError(
             f"start values and bounds have names, not patterns, but there is '{name}'; write one line a parameter",
             "values",
         )
@@ -120,10 +120,10 @@ def check_length(name: str, key: str, value: float | list[float] | None, entries
     if value is None:
         return
     if entries == [name] and isinstance(value, list):
-        raise InputError(f"'{name}' needs one number under {key}, but it has a list; give one number", "values")
+        raise StudyError(f"'{name}' needs one number under {key}, but it has a list; give one number", "values")
     length = len(value) if isinstance(value, list) else 1
     if length != len(entries):
-        raise InputError(
+        raise StudyError(
             f"'{name}' needs {len(entries)} numbers under {key}, but it has {length}; give a list of {len(entries)}",
             "values",
         )

@@ -32,11 +32,29 @@ OF_A_POPULATION = {
 """The same for populations."""
 
 
+class StudyError(InputError):
+    """What a study says breaks a rule; who runs the command knows the name of its file."""
+
+
+@contextlib.contextmanager
+def of_study() -> Iterator[None]:
+    """Errors within are on what a study says.
+
+    **Raises:** `StudyError` for every `InputError`.
+    """
+    try:
+        yield
+    except StudyError:
+        raise
+    except InputError as error:
+        raise StudyError(str(error), error.argument) from error
+
+
 @contextlib.contextmanager
 def stated(places: Mapping[str, str]) -> Iterator[None]:
     """Errors within, on an argument of the library, also say in which table of the study that argument is stated.
 
-    **Raises:** `InputError` that names the place, so that those who hear of it further out add no other.
+    **Raises:** `StudyError` that names the place, so that those who hear of it further out add no other.
     """
     try:
         yield
@@ -44,4 +62,4 @@ def stated(places: Mapping[str, str]) -> Iterator[None]:
         place = places.get(error.argument or "")
         if place is None:
             raise
-        raise InputError(f"{error} (see {place} in the study)") from error
+        raise StudyError(f"{error} (see {place} in the study)") from error

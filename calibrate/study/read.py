@@ -15,6 +15,7 @@ from vgtjax import InputError
 from vgtjax.traces import SUFFIXES
 
 from .channels import override
+from .places import StudyError
 from .sentences import sentence
 from .tables import AnyStudy, Study, TraceEntry
 
@@ -65,7 +66,7 @@ def _files(folder: pathlib.Path, pattern: str) -> list[pathlib.Path]:
         there = sorted(path.name for path in folder.glob("*") if path.suffix.lower() in SUFFIXES)
         near = difflib.get_close_matches(pattern, there, n=1, cutoff=0.0)
         remedy = f"did you mean '{near[0]}'?" if near else "names are relative to the study file"
-        raise InputError(f"trace file '{pattern}' matches nothing in {folder}; {remedy}")
+        raise StudyError(f"trace file '{pattern}' matches nothing in {folder}; {remedy}")
     return [folder / file for file in found]
 
 
@@ -73,24 +74,24 @@ def _fill(pattern: str, stem: str) -> str:
     """`{stem}` is the file's stem and `{stem:7}` its first seven letters."""
     filled = re.sub(r"\{stem(?::(\d+))?\}", lambda m: stem[: int(m[1])] if m[1] else stem, pattern)
     if pattern.count("{") != len(re.findall(r"\{stem(?::\d+)?\}", pattern)):
-        raise InputError(f"only {{stem}} and e.g. {{stem:7}} may be in braces, but there is '{pattern}'; correct it")
+        raise StudyError(f"only {{stem}} and e.g. {{stem:7}} may be in braces, but there is '{pattern}'; correct it")
     return filled
 
 
 def _check_names(sources: list[TraceSource]) -> None:
     without = [source.name for source in sources if source.unit is None]
     if without and len(without) < len(sources):
-        raise InputError(
+        raise StudyError(
             f"either all traces have a unit or none has, but '{without[0]}' has none while others do; add unit to it"
         )
     named: dict[tuple[str | None, str], pathlib.Path] = {}
     for source in sources:
         for text, kind in ((source.name, "name"), (source.unit, "unit")):
             if text is not None and (not text or re.search(r"[/\\\0]", text) or text.startswith(".")):
-                raise InputError(f"the trace {kind} '{text}' can't be a file name; use letters and digits")
+                raise StudyError(f"the trace {kind} '{text}' can't be a file name; use letters and digits")
         key = (source.unit, source.name)
         if key in named:
-            raise InputError(
+            raise StudyError(
                 f"the trace name '{source.name}' occurs twice ({named[key].name} and {source.path.name}); give one of "
                 "them another name"
             )

@@ -9,10 +9,10 @@ import jax.numpy as jnp
 import pydantic
 
 import vgtjax
-from vgtjax import InputError
 from vgtjax.control import SIGNAL_1_PERIOD, AbstractSignal, Later, Ramps, Sampled, Sine, Steps, signal_1, signal_2
 
 from .base import Finite, NotNegative, Positive, Table
+from .places import StudyError
 
 
 class AbstractReference(Table):
@@ -113,7 +113,7 @@ def build_references(entries: Sequence[AbstractReference], folder: pathlib.Path)
     for entry in entries:
         name = entry.title
         if name in signals:
-            raise InputError(f"two references are called '{name}'; give each its own name")
+            raise StudyError(f"two references are called '{name}'; give each its own name")
         signal = _signal(entry, folder)
         signals[name] = Later(signal, jnp.asarray(entry.begin)) if entry.begin > 0 else signal
     return signals

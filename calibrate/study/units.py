@@ -14,6 +14,7 @@ from vgtjax.traces import STANDARD_ATMOSPHERE, TRAVEL
 from .channels import sources_of
 from .disturbances import Disturbance
 from .models import build_model, deviations_of, parameters_of, start_model, start_values
+from .places import StudyError, of_study
 from .read import EXAMPLE, TraceSource, expand_traces, fingerprint, hash_file, load_study
 from .start_file import FoundDuty, load_duties, load_values
 from .tables import Sensor, Study
@@ -121,7 +122,7 @@ def prepare(
     for unit in units:
         if to_fit and not unit.used("fit"):
             where = "" if unit.name is None else f" of unit '{unit.name}'"
-            raise InputError(f"a fit needs at least one trace{where} with use = 'fit'; mark one")
+            raise StudyError(f"a fit needs at least one trace{where} with use = 'fit'; mark one")
     units = units if as_recorded else _disturbed(units, study.disturbances())
     return Job(study, path.read_text(encoding="utf-8-sig"), fingerprint(study, sources, given), units)
 
@@ -148,9 +149,10 @@ def load_source(
         ignore=() if isinstance(model, vgtjax.MechanicalActuator) else ("f_drive",),
         name=source.name,
     )
-    if source.window is not None:
-        trace = trace.window(*source.window)
-    trace = _without_gains(trace, source.gain)
+    with of_study():
+        if source.window is not None:
+            trace = trace.window(*source.window)
+        trace = _without_gains(trace, source.gain)
     if trace.pwm is not None and source.duty_hold == "linear":
         trace = trace.with_ramped_duty()
     if trace.pwm is not None and source.duty_delay:

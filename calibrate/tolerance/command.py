@@ -11,6 +11,7 @@ from ..output.console import say
 from ..output.files import REPORT, SUMMARY, read_json, write_json, write_text
 from ..population import ChunkStore, Plan, carry_out, prepare_population
 from ..processes import agree, leads, together
+from ..study.places import of_study
 from .report import render
 from .samples import CURVES, write_samples
 from .summary import check_limits, summarise
@@ -44,7 +45,8 @@ def _plan(study: pathlib.Path | None, parameters: pathlib.Path | None) -> Plan:
     sample = make_sample(population.dimensions, table.samples, table.sampler, table.seed)
     lanes, dtype = min(table.lanes, table.samples), np.float64 if table.precision == "double" else np.float32
     evaluator = Evaluator(population.model, population.factors, job.experiments, lanes=lanes, dtype=dtype)
-    check_limits(evaluator.outputs, table.limits)
+    with of_study():
+        check_limits(evaluator.outputs, table.limits)
     return Plan(job, evaluator, sample, evaluator.outputs, CURVES, lanes)
 
 

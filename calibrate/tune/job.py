@@ -10,7 +10,6 @@ from typing import Any
 import jax
 
 import vgtjax
-from vgtjax import InputError
 from vgtjax.control import AbstractController, AbstractSignal, TurbinePulsation
 from vgtjax.parameters import Bounds, check_bounds
 from vgtjax.parts import feels_gas
@@ -30,7 +29,7 @@ from ..population import read_actuators
 from ..study.control import ControlTable
 from ..study.loop_disturbances import build_delays, build_disturbances, build_sensors
 from ..study.models import start_values
-from ..study.places import OF_A_CONTROLLER, stated
+from ..study.places import OF_A_CONTROLLER, StudyError, of_study, stated
 from ..study.read import expand_traces, fingerprint, load_study
 from ..study.references import TraceReference, build_references
 from ..study.tables import Study
@@ -63,15 +62,15 @@ def prepare_tuning(path: pathlib.Path | None, parameters: pathlib.Path | None) -
     path = EXAMPLE if path is None else path
     study = load_study(path)
     if study.model != "full":
-        raise InputError(f"controllers are tuned on model = 'full', but it is '{study.model}'; change it")
+        raise StudyError(f"controllers are tuned on model = 'full', but it is '{study.model}'; change it")
     table, folder = study.control, path.parent
     actuators = read_actuators(path, study, parameters)
     believed = believed_model(study, actuators)
-    with stated(OF_A_CONTROLLER):
+    with of_study(), stated(OF_A_CONTROLLER):
         controller, bounds = start_controller(table, believed)
     tuned_on, tried_on, notes = choose_plants(study, actuators)
     cases = cases_of(study, tuned_on, build_references(table.reference, folder), table.turbine_pressure, table.seed)
-    with stated(OF_A_CONTROLLER):
+    with of_study(), stated(OF_A_CONTROLLER):
         smooth = _plan(table, soften(controller), soften_cases(cases), bounds)
     references = build_references(table.unseen.reference, folder)
     pressures = table.unseen.turbine_pressure or _between(table.turbine_pressure)

@@ -10,6 +10,7 @@ from vgtjax.plants import is_physical
 from vgtjax.population import SobolSample
 
 from ..population import Actuators
+from ..study.places import StudyError
 from ..study.tables import Study
 
 Plants = dict[str, vgtjax.AbstractModel]
@@ -77,7 +78,7 @@ def believed_model(study: Study, actuators: Actuators) -> Any:
     """
     belief = belief_of(study, actuators)
     if belief == "plant" and not is_alone(study, actuators):
-        raise InputError(
+        raise StudyError(
             "a controller that is tuned for several plants must have one belief, but control.belief is 'plant'; use "
             "'population' or 'printed'"
         )
@@ -96,7 +97,7 @@ def _draw(study: Study, actuators: Actuators, count: int) -> tuple[list[str], Pl
 
 
 def _none_physical(count: int) -> InputError:
-    return InputError(
+    return StudyError(
         f"gains need a plant that is physical, but in none of the {count} drawn does the diaphragm leave "
         "the chamber a volume; narrow the spreads under [population]"
     )

@@ -3,11 +3,19 @@
 from ._certificate import (
     UNEQUAL as UNEQUAL,
     WRONG as WRONG,
+    WRONG_ALONE as WRONG_ALONE,
     Certificate as Certificate,
     certifying as certifying,
+    largest as largest,
 )
-from ._information import Information as Information, examine as examine, examining as examining
-from ._next_run import Gain as Gain, next_runs as next_runs, ranking as ranking
+from ._information import (
+    NOTHING as NOTHING,
+    Information as Information,
+    examine as examine,
+    examining as examining,
+    informing as informing,
+)
+from ._next_run import Gain as Gain, next_runs as next_runs, ranking as ranking, remedies as remedies
 from ._posterior import (
     CHAINS as CHAINS,
     WARM_UP as WARM_UP,

@@ -11,7 +11,9 @@ from jaxtyping import Float
 
 from ..estimation import Calibrator, LeastSquares, Steps, Task, least_squares, run_alone
 from ..identification import starting_fit
+from ._granted import by_gains, gains, tolerances
 
+NOTHING = "these traces determine none of the free parameters"
 LARGE_ERROR = 0.3
 """Relative standard error from which a direction is nearly null: such a value says hardly more than its order."""
 CARRIES = 0.3
@@ -35,26 +37,32 @@ class Information:
 
     `columns` are derivatives of the signals in units of the sensors' noise, in few rows, without what offsets of
     sensors explain; with respect to the logarithms of positive entries, and to the others in units of their size. So
-    errors are relative.
+    errors are relative. What is known of entries beforehand is a row for each. `moving` has in the same rows how the
+    signals change where what is taken for granted, as the gain of a sensor or what is held with a tolerance, is off by
+    its standard uncertainty.
     """
 
     entries: Sequence[str]
     values: Float[np.ndarray, " entries"]
     columns: Columns
+    moving: Float[np.ndarray, "rows granted"] | None = None
 
     @staticmethod
-    def of(calibrator: Calibrator) -> "Information":
-        """At the values where a calibration stands, with white noise of the size that the signals show."""
-        search, entries = calibrator.minimiser, calibrator.task.selection.entries
-        coordinates = np.asarray(search.progress.coordinates)
-        values = np.asarray(calibrator.transform.to_physical(coordinates))[: len(entries)]
-        columns = search.problem.columns_of(search.slopes.columns, search.slopes.at)[:, : len(entries)]
-        triangle = np.asarray(np.linalg.qr(np.where(np.all(np.isfinite(columns), axis=0), columns, 0.0), mode="r"))
-        return Information(entries, values, triangle)
+    def by(entries: Sequence[str], values: Float[np.ndarray, " entries"], rows: np.ndarray) -> "Information":
+        """By rows that have `moving` behind the columns; one that is no number tells nothing."""
+        usable = np.where(np.all(np.isfinite(rows), axis=0), rows, 0.0)
+        triangle = np.asarray(np.linalg.qr(usable, mode="r"))
+        return Information(entries, values, triangle[:, : len(entries)], triangle[:, len(entries) :])
 
-    def with_more(self, columns: Columns) -> "Information":
-        """What these rows tell besides."""
-        return dataclasses.replace(self, columns=np.asarray(np.linalg.qr(np.vstack([self.columns, columns]), mode="r")))
+    @property
+    def rows(self) -> np.ndarray:
+        """Columns, and behind them what is `moving`."""
+        moving = np.zeros((len(self.columns), 0)) if self.moving is None else self.moving
+        return np.column_stack([self.columns, moving])
+
+    def with_more(self, rows: np.ndarray) -> "Information":
+        """What these rows, of derivatives and what is `moving`, tell besides."""
+        return Information.by(self.entries, self.values, np.vstack([self.rows, rows]))
 
     @functools.cached_property
     def solved(self) -> LeastSquares:
@@ -63,8 +71,12 @@ class Information:
 
     @property
     def errors(self) -> dict[str, float]:
-        """Expected relative standard error of every entry; infinite for what is not determined."""
-        return dict(zip(self.entries, np.nan_to_num(self.solved.std_errors, nan=np.inf).tolist(), strict=True))
+        """Expected relative standard error of every entry, by noise and by what is taken for granted; infinite for what
+        is not determined."""
+        moving = self.rows[:, len(self.entries) :].T
+        moved = [least_squares(self.columns, each).values for each in moving]
+        errors = np.sqrt(np.sum(np.square([self.solved.std_errors, *moved]), axis=0))
+        return dict(zip(self.entries, np.nan_to_num(errors, nan=np.inf).tolist(), strict=True))
 
     def summary(self) -> dict[str, Any]:
         """Groups and expected relative errors by name, `None` for what is not determined."""
@@ -154,6 +166,26 @@ def _lighter(row: Float[np.ndarray, " entries"], other: Float[np.ndarray, " entr
     return min(ways, key=lambda each: np.count_nonzero(np.abs(each) > PART_OF_NULL))
 
 
+def informing(calibrator: Calibrator) -> Steps[Information]:
+    """What is known where a calibration stands, as a computation; noise is white, of the size that the signals show."""
+    search, task = calibrator.minimiser, calibrator.task
+    problem, entries = search.problem, task.selection.entries
+    count, at = len(entries), search.slopes.at
+    values = np.asarray(calibrator.transform.to_physical(np.asarray(search.progress.coordinates)))[:count]
+    parts = [problem.columns_of(search.slopes.columns, at)[:, :count]]
+    if gains(task):
+        parts.append(problem.whitened([by_gains(task, lanes) for lanes in search.slopes.evaluated.observed]))
+    if task.tolerances:
+        held = yield from search.slopes.held(problem, list(task.tolerances))
+        parts.append(problem.whitened(held)[:, : len(task.tolerances)] * tolerances(task))
+    rows = np.column_stack(parts)
+    if problem.prior is not None:
+        before = np.zeros((count, rows.shape[1]))
+        before[:, :count] = np.diag(problem.prior.precision[:count])
+        rows = np.vstack([rows, before])
+    return Information.by(entries, values, rows)
+
+
 def examine(task: Task) -> Information:
     """What the traces of a task can tell.
 
@@ -165,12 +197,12 @@ def examine(task: Task) -> Information:
 def examining(task: Task) -> Steps[Information]:
     """`examine` as a computation: at the start, or where a few steps lead that meet the traces."""
     calibrator = yield from starting_fit(task)
-    search, start = calibrator.minimiser, Information.of(calibrator)
+    search, start = calibrator.minimiser, (yield from informing(calibrator))
     while 2 * search.progress.cost > MEETS:
         if search.progress.finished or search.progress.iteration >= MOST_STEPS:
             return start
         yield from search.steps()
-    moved = Information.of(calibrator)
+    moved = yield from informing(calibrator)
     return start if _astray(start, moved) else moved
 
 

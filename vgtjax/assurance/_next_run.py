@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -9,12 +10,16 @@ from jaxtyping import Float
 from .._errors import SimulationError
 from ..estimation import CHANNELS, Evaluation, Steps, Task, ask, bundle_traces, run_alone
 from ..experiments import STANDARD_RUNS, StandardRun
-from ..parameters import build_transform, parameter_table
+from ..parameters import build_transform, parameter_table, select
 from ..traces import ASSUMED_RESERVOIR, noise_level
+from ._granted import by_gains, tolerances
 from ._information import Information
 
 LARGEST = 10.0
 """Relative error to which what is not determined is counted: a factor of 20,000 either way is no knowledge."""
+HELPS, TOLD = 0.5, 0.5
+"""Part of an error that a run must leave at most to be named for it, and the relative error that it must reach: what is
+known to a factor of two at 95 % is determined, if badly."""
 MOST_NAMED = 3
 """Entries that a row of the table names."""
 
@@ -28,6 +33,15 @@ class Gain:
     factor: float
     lowers: dict[str, tuple[float, float]]
     after: dict[str, float]
+
+    def summary(self) -> dict[str, Any]:
+        """For JSON; `seconds` in s, `rate` in Hz, `turbine_pressure` in Pa gauge."""
+        lowers = {
+            name: {"from": before, "to": after, "factor": before / after}
+            for name, (before, after) in self.lowers.items()
+        }
+        run = {name: getattr(self.run, name) for name in ("seconds", "rate", "turbine_pressure")}
+        return {"run": self.run.kind, **run, "gain": self.factor, "lowers": lowers}
 
 
 def next_runs(task: Task, known: Information, runs: Sequence[StandardRun] | None = None) -> list[Gain]:
@@ -58,10 +72,8 @@ def _reservoir(task: Task) -> float:
     return float(np.mean(recorded)) if recorded else ASSUMED_RESERVOIR
 
 
-def _columns(
-    task: Task, known: Information, runs: Sequence[StandardRun]
-) -> Steps[list[Float[np.ndarray, "rows entries"]]]:
-    """What each run would tell, in units of the noise of the sensors that recorded the others.
+def _columns(task: Task, known: Information, runs: Sequence[StandardRun]) -> Steps[list[np.ndarray]]:
+    """What each run would tell, as rows of [`Information`][], with the noise of the sensors that recorded the others.
 
     Runs that differ in their rate or length only are simulated once, the finest and longest.
     """
@@ -77,15 +89,16 @@ def _columns(
     evaluated = yield from ask(Evaluation(model, bundles, None, task.selection))
     if evaluated.failed:
         raise SimulationError("a standard run can't be simulated with these values; check that they are physical")
-    found: dict[int, np.ndarray] = {}
-    for bundle, lanes in zip(bundles, evaluated.columns, strict=True):
-        found |= dict(zip(bundle.indices, bundle.from_lanes(lanes), strict=True))
     slope, noise, order = _slope(task, known), _noise(task), list(whole)
+    parts = [[each * slope for each in evaluated.columns], [by_gains(task, each) for each in evaluated.observed]]
+    if task.tolerances:
+        held = yield from ask(Evaluation(model, bundles, None, select(model, list(task.tolerances))))
+        parts.append([each * tolerances(task) for each in held.columns])
+    found: dict[int, np.ndarray] = {}
+    for bundle, *lanes in zip(bundles, *parts, strict=True):
+        found |= dict(zip(bundle.indices, bundle.from_lanes(np.concatenate(lanes, axis=-1)), strict=True))
     places = [order.index((run.kind, run.turbine_pressure)) for run in runs]
-    return [
-        _recorded(run, whole[order[place]], found[place] * slope, noise)
-        for run, place in zip(runs, places, strict=True)
-    ]
+    return [_recorded(run, whole[order[place]], found[place], noise) for run, place in zip(runs, places, strict=True)]
 
 
 def _finest(runs: Sequence[StandardRun]) -> StandardRun:
@@ -93,10 +106,10 @@ def _finest(runs: Sequence[StandardRun]) -> StandardRun:
 
 
 def _recorded(
-    run: StandardRun, whole: StandardRun, columns: Float[np.ndarray, "time channel entries"], noise: dict[str, float]
-) -> Float[np.ndarray, "rows entries"]:
+    run: StandardRun, whole: StandardRun, shown: Float[np.ndarray, "time channel columns"], noise: dict[str, float]
+) -> Float[np.ndarray, "rows columns"]:
     """The samples of a run among those of the whole one, weighed, less what an offset of each sensor explains."""
-    kept = columns[: round(run.seconds * whole.rate) : round(whole.rate / run.rate)]
+    kept = shown[: round(run.seconds * whole.rate) : round(whole.rate / run.rate)]
     rows = [kept[:, CHANNELS.index(name)] / size for name, size in noise.items()]
     return np.concatenate([each - each.mean(axis=0) for each in rows])
 
@@ -124,3 +137,14 @@ def _gain(run: StandardRun, before: Information, after: Information) -> Gain:
     factor = float(np.exp(np.mean(np.log(list(ratios.values()))))) if ratios else 1.0
     most = sorted(ratios, key=lambda name: -ratios[name])[:MOST_NAMED]
     return Gain(run, factor, {name: (old[name], new[name]) for name in most}, new)
+
+
+def remedies(known: Information, gains: Sequence[Gain]) -> list[str]:
+    """For each entry that hardly shows or not at all, the shortest sentence on the run that would help it most; nothing
+    of one that no run would determine."""
+    said: dict[str, list[str]] = {}
+    for name in [*known.unseen, *dict.fromkeys(name for group, _ in known.nearly_null for name in group)]:
+        best = min(gains, key=lambda gain: gain.after[name], default=None)
+        if best is not None and best.after[name] < min(HELPS * known.errors[name], TOLD):
+            said.setdefault(best.run.label, []).append(f"{name} to {100 * best.after[name]:.2g} %")
+    return [f"a run of {label} would determine {', '.join(names)}" for label, names in said.items()]

@@ -42,7 +42,7 @@ def test_what_cant_be_told_apart_is_said_before_a_fit_as_well(small):
     assert ["diaphragm.damping", "friction.viscous_damping"] in said["null"]
     assert said["expected_relative_error"]["diaphragm.damping"] is None
     fit = run_command("fit", small, "--out", small.parent / "fit")
-    assert "warning: diaphragm.damping, friction.viscous_damping can't be told apart" in fit.out
+    assert "check: diaphragm.damping, friction.viscous_damping can't be told apart" in fit.out
     parameters = read(small.parent / "fit" / "parameters.json")["parameters"]
     assert not parameters["diaphragm.damping"]["identifiable"]
     assert not parameters["friction.viscous_damping"]["identifiable"]
@@ -58,6 +58,11 @@ def test_traces_that_tell_nothing_are_a_failure(small):
     assert outcome.err == "failed: this study: these traces determine none of the free parameters\n"
     errors = read(small.parent / "out" / "summary.json")["expected_relative_error"]
     assert set(errors.values()) == {None}
+    # A fit says the same before its first step, and ends.
+    fit = run_command("fit", small, "--out", small.parent / "fit")
+    assert fit.status == 1
+    assert "these traces determine none of the free parameters; diaphragm.damping, friction.viscous_damping" in fit.err
+    assert "these traces determine none" in read(small.parent / "fit" / "summary.json")["error"]
 
 
 def test_a_mistake_in_the_study_is_one_sentence(small):

@@ -74,7 +74,7 @@ def test_a_sensor_that_can_not_be_free_is_refused(small):
     outcome = run_command("fit", small, "--out", small.parent / "out")
     assert outcome.status == 2
     assert outcome.err == (
-        "error: the offset of a sensor that may be free is that of one of p_res, p_trb with this model, but it is "
-        "'f_drive'; drop it (see [fit.unknown] in the study)\n"
+        f"error: {small.name}: the offset of a sensor that may be free is that of one of p_res, p_trb with this model, "
+        "but it is 'f_drive'; drop it (see [fit.unknown] in the study)\n"
     )
     assert not (small.parent / "out").exists()

@@ -78,7 +78,7 @@ def test_without_the_package_nothing_is_begun(small, monkeypatch):
     outcome = run_command("fit", small, "--out", small.parent / "out")
     assert outcome.status == 2
     assert outcome.err == (
-        "error: draws from a posterior need the package blackjax, which is not installed; run pip install "
-        "'vgtjax[posterior]' (see [fit] in the study)\n"
+        f"error: {small.name}: draws from a posterior need the package blackjax, which is not installed; run "
+        "pip install 'vgtjax[posterior]' (see [fit] in the study)\n"
     )
     assert not (small.parent / "out").exists()

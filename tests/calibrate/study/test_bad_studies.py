@@ -291,20 +291,20 @@ def test_the_study_says_something_that_is_no_study(folder, fit, study, sentence)
 @pytest.mark.parametrize(("study", "sentence"), [*MODELS, *NAMES, *START_VALUES, *TRACES])
 def test_the_study_asks_for_what_does_not_exist(folder, fit, study, sentence):
     (folder / "study.toml").write_text(study)
-    assert_refused(fit(), sentence, folder / "out")
+    assert_refused(fit(), f"study.toml: {sentence}", folder / "out")
 
 
 @pytest.mark.parametrize(("file", "nearest"), [("bnech.csv", "bench.csv"), ("other_*.csv", "bench.csv")])
 def test_a_trace_file_that_is_not_there(folder, fit, file, nearest):
     (folder / "study.toml").write_text(f'[[trace]]\nfile = "{file}"\n')
-    sentence = f"trace file '{file}' matches nothing in {folder}; did you mean '{nearest}'?"
+    sentence = f"study.toml: trace file '{file}' matches nothing in {folder}; did you mean '{nearest}'?"
     assert_refused(fit(), sentence, folder / "out")
 
 
 def test_a_glob_that_makes_a_name_twice(folder, fit):
     (folder / "other.csv").write_text(text())
     (folder / "study.toml").write_text('[[trace]]\nfile = "*.csv"\nname = "same"\n')
-    sentence = "the trace name 'same' occurs twice (bench.csv and other.csv); give one of them another name"
+    sentence = "study.toml: the trace name 'same' occurs twice (bench.csv and other.csv); give one of them another name"
     assert_refused(fit(), sentence, folder / "out")
 
 

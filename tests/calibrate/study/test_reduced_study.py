@@ -126,31 +126,29 @@ def test_a_map_is_stated_where_there_is_one():
 BAD = {
     "a map in the full model": (
         f'{TRACE}[components]\nflow_map = "printed"\n',
-        "study.toml: the key 'components.flow_map' belongs to model = 'plunger-map' or 'static-map', but it is 'full'; "
+        "the key 'components.flow_map' belongs to model = 'plunger-map' or 'static-map', but it is 'full'; "
         "remove the key",
     ),
     "a map that there is not": (
         f'model = "static-map"\n{TRACE}[components]\nflow_map = "polynomal"\n',
-        "study.toml: components.flow_map must be one of steady-plunger, polynomial, printed, but it is 'polynomal'; "
+        "components.flow_map must be one of steady-plunger, polynomial, printed, but it is 'polynomal'; "
         "did you mean 'polynomial'?",
     ),
     "a map over duty for a plunger": (
         f'model = "plunger-map"\n{TRACE}[components]\nflow_map = "printed"\n',
-        "study.toml: with model = 'plunger-map', components.flow_map can only be 'table', but it is 'printed'; remove "
-        "it",
+        "with model = 'plunger-map', components.flow_map can only be 'table', but it is 'printed'; remove it",
     ),
     "a line": (
         f'model = "static-map"\n{TRACE}[components]\nline = "delay"\n',
-        "study.toml: with model = 'static-map', components.line can only be 'none', but it is 'delay'; remove it",
+        "with model = 'static-map', components.line can only be 'none', but it is 'delay'; remove it",
     ),
     "a line on a rod alone": (
         f'model = "mechanical"\n{TRACE}[components]\nline = "wave"\n',
-        "study.toml: with model = 'mechanical', components.line can only be 'none', but it is 'wave'; remove it",
+        "with model = 'mechanical', components.line can only be 'none', but it is 'wave'; remove it",
     ),
     "heat": (
         f'model = "plunger-map"\n{TRACE}[components]\nchamber = "adiabatic"\n',
-        "study.toml: with model = 'plunger-map', components.chamber can only be 'isothermal', but it is 'adiabatic'; "
-        "remove it",
+        "with model = 'plunger-map', components.chamber can only be 'isothermal', but it is 'adiabatic'; remove it",
     ),
     "bounds of what the map replaced": (
         f'model = "static-map"\n{TRACE}[parameters]\n"converter.plunger_damping" = {{lower = 10}}\n',
@@ -174,4 +172,4 @@ BAD = {
 def test_what_a_reduced_model_does_not_have_is_refused(case, short):
     text, sentence = BAD[case]
     outcome = run_command("simulate", write(short, text), "--out", short / "out")
-    assert_refused(outcome, sentence, short / "out")
+    assert_refused(outcome, f"study.toml: {sentence}", short / "out")

@@ -267,8 +267,9 @@ def test_a_nominal_actuator_that_is_not_physical_is_refused(tmp_path, command):
     study = tmp_path / "study.toml"
     study.write_text('[parameters]\n"diaphragm.travel" = {value = 25e-3}\n' + CONTROL)
     sentence = (
-        "'chamber.volume' must be larger than what the diaphragm sweeps, diaphragm.area times diaphragm.travel "
-        "(7.306e-05 m3), but it is 6e-05 m3; enlarge it, or correct area or travel (see [parameters] in the study)"
+        "study.toml: 'chamber.volume' must be larger than what the diaphragm sweeps, diaphragm.area times "
+        "diaphragm.travel (7.306e-05 m3), but it is 6e-05 m3; enlarge it, or correct area or "
+        "travel (see [parameters] in the study)"
     )
     assert_refused(run_command(command, study, "--out", tmp_path / "out"), sentence, tmp_path / "out")
 

@@ -177,9 +177,9 @@ def test_a_report_carries_everything(done):
     [
         (
             "plants = 0",
-            "study.toml: control.plants: Input should be greater than or equal to 1, but it is 0; correct it",
+            "control.plants: Input should be greater than or equal to 1, but it is 0; correct it",
         ),
-        ('fre = ["*"]', "study.toml: unknown key 'control.fre'; did you mean 'free'?"),
+        ('fre = ["*"]', "unknown key 'control.fre'; did you mean 'free'?"),
         (
             'free = ["propotional_gain"]',
             "parameter name or pattern 'propotional_gain' matches nothing; did you mean 'proportional_gain'? (see "
@@ -196,13 +196,13 @@ def test_a_report_carries_everything(done):
         ),
         (
             "derivative_memory = [0.0]",
-            "study.toml: control.derivative_memory: Input should be greater than 0, but it is 0.0; correct it",
+            "control.derivative_memory: Input should be greater than 0, but it is 0.0; correct it",
         ),
     ],
 )
 def test_bad_studies_get_one_sentence(more, sentence, tmp_path):
     out = tmp_path / "out"
-    assert_refused(run_command("tune", write(tmp_path, more), "--out", out), sentence, out)
+    assert_refused(run_command("tune", write(tmp_path, more), "--out", out), f"study.toml: {sentence}", out)
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ import pytest
 from known_truth import FREE, NOISE, TRUTH, bench, sharp_bench
 
 import vgtjax
-from vgtjax.assurance import Information, examine, next_runs
+from vgtjax.assurance import Gain, Information, examine, next_runs, remedies
 from vgtjax.estimation import calibrate, plan_task
 from vgtjax.experiments import STANDARD_RUNS, StandardRun
 from vgtjax.identification import plan_fit
@@ -78,6 +78,48 @@ def test_expected_errors_are_those_that_the_fit_claims(task):
     claimed = fitted.std_errors / np.abs(fitted.values)
     # A tenth: the fit estimates the noise by what remains.
     assert list(known.errors.values()) == pytest.approx(claimed.tolist(), rel=0.1)
+
+
+@pytest.mark.parametrize(
+    "granted",
+    [
+        {"gains": {"x_d": 0.01, "p_act": 0.005}},
+        {"deviations": {"diaphragm.area": 5e-5}},
+        {
+            "deviations": {"diaphragm.damping": 2.0},
+            "values": {"diaphragm.damping": 20.0, "friction.viscous_damping": 186.0},
+            "free": [*FREE, "diaphragm.damping", "friction.viscous_damping"],
+        },
+    ],
+    ids=["gains of sensors", "a tolerance of what is held", "a value known beforehand"],
+)
+def test_what_is_taken_for_granted_is_part_of_expected_errors(granted):
+    planned = plan_task(vgtjax.Actuator(), [bench(0)], **{"free": FREE, **granted})
+    known, fitted = examine(planned), calibrate(planned)
+    claimed = fitted.std_errors / np.abs(fitted.values)
+    noise = dict(zip(known.entries, known.solved.std_errors, strict=True))
+    # A tenth as above: the fit estimates the noise by what remains, and its values are others.
+    assert list(known.errors.values()) == pytest.approx(claimed.tolist(), rel=0.1)
+    if "free" in granted:
+        # Only the sum of both shows, to 0.2 N s/m or so, and one of them is known to 2.
+        assert known.null == []
+        for name, value in granted["values"].items():
+            assert known.errors[name] * value == pytest.approx(2.0, rel=0.05)
+        return
+    assert any(known.errors[name] > 10 * noise[name] for name in noise)
+    # Another run makes none of this better, and noise was small beside it: moved values trade among each other.
+    (gain,) = next_runs(planned, known, STANDARD_RUNS[:1])
+    assert sum(gain.after.values()) > 0.5 * sum(known.errors.values())
+
+
+def test_a_run_is_named_only_for_what_it_would_determine():
+    """What no standard run feels either, and what one would tell, but badly."""
+    known = Information(("a", "b"), np.ones(2), np.array([[1.0, 0.0]]))
+    run = STANDARD_RUNS[0]
+    assert remedies(known, [Gain(run, 1.0, {}, {"a": 0.9, "b": 10.0})]) == []
+    assert remedies(known, [Gain(run, 1.0, {}, {"a": 0.9, "b": 0.04})]) == [
+        f"a run of {run.label} would determine b to 4 %"
+    ]
 
 
 def test_area_damping_and_plunger_scale_are_named():

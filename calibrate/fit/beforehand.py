@@ -1,0 +1,46 @@
+"""What the traces can tell where a fit begins: the same as the command `check` says, before anything is fitted."""
+
+from typing import Any
+
+from vgtjax import SimulationError
+from vgtjax.assurance import NOTHING, Gain, Information, informing, ranking, remedies
+from vgtjax.estimation import Calibrator, Steps, Task
+
+from ..output.console import console
+
+
+def knowing(calibrator: Calibrator) -> Steps[dict[str, Any]]:
+    """What is known before a fit, for JSON, as a computation; which run to record next only where one is needed.
+
+    **Raises:** `SimulationError` when the traces determine nothing.
+    """
+    known = yield from informing(calibrator)
+    gains = yield from _ranked(calibrator.task, known)
+    sentences = [*known.sentences, *remedies(known, gains)]
+    if not known.tells:
+        raise SimulationError("; ".join([NOTHING, *sentences]))
+    undetermined = calibrator.undetermined()
+    return {
+        "undetermined": undetermined,
+        **known.summary(),
+        "next": [gain.summary() for gain in gains],
+        "sentences": sentences,
+    }
+
+
+def _ranked(task: Task, known: Information) -> Steps[list[Gain]]:
+    if not known.sentences:
+        return []
+    try:
+        return (yield from ranking(task, known))
+    except SimulationError:  # at start values, which are not the fit's
+        return []
+
+
+def say(known: dict[str, Any], who: str) -> None:
+    """Warns of what the traces can't tell."""
+    undetermined = known.get("undetermined", ())
+    if undetermined:
+        console.print(f"warning: {who}these traces do not determine {', '.join(undetermined)}; hold or excite them")
+    for sentence in known.get("sentences", ()):
+        console.print(f"check: {who}{sentence}")
