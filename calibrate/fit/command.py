@@ -119,7 +119,8 @@ def _write(job: Job, unit: Unit, folder: pathlib.Path, outcome: Fitted | Simulat
         write_json(folder / SUMMARY, {**failure, **job.account(0.0)})
         return
     calibration, around = outcome.calibration, outcome.around
-    table = calibrated(calibration, {} if around is None else around.intervals(calibration))
+    usable = calibration.converged and outcome.certificate.passed
+    table = calibrated(calibration, {} if around is None else around.intervals(calibration), usable=usable)
     note = passivity_note(calibration.model)
     if note is not None:
         console.print(f"warning: {'' if unit.name is None else f'{unit.name}: '}{note}")
@@ -162,7 +163,10 @@ def _summary(fitted: Fitted, job: Job, unit: Unit, table: Sequence[Entry]) -> di
             "settled": progress.settled,
             "moved": dict(zip(calibration.task.selection.entries, finite(calibration.shifts), strict=True)),
         },
-        "starts": [{"cost": cost, "steps": steps, "status": status} for cost, steps, status in progress.waterfall],
+        "starts": [
+            {"start": number, "cost": cost, "steps": steps, "status": status}
+            for number, (cost, steps, status) in enumerate(progress.waterfall)
+        ],
         "duty_hold": {result.trace.name: calibration.duty_hold(result.trace) for result in calibration.traces},
         "duty_hold_decided": progress.hold_decided,
         "duty_delay": calibration.duty_delay,

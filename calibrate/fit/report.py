@@ -79,7 +79,8 @@ def starts_sentence(calibration: Calibration) -> str:
     same = sum(2 * count * (cost - min(costs)) < 1 for cost in costs)
     statuses = collections.Counter(status.partition(":")[0] for _, _, status in waterfall)
     ends = ", ".join(f"{number} {status}" for status, number in statuses.items())
-    return f"{same} of {len(waterfall)} starts end at the same optimum ({ends})"
+    failed = [f"; start {number} {said}" for number, (_, _, said) in enumerate(waterfall) if said.startswith("failed")]
+    return f"{same} of {len(waterfall)} starts end at the same optimum ({ends}){''.join(failed)}"
 
 
 def waterfall_figure(waterfall: Sequence[tuple[float | None, int, str]]) -> go.Figure:

@@ -1,5 +1,6 @@
 """What all tables of a study share, and the numbers that stand in them."""
 
+import datetime
 from typing import Annotated
 
 import pydantic
@@ -11,6 +12,10 @@ class Table(pydantic.BaseModel):
     model_config = pydantic.ConfigDict(extra="forbid", frozen=True, strict=True)
 
 
+Text = Annotated[
+    str, pydantic.BeforeValidator(lambda given: given.isoformat() if isinstance(given, datetime.date) else given)
+]
+"""Text, or a date of TOML, which has no quotes."""
 Finite = Annotated[float, pydantic.Field(allow_inf_nan=False)]
 Positive = Annotated[float, pydantic.Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, pydantic.Field(ge=0, allow_inf_nan=False)]

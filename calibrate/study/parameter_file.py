@@ -72,13 +72,16 @@ def tabulate(
     return found
 
 
-def calibrated(calibration: Calibration, profiled: Mapping[str, Interval | None] | None = None) -> list[Entry]:
+def calibrated(
+    calibration: Calibration, profiled: Mapping[str, Interval | None] | None = None, *, usable: bool = True
+) -> list[Entry]:
     """Every entry of the fitted model, free and held.
 
-    **Arguments:** `profiled`: intervals by profiles, in place of the linear ones; `None` where one says nothing.
+    **Arguments:** `profiled`: intervals by profiles, in place of the linear ones; `None` where one says nothing;
+    `usable`: whether the fit stands behind its values at all.
     """
     entries = calibration.task.selection.entries
-    known = calibration.determined.tolist()
+    known = (calibration.determined & usable).tolist()
     errors, ends = calibration.std_errors.tolist(), calibration.at_bound.tolist()
     intervals = [tuple(found) if np.all(np.isfinite(found)) else None for found in calibration.intervals.tolist()]
     columns = zip(entries, errors, ends, known, intervals, strict=True)

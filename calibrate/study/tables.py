@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal
 
 import pydantic
 
-from .base import Count, Finite, Gauge, Positive, Seed, Share, StartValue, Table
+from .base import Count, Finite, Gauge, Positive, Seed, Share, StartValue, Table, Text
 from .channels import Channels
 from .components import Components, FullComponents, MechanicalComponents, PlungerMapComponents, StaticMapComponents
 from .control import ControlTable
@@ -202,7 +202,7 @@ class ReportSensor(Table):
 
     channel: Sensor
     serial: str | None = None
-    calibrated: str | None = None
+    calibrated: Text | None = None
     """Date."""
     uncertainty: Positive | None = None
     """Standard uncertainty (k = 1) of its offset, in m, Pa or N; counts where `[fit.unknown] offset` names the sensor,
@@ -217,7 +217,7 @@ class ReportTable(Table):
 
     title: str | None = None
     id: str | None = None
-    date: str | None = None
+    date: Text | None = None
     customer: str | None = None
     item: str | None = None
     serial: str | None = None

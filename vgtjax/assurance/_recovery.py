@@ -25,6 +25,10 @@ from ..parameters import build_transform, parameter_table
 from ..parts import with_sharp_seat
 from ..traces import Trace
 
+CANNOT_SHOW = (
+    "this cannot show a wrong structure (another law of friction or vane force), a gain of a sensor that is off, or a "
+    "held value that is wrong, as the campaigns have the same"
+)
 BURN_IN = 2000
 """Samples after which a coloured noise has forgotten how it began."""
 SIGNIFICANT = 0.01
@@ -90,7 +94,7 @@ def _check_fitted(task: Task, sensors: Sensors) -> None:
                 raise InputError(
                     f"{trace.name}: a recovery needs a model that was fitted to its traces, but this one leaves "
                     f"{part:.0%} of the movement of {name} over, {times:.0f} times its noise; fit it first, and give "
-                    "what was found",
+                    "what was found, or compare structures where it was",
                     "traces",
                 )
 
@@ -211,7 +215,7 @@ class Recovery:
             said.append(f"{self.entries[at]}: estimates are off by {part:+.2f} of their standard error in the mean")
         for at in np.flatnonzero(known < campaigns).tolist():
             said.append(f"{self.entries[at]}: determined in {known[at]:.0f} of {campaigns} campaigns")
-        return said
+        return [*said, CANNOT_SHOW]
 
     @property
     def _missed(self) -> Table:

@@ -205,7 +205,15 @@ def test_a_validation_that_cannot_be_simulated(small):
     assert said["traces"]["step_50"]["rmse"]["x_d"] > 0
 
 
-def test_a_fit_with_wrong_derivatives_fails_its_certificate(small, monkeypatch):
+@pytest.mark.parametrize(
+    ("factor", "kind", "said_of_it"),
+    [
+        (2.0, "wrong_columns", "off by 50 %"),
+        (0.0, "wrong_columns", "off by 100 %"),
+        (np.nan, "exploded_columns", "no number"),
+    ],
+)
+def test_a_fit_with_wrong_derivatives_fails_its_certificate(small, monkeypatch, factor, kind, said_of_it):
     """The last derivatives are spoilt after the search; the run ends with status 1 and says which."""
     from calibrate.fit import command
 
@@ -213,15 +221,16 @@ def test_a_fit_with_wrong_derivatives_fails_its_certificate(small, monkeypatch):
 
     def spoil(calibrator):
         columns = calibrator.minimiser.point.columns
-        columns[:, calibrator.task.selection.entries.index("diaphragm.preload")] *= 2
+        columns[:, calibrator.task.selection.entries.index("diaphragm.preload")] *= factor
         return usual(calibrator)
 
     monkeypatch.setattr(command, "certifying", spoil)
-    outcome, _, said = refit(small)
-    sentence = "the gradient certificate failed: the derivative by diaphragm.preload is off by 50 %"
+    outcome, parameters, said = refit(small)
+    sentence = f"the gradient certificate failed: the derivative by diaphragm.preload is {said_of_it}"
     assert (outcome.status, outcome.err) == (1, f"failed: the fit: {sentence}\n")
     assert not said["certificate"]["passed"]
-    assert list(said["certificate"]["wrong_columns"]) == ["diaphragm.preload"]
+    assert list(said["certificate"][kind]) == ["diaphragm.preload"]
+    assert not any(np.any(each["identifiable"]) for each in parameters.values())
     assert f"verdict: NOT to be used: {sentence}" in outcome.out
     page = (small.parent / "out" / "report.html").read_text()
     assert f"{sentence.capitalize()}. No value or error below may be used." in page

@@ -22,12 +22,14 @@ MORE = """
 title = "Calibration of unit A"
 id = "2026-17"
 customer = "Works <2>"
+item = "actuator"
+date = 2026-04-01
 serial = "A 4711"
 author = "N. N."
 [[report.sensor]]
 channel = "x_d"
 serial = "L-9"
-calibrated = "2026-03-01"
+calibrated = 2026-03-01
 uncertainty = 2e-6
 relative_uncertainty = 0.01
 """

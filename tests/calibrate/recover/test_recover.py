@@ -26,8 +26,9 @@ def test_bias_coverage_and_spread_of_every_parameter(recovered):
         # Of three estimates a deviation is hardly wrong by a factor of ten.
         assert 0.1 < said["spread"][name] / said["claimed"][name] < 10
     assert said["sentences"][0] in outcome.out
+    assert "this cannot show a wrong structure" in said["sentences"][-1]
     page = (out / "report.html").read_text()
-    assert "What this cannot show" in page
+    assert "this cannot show" in page
 
 
 def test_values_that_were_not_fitted_are_refused(fitted, tmp_path):

@@ -36,7 +36,8 @@ def test_honest_claims_are_called_honest(task):
     np.testing.assert_allclose(found.spread, nothing.scale * missed.std(axis=0, ddof=1), rtol=1e-9)
     np.testing.assert_allclose(found.bias, nothing.scale * missed.mean(axis=0), rtol=1e-9)
     np.testing.assert_allclose(found.claimed, 0.01 * nothing.scale)
-    assert len(found.sentences) == 1
+    assert len(found.sentences) == 2
+    assert found.sentences[-1].startswith("this cannot show a wrong structure")
 
 
 def test_errors_that_are_too_small_and_biases_are_named(task):
