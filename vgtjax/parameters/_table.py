@@ -11,6 +11,7 @@ a module with one `anonymous` parameter gives it its own name.
 import abc
 import dataclasses
 import difflib
+import functools
 import inspect
 import math
 from collections.abc import Iterable, Iterator
@@ -126,11 +127,17 @@ def _renew_moved(old: Any, new: Any) -> Any:
     return jax.tree.map(renew, old, new, is_leaf=derived)
 
 
-def as_float_array(value: Any) -> Array:
-    """A value as a floating array, in its own precision if it has one."""
+def as_float_array(value: Any, what: str = "a quantity") -> Array:
+    """A value as a floating array, in its own precision if it has one; `what` it is, for messages.
+
+    **Raises:** `InputError` for what is no number.
+    """
     if hasattr(value, "dtype") and jnp.issubdtype(value.dtype, jnp.inexact):
         return jnp.asarray(value)
-    return jnp.asarray(value, dtype=float)
+    try:
+        return jnp.asarray(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{what} must be a number, or an array of numbers, but it is {value!r}; give one") from error
 
 
 def parameter(
@@ -147,9 +154,10 @@ def parameter(
       has a `lower` end is not positive, and what `source` says is assumed is so; neither has to be said again.
     """
     implied: dict[str, Any] = {"positive": "lower" not in row, "assumed": "assumed" in source}
+    what = f"the parameter {symbol}" + (f" in {unit}" if isinstance(unit, str) else "")
     return eqx.field(
         default=default,
-        converter=as_float_array,
+        converter=functools.partial(as_float_array, what=what),
         metadata={"parameter": Parameter(symbol, unit, source, default=default, **implied | row)},
     )
 

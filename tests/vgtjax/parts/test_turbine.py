@@ -1,5 +1,7 @@
 """Vane force from flow through the nozzle: its table, which is never older than its nozzle, and derivatives."""
 
+import re
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -10,6 +12,7 @@ import vgtjax
 from vgtjax import Actuator, InputError, Turbine, jacobian, replace_parameters, simulate
 from vgtjax.exhaust import Engine, OperatingPoint, pulsation
 from vgtjax.parts import Crank, Vanes
+from vgtjax.parts.vane_force import _turbine
 from vgtjax.plants import Instrumented, rows_along
 from vgtjax.simulation import RESULTS
 
@@ -177,3 +180,33 @@ def test_an_engine_empties_its_manifold_through_it(turbine):
 def test_a_geometry_that_does_not_work_is_refused(turbine, values, message):
     with pytest.raises(InputError, match=message):
         replace_parameters(turbine, values)
+
+
+@pytest.mark.parametrize(
+    ("values", "sentence"),
+    [
+        ({"speed_ratio": np.nan}, "'vane_force.speed_ratio' must be finite and not negative, but it is nan"),
+        ({"ambient_pressure": -1.0}, "'vane_force.ambient_pressure' must be finite and not negative, but it is -1"),
+    ],
+)
+def test_what_is_no_number_is_refused_before_a_table_is_made(values, sentence, monkeypatch):
+    def solved(*_):
+        raise AssertionError("a table was made")
+
+    monkeypatch.setattr(_turbine, "make_table", solved)
+    with pytest.raises(InputError, match=f"^{re.escape(sentence)}; correct it$"):
+        Turbine(**values)
+
+
+@pytest.mark.parametrize(
+    ("point", "sentence"),
+    [
+        ((np.nan, 12.0), "total_pressure must be a positive pressure in Pa absolute, but it is nan; correct it"),
+        ((2e5, np.inf), "crank_angle must be a finite angle in deg, but it is inf; correct it"),
+        ((2e5, 80.0), "vanes at 119 deg must stand between 0 and 90 deg from the tangent; open them by another angle"),
+    ],
+)
+@pytest.mark.parametrize("ask", [Turbine.flow, Turbine.rod_force])
+def test_a_point_at_which_there_is_no_flow_is_refused(turbine, ask, point, sentence):
+    with pytest.raises(InputError, match=f"^{re.escape(sentence)}$"):
+        ask(turbine, *point)

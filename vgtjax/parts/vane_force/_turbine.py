@@ -5,9 +5,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..._errors import is_traced
+from ..._errors import is_traced, require_finite, require_positive
 from ..._types import Scalar, Values
-from ...parameters import as_float_array, parameter
+from ...parameters import Part, as_float_array, parameter
 from ...traces import Drive
 from ...turbine import Flow, Gas, Nozzle
 from .._tabulated import AbstractTabulated, Rows
@@ -63,6 +63,7 @@ class Turbine(AbstractVaneForce, AbstractTabulated):
             as_float_array(outlet_pressure),
         )
         self.speed_ratio, self.ambient_pressure = as_float_array(speed_ratio), as_float_array(ambient_pressure)
+        Part.__check_init__(self)  # before a table is made of it
         self._made = _make(self.stage)
 
     @property
@@ -100,22 +101,36 @@ class Turbine(AbstractVaneForce, AbstractTabulated):
         return StageTable(forces, flows, self.crank, *around)
 
     def flow(self, total_pressure: Scalar, crank_angle: Scalar, cells: int = CELLS) -> Flow:
-        """Steady flow through the nozzle at Pa absolute and deg; see `converged`."""
-        return flow_at(self.stage, as_float_array(total_pressure), as_float_array(crank_angle), cells)[0]
+        """Steady flow through the nozzle at Pa absolute and deg; see `converged`.
+
+        **Raises:** `InputError` for a pressure that is not positive, or an angle at which the nozzle does not work.
+        """
+        pressure, angle = self._checked(total_pressure, crank_angle)
+        return flow_at(self.stage, pressure, angle, cells)[0]
 
     def rod_force(self, total_pressure: Scalar, crank_angle: Scalar) -> Values:
         """Force in N against +x by a steady solution, not by the table; Pa absolute and deg. Zero at or below the
         outlet's pressure.
 
-        **Raises:** `SimulationError` where none is found; inside of `jit` the force is NaN.
+        **Raises:** as `flow`, and `SimulationError` where none is found; inside of `jit` the force is NaN.
         """
-        pressure, angle = as_float_array(total_pressure), as_float_array(crank_angle)
+        pressure, angle = self._checked(total_pressure, crank_angle)
         flowing = pressure > self.outlet_pressure
         # Where nothing flows another state is solved for, whose force is not taken.
         flow, values, _ = flow_at(self.stage, jnp.where(flowing, pressure, 2 * self.outlet_pressure), angle)
         if not is_traced(flow.converged) and not bool(flow.converged):
             raise no_steady_flow(float(pressure), float(angle))
         return jnp.where(flow.converged, jnp.where(flowing, values[0], 0.0), jnp.nan)
+
+    def _checked(self, total_pressure: Scalar, crank_angle: Scalar) -> tuple[Array, Array]:
+        """Both as arrays.
+
+        **Raises:** as `flow`.
+        """
+        require_positive("total_pressure", total_pressure, "pressure in Pa absolute", "correct it")
+        require_finite("crank_angle", crank_angle, "angle in deg", "correct it")
+        self.nozzle.require_range(self.stage.vane_angle(crank_angle))
+        return as_float_array(total_pressure), as_float_array(crank_angle)
 
     def mass_flow(self, total_pressure: Values, crank_angle: Values) -> Values:
         """In kg/s at Pa absolute and deg, read off the table, of gas at `total_temperature`."""
