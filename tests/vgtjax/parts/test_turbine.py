@@ -11,7 +11,7 @@ from support import optimised
 import vgtjax
 from vgtjax import Actuator, InputError, Turbine, jacobian, replace_parameters, simulate
 from vgtjax.exhaust import Engine, OperatingPoint, pulsation
-from vgtjax.parts import Crank, Vanes
+from vgtjax.parts import Crank, Linkage, Vanes
 from vgtjax.parts.vane_force import _turbine
 from vgtjax.plants import Instrumented, rows_along
 from vgtjax.simulation import RESULTS
@@ -156,6 +156,13 @@ def test_derivatives_of_a_trace_are_those_of_its_differences(plant):
         difference = (ends[1] - ends[0]) / (2 * change)
         # Differences over 1e-5 of the value: rounding of 1e-12 m, and a kink that is crossed now and then.
         assert np.max(np.abs(columns[:, place] - difference)) < 1e-6 * np.max(np.abs(difference))
+
+
+def test_vanes_turn_by_what_section_3_6_says_and_the_crank_by_what_3_14_does():
+    """10.13 mm are 48 degrees of the vanes there, and 31.6 of the crank; one of the two is no angle of the vanes."""
+    ends = Crank().angle(np.array([0.0, 10.13e-3]))
+    assert float(np.diff(ends)[0]) == pytest.approx(31.6, abs=0.01)
+    assert float(np.degrees(np.diff(Linkage().vane_angle(ends))[0])) == pytest.approx(48.0, abs=0.02)
 
 
 def test_an_engine_empties_its_manifold_through_it(turbine):

@@ -92,6 +92,18 @@ def test_ainley_and_mathieson():
         AinleyMathieson().coefficient(Angles(np.asarray(0.0), np.asarray(85.0)), blading, Gas())
 
 
+def test_losses_of_walls_by_hand():
+    """(3.65) to (3.67): signed angles, and the mean angle by the mean of tangents, which is not printed. Walls: Dunham
+    and Came, with the annulus at the inlet of a row as wide as behind it."""
+    inlet, outlet = -20.0, 65.0
+    mean = np.arctan(0.5 * (np.tan(np.radians(inlet)) + np.tan(np.radians(outlet))))
+    lift = 2 * (np.tan(np.radians(inlet)) - np.tan(np.radians(outlet))) * np.cos(mean)
+    loading = lift**2 * np.cos(np.radians(outlet)) ** 2 / np.cos(mean) ** 3
+    narrowed = np.cos(np.radians(outlet)) / np.cos(np.radians(inlet))
+    found = AinleyMathieson().secondary(Angles(np.asarray(inlet), np.asarray(outlet)), Blading(0.7, 1.0, 0.5, 0.2))
+    assert float(found) == pytest.approx(0.0334 * 2 * narrowed * loading, rel=1e-12)
+
+
 def test_losses_are_checked_where_the_vanes_stand():
     with pytest.raises(vgtjax.InputError, match="from 40 to 80 deg"):
         Nozzle(losses=Losses(vanes=AinleyMathieson())).passage(np.radians(4.0), 9000.0)
@@ -101,3 +113,15 @@ def test_energy_loss_of_slow_gas_is_its_pressure_loss():
     # To first order in the square of the Mach number, here 1e-4.
     assert float(energy_loss(0.2, 0.01, Gas())) == pytest.approx(0.2, rel=1e-4)
     assert float(energy_loss(0.2, 0.8, Gas())) < 0.2
+
+
+def test_energy_loss_is_the_entropy_of_a_loss_of_total_pressure():
+    """(3.55) is for a loss over the total pressure before the row; (3.60) to (3.65) give it over the dynamic pressure
+    behind: `p_01 / p_02 = 1 + Y (1 - p_2 / p_02)`, whose entropy is that of the coefficient's `zeta W_2^2 / 2`."""
+    lost, mach, gas, temperature, total = 0.2, 0.8, Gas(), 800.0, 2e5
+    pressure = total * (1 + 0.17 * mach**2) ** (-1.34 / 0.34)
+    before = total + lost * (total - pressure)
+    entropy = -287.0 * np.log(1 - (before - total) / before)
+    behind = 0.5 * mach**2 * 1.34 * 287.0 * temperature
+    assert float(energy_loss(lost, mach, gas)) * behind == pytest.approx(temperature * entropy, rel=1e-12)
+    assert entropy < -0.5 * 287.0 * np.log(1 - lost)  # with Y for the share it is more than twice as much
