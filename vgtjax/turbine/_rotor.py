@@ -1,11 +1,17 @@
 """The turbine's wheel."""
 
+import functools
+
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Bool
 
 from .._errors import InputError, is_traced, require_positive
 from .._types import Scalar, Values
 from ..parameters import Part, parameter
+
+SIZES = ("inlet_radius", "outlet_radius", "path", "outlet_area", "tail", "loading_length")
+"""What must not be zero."""
 
 
 class Rotor(Part):
@@ -33,13 +39,18 @@ class Rotor(Part):
 
     def require_working(self) -> None:
         """**Raises:** `InputError` as above, for values that were put in later as well."""
-        for name in ("inlet_radius", "outlet_radius", "path", "outlet_area", "tail", "loading_length"):
+        for name in SIZES:
             require_positive(f"rotor.{name}", getattr(self, name), "size", "a wheel without it lets no gas through")
         if not is_traced(self.outlet_angle) and not np.all(np.abs(self.outlet_angle) < 90.0):
             raise InputError(
                 f"rotor.outlet_angle must be between -90 and 90 deg, but it is {self.outlet_angle}; count it from the "
                 "meridional direction"
             )
+
+    def works(self) -> Bool[Array, "..."]:
+        """Whether gas can flow through it, also where it is traced; `require_working` says why not."""
+        sizes = [getattr(self, name) > 0 for name in SIZES]
+        return functools.reduce(jnp.logical_and, [jnp.abs(self.outlet_angle) < 90.0, *sizes])
 
     def radius(self, share: Values) -> Values:
         """In m, after a share of the path."""

@@ -3,16 +3,17 @@
 import re
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from support import optimised
+from support import _valley, optimised
 
 import vgtjax
-from vgtjax import Actuator, InputError, Turbine, jacobian, replace_parameters, simulate
+from vgtjax import Actuator, InputError, Turbine, get_parameter, jacobian, replace_parameters, simulate
 from vgtjax.exhaust import Engine, OperatingPoint, pulsation
 from vgtjax.parts import Crank, Linkage, Vanes
-from vgtjax.parts.vane_force import _turbine
+from vgtjax.parts.vane_force import _stage_table, _turbine
 from vgtjax.plants import Instrumented, rows_along
 from vgtjax.simulation import RESULTS
 
@@ -128,7 +129,7 @@ def test_a_table_along_a_trace_is_the_whole_one_where_it_comes(moved):
     table = eqx.tree_at(lambda each: each._made, turbine, None, is_leaf=lambda leaf: leaf is turbine._made).table(read)
     # Flows that are searched from another pressure's agree to what their balance is solved to, as above.
     np.testing.assert_allclose(table[:, read], turbine.table()[:, read], rtol=1e-7)
-    assert np.all(np.isnan(table[:, 1:][:, ~read[1:]]))  # at the outlet's pressure nothing flows
+    assert np.all(np.isinf(table[:, 1:][:, ~read[1:]]))  # at the outlet's pressure nothing flows
 
 
 def test_a_nozzle_that_was_put_in_by_other_means_fails_rather_than_use_an_old_table(plant):
@@ -137,8 +138,58 @@ def test_a_nozzle_that_was_put_in_by_other_means_fails_rather_than_use_an_old_ta
         plant = eqx.tree_at(lambda plant: plant.rod.vane_force.nozzle.lead, plant, lead)
         return simulate(plant, trace(), throw=False).result
 
-    assert other(plant, jnp.asarray(7.1e-3)) != RESULTS.successful
+    assert other(plant, jnp.asarray(7.1e-3)) == RESULTS.diverged
     assert other(plant, jnp.asarray(7.0e-3)) == RESULTS.successful
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("nozzle.thickness", 6e-3),
+        ("nozzle.volute_radius", 26e-3),
+        ("nozzle.height", -1e-3),
+        ("nozzle.rotor.outlet_angle", -95.0),
+        ("linkage.ratio", 4.0),
+        ("gas.gamma", 0.9),
+        ("outlet_pressure", 5e5),
+        ("total_temperature", np.nan),
+    ],
+)
+def test_a_traced_stage_that_does_not_work_has_a_table_of_nan(turbine, name, value, monkeypatch):
+    """Flows cost nothing here, as none is what is looked at."""
+    monkeypatch.setattr(_stage_table, "solve_table", _valley)
+
+    def table(value):
+        return _stage_table.checked_table(replace_parameters(turbine, {name: value}).stage, jnp.ones(25, bool))
+
+    nominal = get_parameter(turbine, name)
+    assert np.all(np.isfinite(jax.jit(table)(nominal)))
+    assert np.all(np.isnan(jax.jit(table)(jnp.full_like(nominal, value))))
+
+
+def test_a_simulation_without_steady_flow_says_so(plant, monkeypatch):
+    """Of a closed throat, and of lost points where the trace comes; not of those elsewhere."""
+    lost = jnp.zeros((25, 25), bool).at[12].set(True)
+
+    def solved(stage, rows):
+        table, found = _valley(stage, rows)
+        return table, found & ~(lost & (stage.nozzle.lead > 7.05e-3))
+
+    monkeypatch.setattr(_stage_table, "solve_table", solved)
+
+    def ends(pressure, **changes):
+        @eqx.filter_jit
+        def run(values):
+            moved = replace_parameters(plant, {f"vane_force.nozzle.{name}": v for name, v in values.items()})
+            return simulate(moved, trace(pressure, 0.0), throw=False).result
+
+        return run({name: jnp.asarray(value) for name, value in changes.items()})
+
+    assert ends(1.0e5, thickness=0.4e-3) == RESULTS.successful
+    assert ends(1.0e5, thickness=6e-3) == RESULTS.no_steady_flow
+    assert ends(1.7e5, lead=7.1e-3) == RESULTS.no_steady_flow  # read between 1.62 and 1.76 bar gauge
+    assert ends(1.0e5, lead=7.1e-3) == RESULTS.successful
+    assert ends(1.7e5, lead=7.0e-3) == RESULTS.successful
 
 
 def test_a_cold_trace_runs_as_without_gas(plant):

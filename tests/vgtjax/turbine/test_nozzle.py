@@ -1,5 +1,7 @@
 """Geometry of the nozzle, its moment on a vane, and losses."""
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -14,6 +16,7 @@ from vgtjax.turbine import (
     Nozzle,
     Soderberg,
     energy_loss,
+    steady,
 )
 
 from .ducts import solve
@@ -67,6 +70,32 @@ def test_a_row_loses_what_its_coefficient_says():
 def test_geometry_that_does_not_work(changes, sentence):
     with pytest.raises(vgtjax.InputError, match=sentence):
         Nozzle(**changes).passage(np.radians(10.0), 9000.0)
+
+
+@jax.jit
+def through(thickness, vane_angle=0.3):
+    """Flow through vanes of a thickness that is traced, and whether it was found."""
+    nozzle = Nozzle(thickness=thickness)
+    passage = nozzle.passage(vane_angle, 9000.0, 28)
+    flow = steady(passage, nozzle.inlet(2e5, 900.0), 1.05e5, Gas())
+    return flow.mass_flow, flow.converged
+
+
+def test_no_flow_is_found_through_a_throat_that_is_closed_while_it_is_traced():
+    """Its cosine is clipped, so that some flow would be found otherwise; its neighbours in a batch don't notice."""
+    thickness = jnp.array([0.3e-3, 6e-3, 0.5e-3])
+    flow, found = jax.vmap(through)(thickness)
+    assert found.tolist() == [True, False, True]
+    slopes = jax.vmap(jax.jacfwd(lambda each: through(each)[0]))(thickness)
+    for lane in (0, 2):
+        alone, at = through(thickness[lane])[0], thickness[lane]
+        # Lanes take other steps to the same states, balanced to 1e-11, whose differences are 1e-9 of the flow.
+        assert float(flow[lane]) == pytest.approx(float(alone), rel=1e-9)
+        difference = (through(at * 1.001)[0] - through(at * 0.999)[0]) / (0.002 * at)
+        # Of second order: 1e-6, and what flows are balanced to.
+        assert float(slopes[lane]) == pytest.approx(float(difference), rel=1e-5)
+    angles = jnp.array([0.3, -0.01, 1.3])  # open, beyond the tangent, into the wheel
+    assert jax.vmap(through, (None, 0))(jnp.asarray(0.3e-3), angles)[1].tolist() == [True, False, False]
 
 
 def test_given_and_soderberg():

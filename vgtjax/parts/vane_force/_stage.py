@@ -3,7 +3,7 @@
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from ..._errors import InputError, SimulationError, require_positive
 from ..._types import Scalar, Values
@@ -15,6 +15,8 @@ CELLS = 224
 """Of a passage: the moment on a vane needs 64 in its row."""
 CRANK_RANGE = (4.0, 37.0)
 """Degrees of the crank in which forces are known; those at the ends are held beyond."""
+CHECKED_ANGLES = np.linspace(*CRANK_RANGE, 25)
+"""Degrees of the crank at which a nozzle must work."""
 HIGHEST_PRESSURE = 4.5e5
 """Pa absolute before the turbine up to which forces are known; that there is held beyond."""
 TOTAL_TEMPERATURE, OUTLET_PRESSURE, SPEED_RATIO = 900.0, 1.05e5, 0.6
@@ -66,8 +68,16 @@ class Stage(eqx.Module):
                 f"ends, but it is {float(self.outlet_pressure) / 1e5:g} bar; correct it",
                 "values",
             )
-        for crank_angle in np.linspace(*CRANK_RANGE, 25):
+        for crank_angle in CHECKED_ANGLES:
             self.nozzle.require_range(self.vane_angle(crank_angle))
+
+    def works(self) -> Bool[Array, ""]:
+        """Whether gas, state and geometry work at all angles of the crank, also where they are traced; see
+        `require_working`."""
+        outlet = self.outlet_pressure
+        state = (self.total_temperature > 0) & (outlet > 0) & (outlet < HIGHEST_PRESSURE)
+        room = self.nozzle.works(self.vane_angle(jnp.asarray(CHECKED_ANGLES, outlet.dtype)))
+        return self.gas.works() & state & jnp.all(room)
 
     def wheel_speed(self, total_pressure: Values) -> Values:
         """In rad/s at a total pressure in Pa absolute, by the ratio of the blades' speed to the spouting velocity."""

@@ -84,7 +84,8 @@ class Turbine(AbstractVaneForce, AbstractTabulated):
         return eqx.tree_at(lambda each: each._made, self, _make(self.stage), is_leaf=lambda node: node is self._made)
 
     def table(self, rows: Rows | None = None) -> ForceTable:
-        """See the base class; NaN where no steady state was found, so that a simulation that comes there fails."""
+        """See the base class; NaN where no steady state was found, and in all of a nozzle's whose geometry does not
+        work, so that a simulation that comes there fails."""
         rows = jnp.asarray(ALL if rows is None else rows)
         if self._made is None:
             return checked_table(self.stage, rows)
