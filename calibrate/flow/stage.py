@@ -4,6 +4,7 @@ import vgtjax
 from vgtjax import InputError
 from vgtjax.parts import Stage
 
+from ..study.components import TURBINES
 from ..study.models import build_model, start_model
 from ..study.tables import Study
 
@@ -14,7 +15,7 @@ def stage_of(study: Study) -> Stage:
     **Raises:** `InputError` when its vane force is no turbine, or one that does not work.
     """
     name = study.components.vane_force
-    if name != "turbine":
+    if name not in TURBINES:
         raise InputError(
             f"flow needs vane_force = 'turbine', but it is '{name}'; change it under [components], or "
             "leave the study out"

@@ -6,9 +6,12 @@ from unittest import mock
 
 import numpy as np
 import pytest
-from commands import Outcome, read, run_command
+from commands import Outcome, cut_example, read, run_command
+from support import quick_nozzle
 
 from calibrate.flow import command, nozzle_map
+from calibrate.flow.stage import stage_of
+from calibrate.study.read import load_study
 from vgtjax.parts import Stage
 from vgtjax.turbine import Gas, Nozzle
 
@@ -67,6 +70,16 @@ def test_friction_holds_most_of_a_pulsation_off_the_rod(ran):
 
 def test_it_is_not_done_twice(ran):
     assert run_command("flow", "--out", ran[1]).out.startswith("nothing to do")
+
+
+def test_a_study_may_give_the_speed_of_the_wheel(tmp_path):
+    cut_example("step_50", 0.2, tmp_path)
+    path = tmp_path / "study.toml"
+    text = '[components]\nvane_force = "turbine-at-speed"\n[[trace]]\nfile = "step_50.csv"\n'
+    path.write_text(f'{text}[parameters]\n"vane_force.wheel_speed" = {{value = 9000}}\n')
+    with quick_nozzle():
+        stage = stage_of(load_study(path))
+    assert [float(stage.speed_at(pressure)) for pressure in (1.5e5, 3e5)] == [9000.0, 9000.0]
 
 
 def test_a_study_without_a_turbine_is_refused(tmp_path):

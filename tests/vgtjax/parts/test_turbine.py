@@ -16,6 +16,7 @@ from vgtjax.parts import Crank, Linkage, Vanes
 from vgtjax.parts.vane_force import _stage_table, _turbine
 from vgtjax.plants import Instrumented, rows_along
 from vgtjax.simulation import RESULTS
+from vgtjax.turbine import Gas, Nozzle, steady
 
 PRESSURES, ANGLES = np.linspace(1.05e5, 4.5e5, 25), np.linspace(4.0, 37.0, 25)
 """Knots of the table as the manual has them, in Pa absolute and deg."""
@@ -214,6 +215,39 @@ def test_vanes_turn_by_what_section_3_6_says_and_the_crank_by_what_3_14_does():
     ends = Crank().angle(np.array([0.0, 10.13e-3]))
     assert float(np.diff(ends)[0]) == pytest.approx(31.6, abs=0.01)
     assert float(np.degrees(np.diff(Linkage().vane_angle(ends))[0])) == pytest.approx(48.0, abs=0.02)
+
+
+def test_a_wheel_at_a_speed_that_is_given(monkeypatch):
+    """The force is that of a passage at that speed, at every pressure; the table is made of such flows."""
+    monkeypatch.setattr(_stage_table, "solve_table", _valley)
+    _stage_table._remembered.cache_clear()
+    given, ratio = Turbine(wheel_speed=9000.0), Turbine()
+    nozzle = Nozzle()
+    for pressure in (2e5, 3.2e5):
+        angle = given.stage.vane_angle(jnp.asarray(20.0))
+        passage = nozzle.passage(angle, 9000.0)
+        flow = steady(passage, nozzle.inlet(pressure, 900.0), 1.05e5, Gas())
+        expected = given.stage.force(nozzle.vane_moment(passage, flow)[0])
+        # The same problem, searched from the same guess.
+        assert float(given.rod_force(pressure, 20.0)) == pytest.approx(float(expected), rel=1e-9)
+        assert abs(float(ratio.rod_force(pressure, 20.0)) - float(expected)) > 0.1
+    _, inlet = given.stage.passage(jnp.asarray(2e5), jnp.asarray(20.0))
+    assert float(inlet.total_pressure) == 2e5
+    named = [name for name in vgtjax.parameter_table(given) if "speed" in name]
+    assert (named, [name for name in vgtjax.parameter_table(ratio) if "speed" in name]) == (
+        ["wheel_speed"],
+        ["speed_ratio"],
+    )
+    assert float(replace_parameters(given, {"wheel_speed": 8000.0}).stage.speed_at(2e5)) == 8000.0
+    _stage_table._remembered.cache_clear()
+
+
+def test_a_wheel_has_one_speed():
+    sentence = "a wheel must turn by either a speed_ratio or a wheel_speed, but they are 0.6 and 9000.0 rad/s; give one"
+    with pytest.raises(InputError, match=f"^{re.escape(sentence)} of them$"):
+        Turbine(speed_ratio=0.6, wheel_speed=9000.0)
+    with pytest.raises(InputError, match=r"'vane_force.wheel_speed' must be finite and not negative, but it is -1"):
+        Turbine(wheel_speed=-1.0)
 
 
 def test_an_engine_empties_its_manifold_through_it(turbine):

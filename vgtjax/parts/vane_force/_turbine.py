@@ -13,7 +13,18 @@ from ...turbine import Flow, Gas, Nozzle
 from .._tabulated import AbstractTabulated, Rows
 from .._vanes import Crank, Vanes
 from ._base import AbstractVaneForce
-from ._stage import CELLS, OUTLET_PRESSURE, SPEED_RATIO, TOTAL_TEMPERATURE, Linkage, Stage, flow_at, no_steady_flow
+from ._stage import (
+    CELLS,
+    OUTLET_PRESSURE,
+    SPEED_RATIO,
+    TOTAL_TEMPERATURE,
+    WHEEL_SPEED,
+    Linkage,
+    Stage,
+    flow_at,
+    no_steady_flow,
+    one_of_both,
+)
 from ._stage_table import ALL, ForceTable, StageTable, checked_table, current_table, make_table, rows_along
 
 
@@ -27,8 +38,10 @@ class Turbine(AbstractVaneForce, AbstractTabulated):
 
     No measured vane force validates it: sizes and the state of the gas are assumed.
 
-    **Raises:** `InputError` for a geometry that does not work, such as vanes that close their throat;
-    `SimulationError` that names the point, if a steady state is not found.
+    The wheel turns by a `speed_ratio`, 0.6 unless another is given, or at a `wheel_speed`.
+
+    **Raises:** `InputError` for a geometry that does not work, such as vanes that close their throat, or for both a
+    ratio and a speed of the wheel; `SimulationError` that names the point, if a steady state is not found.
     """
 
     nozzle: Nozzle = eqx.field(default_factory=Nozzle)
@@ -38,8 +51,14 @@ class Turbine(AbstractVaneForce, AbstractTabulated):
     """Of the gas before the turbine."""
     outlet_pressure: Scalar = parameter(OUTLET_PRESSURE, symbol="p_4", unit="Pa", source="assumed", held=True)
     """Pa absolute, behind the turbine."""
-    speed_ratio: Scalar = parameter(SPEED_RATIO, symbol="nu", unit="-", source="assumed", held=True)
-    """Speed of the wheel's blades over the spouting velocity."""
+    speed_ratio: Scalar | None = parameter(
+        SPEED_RATIO, symbol="nu", unit="-", source="assumed", held=True, optional=True
+    )
+    """Speed of the wheel's blades over the spouting velocity, whatever the pressure; with no `wheel_speed` only."""
+    wheel_speed: Scalar | None = parameter(
+        WHEEL_SPEED, symbol="Omega", unit="rad/s", source="assumed", held=True, optional=True
+    )
+    """Of a wheel that turns at one speed whatever the pressure, in place of the ratio."""
     ambient_pressure: Scalar = parameter(101013.0, symbol="p_atm", unit="Pa", source="B.2", held=True)
     """Pa absolute, from which turbine pressure counts."""
     crank: Crank = eqx.field(default_factory=Crank)
@@ -52,9 +71,10 @@ class Turbine(AbstractVaneForce, AbstractTabulated):
         gas: Gas | None = None,
         total_temperature: float | Scalar = TOTAL_TEMPERATURE,
         outlet_pressure: float | Scalar = OUTLET_PRESSURE,
-        speed_ratio: float | Scalar = SPEED_RATIO,
+        speed_ratio: float | Scalar | None = None,
         ambient_pressure: float | Scalar = 101013.0,
         crank: Crank | None = None,
+        wheel_speed: float | Scalar | None = None,
     ):
         self.nozzle, self.linkage = nozzle or Nozzle(), linkage or Linkage()
         self.gas, self.crank = gas or Gas(), crank or Crank()
@@ -62,7 +82,8 @@ class Turbine(AbstractVaneForce, AbstractTabulated):
             as_float_array(total_temperature),
             as_float_array(outlet_pressure),
         )
-        self.speed_ratio, self.ambient_pressure = as_float_array(speed_ratio), as_float_array(ambient_pressure)
+        self.ambient_pressure = as_float_array(ambient_pressure)
+        self.speed_ratio, self.wheel_speed = one_of_both(speed_ratio, wheel_speed)
         Part.__check_init__(self)  # before a table is made of it
         self._made = _make(self.stage)
 
@@ -77,6 +98,7 @@ class Turbine(AbstractVaneForce, AbstractTabulated):
             self.total_temperature,
             self.outlet_pressure,
             self.speed_ratio,
+            self.wheel_speed,
         )
 
     def renewed(self) -> "Turbine":
