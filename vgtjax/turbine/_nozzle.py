@@ -90,7 +90,11 @@ class Nozzle(Part):
         """Whether gas can flow through it with its vanes at an angle in rad, also where that is traced: `passage` and
         `require_range` say why not."""
         sizes = [getattr(self, name) > 0 for name in SIZES]
-        return functools.reduce(jnp.logical_and, [self.rotor.works(), *sizes, *self._room(vane_angle).values()])
+        laws = [
+            self.losses.vanes.valid(*self._vane_row(vane_angle)),
+            self.losses.rotor.valid(*self._wheel_row()),
+        ]
+        return functools.reduce(jnp.logical_and, [self.rotor.works(), *sizes, *laws, *self._room(vane_angle).values()])
 
     @property
     def pitch(self) -> float:
@@ -135,7 +139,7 @@ class Nozzle(Part):
 
     def require_range(self, vane_angle: Values) -> None:
         """**Raises:** `InputError` where vanes at an angle in rad stand across or beyond the tangent, close their
-        throat, touch volute or wheel, or turn the gas by more than their loss is known for."""
+        throat, touch volute or wheel, or of a row whose loss its law does not know."""
         if is_traced(self, vane_angle):
             return
         # A nozzle that is a constant of a function that is traced has values to look at all the same.
@@ -148,7 +152,9 @@ class Nozzle(Part):
             if not bool(kept):
                 width = f"{float(self.throat(vane_angle)) * 1e3:.3g} mm"
                 raise InputError(f"vanes at {np.degrees(float(vane_angle)):.3g} deg {rule.format(width)}", "nozzle")
-        self.losses.vanes.coefficient(*self._vane_row(vane_angle), Gas())
+        said = f"the vanes at {np.degrees(float(vane_angle)):.3g} deg"
+        self.losses.vanes.require_valid(*self._vane_row(vane_angle), said)
+        self.losses.rotor.require_valid(*self._wheel_row(), "the wheel")
 
     def _room(self, vane_angle: Values) -> dict[str, Yes]:
         """What must hold of vanes at an angle in rad, by what is said where it does not."""
@@ -252,7 +258,7 @@ class Nozzle(Part):
 
     def _wheel_row(self) -> tuple[Angles, Blading]:
         rotor = self.rotor
-        spacing = 2 * jnp.pi * rotor.outlet_radius / self.vanes
+        spacing = 2 * jnp.pi * rotor.outlet_radius / rotor.blades
         height = rotor.outlet_area / (2 * jnp.pi * rotor.outlet_radius)
         angles = Angles(jnp.zeros_like(rotor.outlet_angle), rotor.outlet_angle)
         return angles, Blading(spacing, rotor.path, height, self.thickness)

@@ -2,6 +2,7 @@
 
 import functools
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool
@@ -33,12 +34,16 @@ class Rotor(Part):
     """Of the duct behind the wheel."""
     loading_length: Scalar = parameter(0.12, symbol="l_3", unit="-", source="assumed", held=True)
     """Share of the path over which gas takes the blades' angle."""
+    blades: int = eqx.field(static=True, default=9)
+    """Number of them, for laws of losses; assumed."""
 
     def __check_init__(self) -> None:
         self.require_working()
 
     def require_working(self) -> None:
         """**Raises:** `InputError` as above, for values that were put in later as well."""
+        if self.blades < 3:
+            raise InputError(f"rotor.blades must be at least 3, but it is {self.blades}; give the number of blades")
         for name in SIZES:
             require_positive(f"rotor.{name}", getattr(self, name), "size", "a wheel without it lets no gas through")
         if not is_traced(self.outlet_angle) and not np.all(np.abs(self.outlet_angle) < 90.0):

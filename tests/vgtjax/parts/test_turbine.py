@@ -16,7 +16,7 @@ from vgtjax.parts import Crank, Linkage, Vanes
 from vgtjax.parts.vane_force import _stage_table, _turbine
 from vgtjax.plants import Instrumented, rows_along
 from vgtjax.simulation import RESULTS
-from vgtjax.turbine import Gas, Nozzle, steady
+from vgtjax.turbine import AinleyMathieson, Gas, Losses, Nozzle, Soderberg, steady
 
 PRESSURES, ANGLES = np.linspace(1.05e5, 4.5e5, 25), np.linspace(4.0, 37.0, 25)
 """Knots of the table as the manual has them, in Pa absolute and deg."""
@@ -215,6 +215,27 @@ def test_vanes_turn_by_what_section_3_6_says_and_the_crank_by_what_3_14_does():
     ends = Crank().angle(np.array([0.0, 10.13e-3]))
     assert float(np.diff(ends)[0]) == pytest.approx(31.6, abs=0.01)
     assert float(np.degrees(np.diff(Linkage().vane_angle(ends))[0])) == pytest.approx(48.0, abs=0.02)
+
+
+def test_a_turbine_with_soderbergs_losses():
+    """Both rows lose what their deflection says, and the table is made of such flows."""
+    other = Turbine(nozzle=Nozzle(losses=Losses(vanes=Soderberg(), rotor=Soderberg())))
+    expected = other.rod_force(PRESSURES[16], ANGLES[8])
+    assert force(other, PRESSURES[16], ANGLES[8]) == pytest.approx(float(expected), rel=1e-7)  # as above
+    angle = other.stage.vane_angle(ANGLES[8])
+    vanes = np.degrees(np.arctan([float(of(angle)) for of in (other.nozzle.flow_tangent, other.nozzle.blade_tangent)]))
+    found = other.nozzle.passage(angle, 9000.0).friction / Nozzle().passage(angle, 9000.0).friction
+    # Over the coefficients of 0.08 and 0.25 that are given by default.
+    assert float(found[80]) == pytest.approx((0.04 + 0.06 * ((vanes[0] - vanes[1]) / 100) ** 2) / 0.08, rel=1e-9)
+    assert float(found[150]) == pytest.approx((0.04 + 0.06 * 0.58**2) / 0.25, rel=1e-9)
+    assert set(vgtjax.parameter_table(other)) >= {"nozzle.vanes.base", "nozzle.rotor.rise"}
+
+
+def test_a_law_that_does_not_know_the_nozzle_is_refused_when_the_turbine_is_built():
+    nozzle = Nozzle(losses=Losses(vanes=AinleyMathieson()))
+    sentence = "the outlet angle of the vanes at 4 deg must be from 40 to 80 deg for Ainley and Mathieson's correlation"
+    with pytest.raises(InputError, match=f"^{sentence}, but it is 87.7; take other blades"):
+        Turbine(nozzle=nozzle)
 
 
 def test_a_wheel_at_a_speed_that_is_given(monkeypatch):

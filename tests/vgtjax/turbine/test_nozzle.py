@@ -14,6 +14,7 @@ from vgtjax.turbine import (
     GivenLoss,
     Losses,
     Nozzle,
+    Rotor,
     Soderberg,
     energy_loss,
     steady,
@@ -133,9 +134,71 @@ def test_losses_of_walls_by_hand():
     assert float(found) == pytest.approx(0.0334 * 2 * narrowed * loading, rel=1e-12)
 
 
-def test_losses_are_checked_where_the_vanes_stand():
-    with pytest.raises(vgtjax.InputError, match="from 40 to 80 deg"):
-        Nozzle(losses=Losses(vanes=AinleyMathieson())).passage(np.radians(4.0), 9000.0)
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"spacing": 0.2}, "pitch over chord of the row must be from 0.3 to 1.1 for"),
+        ({"thickness": 0.02}, "thickness over chord of the row must be from 0.15 to 0.25 for"),
+        ({"thickness": 0.3}, "thickness over chord of the row must be from 0.15 to 0.25 for"),
+    ],
+)
+def test_blades_that_the_charts_do_not_have(changes, sentence):
+    """Refused, or held at the edge of the charts."""
+    sizes = {"spacing": 0.7, "chord": 1.0, "height": 0.5, "thickness": 0.2}
+    angles, blading = Angles(np.asarray(-30.0), np.asarray(70.0)), Blading(**sizes | changes)
+    with pytest.raises(vgtjax.InputError, match=f"^{sentence} Ainley and Mathieson's correlation, but it is"):
+        AinleyMathieson().coefficient(angles, blading, Gas())
+    edge = {"spacing": 0.3, "thickness": np.clip(blading.thickness, 0.15, 0.25)}
+    at_edge = Blading(**sizes | {name: edge[name] for name in changes})
+    held, there = (AinleyMathieson(hold=True).coefficient(angles, each, Gas()) for each in (blading, at_edge))
+    assert float(held) == pytest.approx(float(there), rel=1e-12)
+    assert not bool(AinleyMathieson().valid(angles, blading))
+    assert bool(AinleyMathieson(hold=True).valid(angles, blading))
+
+
+def test_an_angle_that_the_charts_do_not_have_is_held_at_its_edge_in_all_losses():
+    law = AinleyMathieson(hold=True, clearance=0.01)
+    sizes = Blading(0.7, 1.0, 0.5, 0.2)
+    for sign in (1.0, -1.0):
+        beyond, edge = (
+            law.coefficient(Angles(np.asarray(0.0), np.asarray(sign * angle)), sizes, Gas()) for angle in (86.0, 80.0)
+        )
+        assert float(beyond) == float(edge)
+
+
+@pytest.mark.parametrize(
+    ("losses", "sentence"),
+    [
+        ({"vanes": AinleyMathieson()}, "the outlet angle of the vanes at 4 deg must be from 40 to 80 deg for Ainley"),
+        ({"rotor": AinleyMathieson()}, "thickness over chord of the wheel must be from 0.15 to 0.25 for Ainley and"),
+    ],
+)
+def test_losses_are_checked_of_both_rows_where_the_vanes_stand(losses, sentence):
+    with pytest.raises(vgtjax.InputError, match=f"^{sentence}.*hold the law at its edges"):
+        Nozzle(losses=Losses(**losses)).passage(np.radians(4.0), 9000.0)
+    held = {name: AinleyMathieson(hold=True) for name in losses}
+    friction = Nozzle(losses=Losses(**held)).passage(np.radians(4.0), 9000.0).friction
+    assert np.all(np.isfinite(friction))
+
+
+def test_a_law_beyond_its_range_fails_where_it_is_traced():
+    """At 25 deg gas leaves these vanes at 76 deg, at 15 deg at 85 deg."""
+    nozzle = Nozzle(thickness=3e-3, trail=6e-3, losses=Losses(vanes=AinleyMathieson()))
+    works = jax.jit(jax.vmap(nozzle.works))
+    assert works(jnp.radians(jnp.array([25.0, 15.0]))).tolist() == [True, False]
+
+
+def test_the_wheel_has_blades_of_its_own():
+    """Its pitch is that of its blades; Ainley and Mathieson's loss depends on it, a number of vanes does not matter."""
+    held = Losses(rotor=AinleyMathieson(hold=True))
+    friction = [
+        float(Nozzle(vanes=vanes, rotor=Rotor(blades=blades), losses=held).passage(0.5, 9000.0).friction[150])
+        for vanes, blades in ((11, 9), (12, 9), (11, 12))
+    ]
+    assert friction[0] == friction[1]
+    assert abs(friction[2] / friction[0] - 1) > 0.01
+    with pytest.raises(vgtjax.InputError, match=r"rotor.blades must be at least 3, but it is 2; give the number"):
+        Rotor(blades=2)
 
 
 def test_energy_loss_of_slow_gas_is_its_pressure_loss():
