@@ -1,4 +1,4 @@
-"""The turbine that a study has."""
+"""The turbine that a study has, as a stage and as a vane force."""
 
 import vgtjax
 from vgtjax import InputError
@@ -22,3 +22,20 @@ def stage_of(study: Study) -> Stage:
         )
     vane_force: vgtjax.Turbine = start_model(build_model(study), study, {})[0].vane_force
     return vane_force.stage
+
+
+def turbine_of(stage: Stage) -> vgtjax.Turbine:
+    """The vane force of a stage; that of a study's has its table already.
+
+    **Raises:** `SimulationError` that names the point at which no steady state is found.
+    """
+    return vgtjax.Turbine(
+        stage.nozzle,
+        stage.linkage,
+        stage.gas,
+        stage.total_temperature,
+        stage.outlet_pressure,
+        stage.speed_ratio,
+        crank=stage.crank,
+        wheel_speed=stage.wheel_speed,
+    )
