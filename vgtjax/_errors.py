@@ -33,5 +33,22 @@ def require_positive(name: str, value: Any, what: str, remedy: str) -> None:
 
     **Raises:** `InputError`.
     """
-    if not is_traced(value) and not np.all((np.asarray(value) > 0) & np.isfinite(value)):
-        raise InputError(f"{name} must be a positive {what}, but it is {value}; {remedy}")
+    if not is_traced(value):
+        numbers = np.asarray(value, float)
+        _require((numbers > 0) & np.isfinite(numbers), f"{name} must be a positive {what}", value, remedy)
+
+
+def require_finite(name: str, value: Any, what: str, remedy: str) -> None:
+    """Refuses what is not finite, e.g. a `tangent of an angle`; says nothing while it is traced.
+
+    **Raises:** `InputError`.
+    """
+    if not is_traced(value):
+        _require(np.isfinite(np.asarray(value, float)), f"{name} must be a finite {what}", value, remedy)
+
+
+def _require(good: Any, rule: str, value: Any, remedy: str) -> None:
+    """Names a value that breaks a rule: the only one, or the first of many."""
+    if not np.all(good):
+        wrong = value if np.ndim(value) == 0 else np.asarray(value, float)[~good][0]
+        raise InputError(f"{rule}, but it is {wrong}; {remedy}")

@@ -5,17 +5,20 @@ import importlib.metadata
 import pathlib
 import time
 
+import vgtjax
+from vgtjax import SimulationError
 from vgtjax.parts import Stage
 
 from ..output.console import console
 from ..output.files import REPORT, SUMMARY, write_json, write_text
 from ..resumable import run_once
+from ..study.disturbances import PulsationTable
 from ..study.read import fingerprint, load_study
 from .nozzle_map import NozzleMap, solve_map
-from .passages import Along, along_passage, to_csv
-from .pulse import engine_pulse
+from .passages import along_passage, to_csv
+from .pulse import Pulse, engine_pulse
 from .report import render
-from .stage import stage_of
+from .stage import stage_of, turbine_of
 
 ASSUMED = (
     "the geometry of the nozzle and the state of the gas are assumed, as no source gives them, and no measured vane "
@@ -29,43 +32,53 @@ def run(study: pathlib.Path | None, out: pathlib.Path) -> None:
     **Raises:** `InputError` for a geometry that does not work, before anything is written; `SimulationError` that names
     the point at which no steady state is found.
     """
-    stage, text, digest = _prepare(study)
+    stage, engine, text, digest = _prepare(study)
     stage.require_working()
-    run_once(out, "flow", digest, lambda: _compute(stage, text, out))
+    run_once(out, "flow", digest, lambda: _compute(stage, engine, text, out))
 
 
-def _prepare(path: pathlib.Path | None) -> tuple[Stage, str, str]:
-    """The stage, the text of its study and a digest of both."""
+def _prepare(path: pathlib.Path | None) -> tuple[Stage, PulsationTable | None, str, str]:
+    """The stage, the engine and the text of its study, and a digest of all."""
     if path is None:
-        return Stage(), "", hashlib.sha256(importlib.metadata.version("vgtjax").encode()).hexdigest()
+        return Stage(), None, "", hashlib.sha256(importlib.metadata.version("vgtjax").encode()).hexdigest()
     study = load_study(path)
-    return stage_of(study), path.read_text(encoding="utf-8-sig"), fingerprint(study, [], {})
+    return stage_of(study), study.pulsation, path.read_text(encoding="utf-8-sig"), fingerprint(study, [], {})
 
 
-def _compute(stage: Stage, text: str, out: pathlib.Path) -> None:
+def _compute(stage: Stage, engine: PulsationTable | None, text: str, out: pathlib.Path) -> None:
     began = time.monotonic()
     with console.status("the map of the nozzle"):
         found = solve_map(stage)
     with console.status("the flow along its passage"):
         along = along_passage(stage)
     with console.status("an engine that pulsates"):
-        pulse = engine_pulse(found)
+        turbine = turbine_of(stage)
+        pulse, notes = _pulse(turbine, engine)
     seconds = time.monotonic() - began
     summary = {
         **found.summary(),
-        "pulsation": pulse.summary(),
-        "notes": [ASSUMED],
+        "pulsation": None if pulse is None else pulse.summary(),
+        "notes": notes,
         "wall_seconds": round(seconds, 3),
     }
     write_text(out / "map.csv", found.to_csv())
     write_text(out / "passage.csv", to_csv(along))
     write_json(out / SUMMARY, summary)
-    write_text(out / REPORT, render(found, along, pulse, summary, text))
-    _say(found, along)
+    write_text(out / REPORT, render(turbine, found, along, pulse, summary, text))
+    _say(found, notes)
 
 
-def _say(found: NozzleMap, along: list[Along]) -> None:
-    console.print(f"note: {ASSUMED}")
+def _pulse(turbine: vgtjax.Turbine, engine: PulsationTable | None) -> tuple[Pulse | None, list[str]]:
+    """The pulse, if the engine runs before this turbine, and what must be said of all."""
+    try:
+        return engine_pulse(turbine, engine), [ASSUMED]
+    except SimulationError as error:
+        return None, [ASSUMED, f"no pulsation is shown, as {error}"]
+
+
+def _say(found: NozzleMap, notes: list[str]) -> None:
+    for note in notes:
+        console.print(f"note: {note}")
     for name, row in found.summary()["quantities"].items():
         least, most = (
             f"{row[kind]['value']:.5g} {row['unit']} at {row[kind]['total_pressure'] / 1e5:.3g} bar and "

@@ -8,13 +8,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from vgtjax.parts import Stage, no_steady_flow
+from vgtjax.parts import HIGHEST_PRESSURE, Stage, no_steady_flow
 from vgtjax.turbine import VANES, Flow, Passage
 
 from .nozzle_map import solve_point
 
-PRESSURE, CRANK_ANGLES = 2.0e5, (6.0, 12.0, 25.0)
-"""Pa absolute and deg of what is shown."""
+SHARE, CRANK_ANGLES = 0.95 / 3.45, (6.0, 12.0, 25.0)
+"""Of the pressures between the outlet's and the highest, which is 2 bar above an outlet at 1.05 bar, and deg of what is
+shown."""
 HEADS = (
     "crank_angle [deg]",
     "m [m]",
@@ -33,9 +34,11 @@ Cells = Float[np.ndarray, " cells"]
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Along:
-    """Steady flow at a crank angle in deg."""
+    """Steady flow at a pressure and a crank angle in deg."""
 
     stage: Stage
+    total_pressure: float
+    """Pa absolute."""
     crank_angle: float
     passage: Passage
     flow: Flow
@@ -78,12 +81,13 @@ def along_passage(stage: Stage) -> list[Along]:
 
     **Raises:** `SimulationError` when a steady state is not found.
     """
-    found = []
+    found, outlet = [], float(stage.outlet_pressure)
+    pressure = outlet + SHARE * (HIGHEST_PRESSURE - outlet)
     for angle in CRANK_ANGLES:
-        passage, flow, _ = solve_point(stage, jnp.asarray(PRESSURE), jnp.asarray(angle))
+        passage, flow, _ = solve_point(stage, jnp.asarray(pressure), jnp.asarray(angle))
         if not bool(flow.converged):
-            raise no_steady_flow(PRESSURE, angle)
-        found.append(Along(stage, angle, passage, flow))
+            raise no_steady_flow(pressure, angle)
+        found.append(Along(stage, pressure, angle, passage, flow))
     return found
 
 

@@ -8,15 +8,14 @@ from jaxtyping import Float
 
 import vgtjax
 from vgtjax.exhaust import Engine, OperatingPoint, Pulsation, pulsation
-from vgtjax.parts import Vanes
-from vgtjax.traces import STANDARD_ATMOSPHERE
+from vgtjax.parts import CRANK_RANGE, HIGHEST_PRESSURE, Vanes, flow_between
 
-from .nozzle_map import NozzleMap
+from ..study.disturbances import PulsationTable
 
-ENGINE_SPEED = 1000.0
-"""rpm"""
-CRANK_ANGLE = 6.7
-"""deg of the actuator's crank at which the rod stands: there the default nozzle takes what the orifice takes."""
+ASSUMED = PulsationTable(engine_speed=1000.0)
+"""The engine of a study that has none."""
+RATIO = 1.4
+"""Of pressures over the turbine, about that engine's mean, at which the nozzle takes what the orifice takes."""
 CYCLES, SAMPLES = 6, 2400
 """Cycles that are simulated, the last of which is shown, and samples of all."""
 
@@ -27,7 +26,10 @@ Cycle = Float[np.ndarray, " crank"]
 class Pulse:
     """Over the crank angle of the engine in deg: pressure in Pa absolute, force in N, position in m."""
 
-    engine_speed: float
+    engine: Engine
+    point: OperatingPoint
+    source: str
+    """Of the point."""
     crank: Cycle
     pressure: Cycle
     force: Cycle
@@ -37,7 +39,8 @@ class Pulse:
     def summary(self) -> dict[str, float]:
         """Means and ranges."""
         return {
-            "engine_speed": self.engine_speed,
+            "engine_speed": float(self.point.engine_speed),
+            "crank_angle": float(np.asarray(self.point.crank_angle)),
             "mean_pressure": float(np.mean(self.pressure)),
             "mean_force": float(np.mean(self.force)),
             "force_range": float(np.ptp(self.force)),
@@ -45,41 +48,55 @@ class Pulse:
         }
 
 
-def engine_pulse(nozzle_map: NozzleMap) -> Pulse:
-    """The pulse of the assumed engine at 1000 rpm under load, an orifice of the nozzle's size behind it; the rod
-    balances the mean force.
+def engine_pulse(turbine: vgtjax.Turbine, table: PulsationTable | None = None) -> Pulse:
+    """The pulse of an engine, the assumed one at 1000 rpm under load unless a study has another, which empties its
+    manifold through the nozzle; the rod balances the mean force where the nozzle takes what the engine's orifice takes.
 
     **Raises:** `SimulationError` when there is no periodic cycle, or the rod's simulation fails.
     """
-    cycle = pulsation(Engine(), OperatingPoint(ENGINE_SPEED, 0.476e-3, 1150.0, 1.03e5, 87e-6))
-    vane_force = force_table(nozzle_map)
-    opening = jnp.full(cycle.p_trb.shape, vane_force.crank.opening(CRANK_ANGLE))
-    force = np.asarray(vane_force.force(Vanes(opening, cycle.p_trb - STANDARD_ATMOSPHERE), 0.0))
-    frictions = {"with friction": vgtjax.LuGre(), "without dry friction": vgtjax.Coulomb(coulomb_force=0.0)}
-    position = {name: _position(friction, vane_force, cycle, force) for name, friction in frictions.items()}
-    return Pulse(ENGINE_SPEED, np.asarray(cycle.crank), np.asarray(cycle.p_trb), force, position)
-
-
-def force_table(nozzle_map: NozzleMap) -> vgtjax.HysteresisMap:
-    """The map's force over gauge pressure and crank angle, the same both ways."""
-    table = jnp.asarray(nozzle_map.values["rod_force"].ravel())
-    gauge = jnp.asarray(nozzle_map.total_pressure - STANDARD_ATMOSPHERE)
-    return vgtjax.HysteresisMap(
-        closing=table, opening=table, turbine_pressure=gauge, crank_angle=jnp.asarray(nozzle_map.crank_angle)
+    settings, engine = ASSUMED if table is None else table, Engine()
+    point = OperatingPoint(
+        settings.engine_speed,
+        settings.trapped_mass,
+        settings.opening_temperature,
+        turbine.outlet_pressure,
+        turbine=turbine,
+        crank_angle=matching_angle(turbine, engine, settings.effective_area),
     )
+    cycle = pulsation(engine, point)
+    opening = jnp.full(cycle.p_trb.shape, turbine.crank.opening(point.crank_angle))
+    force = np.asarray(turbine(Vanes(opening, cycle.p_trb - turbine.ambient_pressure), 0.0, None)[0])
+    frictions = {"with friction": vgtjax.LuGre(), "without dry friction": vgtjax.Coulomb(coulomb_force=0.0)}
+    position = {name: _position(friction, turbine, point, cycle, force) for name, friction in frictions.items()}
+    source = "assumed" if table is None else "[pulsation] of the study"
+    return Pulse(engine, point, source, np.asarray(cycle.crank), np.asarray(cycle.p_trb), force, position)
+
+
+def matching_angle(turbine: vgtjax.Turbine, engine: Engine, area: float) -> float:
+    """Crank angle in deg at which the nozzle takes what an orifice of an area in m2 takes, or the nearest one."""
+    outlet = turbine.outlet_pressure
+    pressure, temperature = jnp.minimum(RATIO * outlet, HIGHEST_PRESSURE), turbine.total_temperature
+    taken, _ = flow_between(engine.gas, jnp.asarray(area), pressure, temperature, outlet, temperature)
+    angles = np.linspace(*CRANK_RANGE, 331)
+    flows = np.maximum.accumulate(turbine.mass_flow(jnp.full(angles.shape, pressure), jnp.asarray(angles)))
+    return float(np.interp(float(taken), flows, angles))
 
 
 def _position(
-    friction: vgtjax.AbstractFriction, vane_force: vgtjax.HysteresisMap, cycle: Pulsation, force: Cycle
+    friction: vgtjax.AbstractFriction,
+    turbine: vgtjax.Turbine,
+    point: OperatingPoint,
+    cycle: Pulsation,
+    force: Cycle,
 ) -> Cycle:
     """Of a rod in m that stands still against the mean force, in the last cycle of several."""
-    model = vgtjax.MechanicalActuator(friction=friction, vane_force=vane_force)
-    stands = float(model.diaphragm.travel - vane_force.crank.opening(CRANK_ANGLE))
+    model = vgtjax.MechanicalActuator(friction=friction, vane_force=turbine)
+    stands = float(model.diaphragm.travel - turbine.crank.opening(point.crank_angle))
     angle = 720.0 * CYCLES / SAMPLES * np.arange(SAMPLES + 1)
-    pressure = np.interp(angle, cycle.crank, cycle.p_trb, period=720.0) - STANDARD_ATMOSPHERE
+    pressure = np.interp(angle, cycle.crank, cycle.p_trb, period=720.0) - float(turbine.ambient_pressure)
     held = float(model.diaphragm.balance_force(stands)) + float(np.mean(force))
     trace = vgtjax.Trace(
-        angle / (6 * ENGINE_SPEED),
+        angle / (6 * float(point.engine_speed)),
         f_drive=np.full(angle.shape, held),
         x_d=np.full(angle.shape, stands),
         p_trb=pressure,

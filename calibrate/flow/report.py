@@ -3,6 +3,7 @@
 import hashlib
 from typing import Any
 
+import equinox as eqx
 import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
@@ -13,7 +14,7 @@ from vgtjax.turbine import VANES, WHEEL
 from ..output.figures import PALETTE, curve, styled
 from ..output.page import render_page
 from .nozzle_map import QUANTITIES, NozzleMap
-from .passages import PRESSURE, Along
+from .passages import Along
 from .pulse import Pulse
 
 TITLES = {
@@ -24,7 +25,14 @@ TITLES = {
 }
 
 
-def render(found: NozzleMap, along: list[Along], pulse: Pulse, summary: dict[str, Any], text: str) -> str:
+def render(
+    turbine: vgtjax.Turbine,
+    found: NozzleMap,
+    along: list[Along],
+    pulse: Pulse | None,
+    summary: dict[str, Any],
+    text: str,
+) -> str:
     """The report as HTML."""
     return render_page(
         "flow.html.jinja",
@@ -33,13 +41,13 @@ def render(found: NozzleMap, along: list[Along], pulse: Pulse, summary: dict[str
         text=text,
         fingerprint=hashlib.sha256(text.encode()).hexdigest(),
         quantities={name: (QUANTITIES[name], row) for name, row in summary["quantities"].items()},
-        parameters=_parameters(found),
-        pressure=PRESSURE,
+        parameters=_parameters(turbine, pulse),
+        pressure=along[0].total_pressure,
         sections=[
             ("The map", map_figure(found)),
             ("The flow along the passage", along_figure(along)),
             ("A vane and its load", vane_figure(along)),
-            ("Pulsation", pulse_figure(pulse)),
+            *([] if pulse is None else [("Pulsation", pulse_figure(pulse))]),
         ],
     )
 
@@ -134,10 +142,23 @@ def pulse_figure(pulse: Pulse) -> go.Figure:
     return styled(figure, 640)
 
 
-def _parameters(found: NozzleMap) -> list[tuple[str, float, Any, Any]]:
-    """Names, values, units and sources of what was assumed."""
-    table = vgtjax.parameter_table(found.stage.nozzle)
-    return [
-        (name, float(vgtjax.get_parameter(found.stage.nozzle, name)), entry.unit, entry.source)
-        for name, entry in table.items()
+def _parameters(turbine: vgtjax.Turbine, pulse: Pulse | None) -> list[tuple[str, float, Any, Any]]:
+    """Names, values, units and sources of turbine and engine; none of a nozzle was measured."""
+    parts: dict[str, eqx.Module] = {"": turbine} if pulse is None else {"": turbine, "engine.": pulse.engine}
+    rows = [
+        (f"{prefix}{name}", float(np.asarray(vgtjax.get_parameter(part, name))), row.unit, row.source)
+        for prefix, part in parts.items()
+        for name, row in vgtjax.parameter_table(part).items()
     ]
+    numbers = {"nozzle.vanes": turbine.nozzle.vanes, "nozzle.rotor.blades": turbine.nozzle.rotor.blades}
+    rows += [(name, float(number), "1", "assumed") for name, number in numbers.items()]
+    if pulse is None:
+        return rows
+    point = pulse.point
+    stated = {
+        "engine_speed": (point.engine_speed, "rpm", pulse.source),
+        "trapped_mass": (point.trapped_mass, "kg", pulse.source),
+        "opening_temperature": (point.opening_temperature, "K", pulse.source),
+        "crank_angle": (np.asarray(point.crank_angle), "deg", "takes what effective_area takes"),
+    }
+    return [*rows, *((f"pulsation.{name}", float(each), unit, said) for name, (each, unit, said) in stated.items())]

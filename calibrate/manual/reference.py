@@ -10,6 +10,7 @@ from typing import Any
 import click
 import equinox as eqx
 import griffe
+import numpy as np
 import pydantic
 
 import vgtjax
@@ -142,7 +143,8 @@ def parameters() -> str:
     having: dict[tuple[str, str], list[str]] = {}
     for component, model in _models():
         for name, row in vgtjax.parameter_table(model).items():
-            rows.setdefault((name, row.symbol), (f"`{name}`", *_described(row)))
+            value = vgtjax.get_parameter(model, name)
+            rows.setdefault((name, row.symbol), (f"`{name}`", *_described(row, value)))
             having.setdefault((name, row.symbol), []).append(component)
     # What the actuator itself has comes first, with no component to name.
     cells = (
@@ -152,16 +154,18 @@ def parameters() -> str:
 
 
 def _models() -> Iterable[tuple[str, Any]]:
-    """The actuator, and one with each other variant of a component, with what a study says for it; shapes only."""
+    """The actuator, and one with each other variant of a component, with what a study says for it."""
     yield "", vgtjax.Actuator()
     for field, variants in PARTS.items():
         for name in list(variants)[1:]:
             chosen = components.FullComponents(**{field: name})  # type: ignore[arg-type]
-            yield f'{field} = "{name}"', eqx.filter_eval_shape(chosen.build)  # a table of forces takes long to make
+            # Inside of `jit` no table of forces is made, which takes long.
+            yield f'{field} = "{name}"', eqx.filter_jit(chosen.build)()
 
 
-def _described(row: vgtjax.Parameter) -> tuple[str, ...]:
-    values = row.default if isinstance(row.default, tuple) else (row.default,)
+def _described(row: vgtjax.Parameter, value: Any) -> tuple[str, ...]:
+    """With the value that the model has, which need not be its class's own."""
+    values = np.ravel(value).tolist()
     units = (row.unit,) if isinstance(row.unit, str) else row.unit
     shown = ", ".join(f"{value:.6g}" for value in values[:5]) + (", ..." if len(values) > 5 else "")
     return row.symbol, ", ".join(units[:5]), shown, row.source, "yes" if row.held else ""

@@ -9,7 +9,7 @@ import vgtjax
 from .base import Table
 
 Friction = Literal["lugre", "lugre-squared", "lugre-passive", "adaptive-lugre", "dahl", "karnopp", "coulomb"]
-VaneForce = Literal["none", "polynomial", "map", "speed-map", "turbine"]
+VaneForce = Literal["none", "polynomial", "map", "speed-map", "turbine", "turbine-at-speed"]
 Line = Literal["none", "delay", "wave"]
 MagneticForce = Literal["static", "coil"]
 Chamber = Literal["adiabatic", "wall", "isothermal"]
@@ -29,7 +29,10 @@ VANE_FORCE: dict[VaneForce, Callable[[], vgtjax.AbstractVaneForce]] = {
     "map": vgtjax.HysteresisMap,
     "speed-map": vgtjax.SpeedMap,
     "turbine": vgtjax.Turbine,
+    "turbine-at-speed": functools.partial(vgtjax.Turbine, wheel_speed=vgtjax.parts.WHEEL_SPEED),
 }
+TURBINES = ("turbine", "turbine-at-speed")
+"""Those with a nozzle: the wheel turns by a ratio to the gas, or at a speed of its own."""
 LINE: dict[Line, Callable[[], vgtjax.AbstractLine]] = {
     "none": vgtjax.NoLine,
     "delay": vgtjax.DelayLine,

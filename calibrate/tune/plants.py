@@ -5,9 +5,10 @@ from typing import Any
 import numpy as np
 
 import vgtjax
-from vgtjax import InputError
+from vgtjax import InputError, SimulationError
+from vgtjax.parts import has_tables
 from vgtjax.plants import is_physical
-from vgtjax.population import SobolSample
+from vgtjax.population import Population, SobolSample
 
 from ..population import Actuators
 from ..study.places import StudyError
@@ -20,6 +21,8 @@ BELIEFS = {
     "plant": "its plant exactly",
 }
 """What a controller knows of its plant, by the name that a study gives it."""
+LEFT_OUT = "; they are left out"
+"""What follows on why plants are none."""
 
 
 def choose_plants(study: Study, actuators: Actuators) -> tuple[Plants, Plants, tuple[str, ...]]:
@@ -43,7 +46,7 @@ def choose_plants(study: Study, actuators: Actuators) -> tuple[Plants, Plants, t
     tuned_on = {name: possible[name] for name in drawn[: table.plants] if name in possible}
     tried = {name: possible[name] for name in drawn[table.plants :] if name in possible}
     if not tuned_on:
-        raise _none_physical(table.plants)
+        raise _none_physical(notes)
     return tuned_on, tried or possible, notes
 
 
@@ -57,7 +60,7 @@ def all_plants(study: Study, actuators: Actuators) -> tuple[Plants, tuple[str, .
         return {"nominal": actuators.population.model}, ()
     _, possible, notes = _draw(study, actuators, table.plants)
     if not possible:
-        raise _none_physical(table.plants)
+        raise _none_physical(notes)
     return possible, notes
 
 
@@ -86,18 +89,28 @@ def believed_model(study: Study, actuators: Actuators) -> Any:
 
 
 def _draw(study: Study, actuators: Actuators, count: int) -> tuple[list[str], Plants, tuple[str, ...]]:
-    """Names of so many drawn plants, those of them that are physical, and a note on the others."""
+    """Names of so many drawn plants, those of them that are physical, and notes on the others."""
     population = actuators.population
     rows = population.values(SobolSample(population.dimensions, count, study.control.seed).points(0, count))
-    drawn = {f"sample {i}": population.factors.unpack(population.model, row) for i, row in enumerate(rows)}
-    possible = {name: model for name, model in drawn.items() if is_physical(model)}
-    lost = len(drawn) - len(possible)
-    left_out = f"in {lost} of {len(drawn)} drawn plants the diaphragm swallows the chamber; they are left out"
-    return list(drawn), possible, (left_out,) * bool(lost)
+    drawn = {f"sample {i}": _built(population, row) for i, row in enumerate(rows)}
+    flowing = {name: model for name, model in drawn.items() if model is not None}
+    possible = {name: model for name, model in flowing.items() if is_physical(model)}
+    swallowed, closed = len(flowing) - len(possible), len(drawn) - len(flowing)
+    lost = {"the diaphragm swallows the chamber": swallowed, "no steady flow is found through the nozzle": closed}
+    notes = [f"in {count} of {len(drawn)} drawn plants {why}{LEFT_OUT}" for why, count in lost.items() if count]
+    return list(drawn), possible, tuple(notes)
 
 
-def _none_physical(count: int) -> InputError:
-    return StudyError(
-        f"gains need a plant that is physical, but in none of the {count} drawn does the diaphragm leave "
-        "the chamber a volume; narrow the spreads under [population]"
-    )
+def _built(population: Population, row: np.ndarray) -> Any:
+    """A drawn plant, or nothing where it has a turbine that does not work."""
+    try:
+        return population.factors.unpack(population.model, row)
+    except (InputError, SimulationError):
+        if has_tables(population.model):
+            return None
+        raise
+
+
+def _none_physical(notes: tuple[str, ...]) -> InputError:
+    why = " and ".join(note.removesuffix(LEFT_OUT) for note in notes)
+    return StudyError(f"gains need a plant that is physical, but {why}; narrow the spreads under [population]")

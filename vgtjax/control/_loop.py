@@ -190,7 +190,7 @@ def _close_loop(
     (*_, solved), run = scan_in_blocks(sample, carry, inputs, adjoint)
 
     signals = jax.vmap(plant.signals)(run.state, dataclasses.replace(felt, pwm=run.duty))
-    result = judge((run.state, run.command), choose(solved, RESULTS.successful, RESULTS.root_not_found))
+    result = judge((run.state, run.command), choose(solved, RESULTS.successful, RESULTS.root_not_found), plant)
     solution = Solution(time, run.state, signals, result)
     return ClosedLoop(solution, run.measured, reference, run.command, run.duty, run.log)
 

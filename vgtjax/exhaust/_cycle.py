@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 from .._errors import InputError
 from ..parts import tabulated
-from ..simulation import RESULTS, check_result, choose
+from ..simulation import RESULTS, blame, check_result, choose
 from ._blow_down import Cylinders, Gas, Geometry, State, fire, geometry, manifold_pressure, step
 from ._engine import Engine
 from ._operating_point import OperatingPoint
@@ -82,7 +82,7 @@ def _solve(engine: Engine, point: OperatingPoint, substeps: int) -> tuple[Pulsat
     )
     cycle = _cycle(engine, point, jax.tree.map(jnp.exp, found.value), substeps)
     good = (found.result == optx.RESULTS.successful) & jnp.all(jnp.isfinite(jnp.stack(cycle)))
-    return cycle, choose(good, RESULTS.successful, RESULTS.not_periodic)
+    return cycle, blame(point, choose(good, RESULTS.successful, RESULTS.not_periodic))
 
 
 def _constant(tree: tuple[Engine, OperatingPoint]) -> tuple[Engine, OperatingPoint]:

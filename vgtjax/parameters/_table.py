@@ -33,7 +33,8 @@ class Parameter:
     zero, which switches off what it multiplies. `lower` is the end of the domain of one that is not positive, and may
     be reached. `infinite` says that infinity is a value too. `default` is the printed value. `held` parameters are
     measured, or can't be distinguished from others; a fit leaves them alone unless they are freed by name. `assumed`
-    marks values that no source states. `anonymous` parameters have the name of the module that they belong to.
+    marks values that no source states. An `optional` one may be `None`, and is no parameter of that model then.
+    `anonymous` parameters have the name of the module that they belong to.
     """
 
     symbol: str
@@ -44,6 +45,7 @@ class Parameter:
     assumed: bool = False
     infinite: bool = False
     anonymous: bool = False
+    optional: bool = False
     lower: float = -math.inf
     default: float | tuple[float, ...] = 0.0
     name: str = ""
@@ -86,8 +88,8 @@ class Part(eqx.Module):
     def __check_init__(self) -> None:
         owner = self.place or type(self).__name__
         for field in dataclasses.fields(self):
-            if "parameter" in field.metadata:
-                row = field.metadata["parameter"]
+            row = field.metadata.get("parameter")
+            if row is not None and not (row.optional and getattr(self, field.name) is None):
                 row.check(getattr(self, field.name), owner if row.anonymous else f"{owner}.{field.name}")
 
 
@@ -126,11 +128,17 @@ def _renew_moved(old: Any, new: Any) -> Any:
     return jax.tree.map(renew, old, new, is_leaf=derived)
 
 
-def as_float_array(value: Any) -> Array:
-    """A value as a floating array, in its own precision if it has one."""
+def as_float_array(value: Any, what: str = "a quantity") -> Array:
+    """A value as a floating array, in its own precision if it has one; `what` it is, for messages.
+
+    **Raises:** `InputError` for what is no number.
+    """
     if hasattr(value, "dtype") and jnp.issubdtype(value.dtype, jnp.inexact):
         return jnp.asarray(value)
-    return jnp.asarray(value, dtype=float)
+    try:
+        return jnp.asarray(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{what} must be a number, or an array of numbers, but it is {value!r}; give one") from error
 
 
 def parameter(
@@ -142,15 +150,19 @@ def parameter(
 
     - `default`: value in `unit`; tuples of both for a vector.
     - `symbol`, `unit`, `source`: as printed in the thesis.
-    - `row`: `positive`, `lower`, `infinite`, `held`, `assumed`, `anonymous`, `usual`, `tuning_width` of
-      [`Parameter`][]. What
-      has a `lower` end is not positive, and what `source` says is assumed is so; neither has to be said again.
+    - `row`: `positive`, `lower`, `infinite`, `held`, `assumed`, `anonymous`, `optional`, `usual`, `tuning_width` of
+      [`Parameter`][]. What has a `lower` end is not positive, and what `source` says is assumed is so; neither has to
+      be said again.
     """
     implied: dict[str, Any] = {"positive": "lower" not in row, "assumed": "assumed" in source}
+    what = f"the parameter {symbol}" + (f" in {unit}" if isinstance(unit, str) else "")
+    described = Parameter(symbol, unit, source, default=default, **implied | row)
+
+    def convert(value: Any) -> Any:
+        return None if value is None and described.optional else as_float_array(value, what)
+
     return eqx.field(
-        default=default,
-        converter=as_float_array,
-        metadata={"parameter": Parameter(symbol, unit, source, default=default, **implied | row)},
+        default=None if described.optional else default, converter=convert, metadata={"parameter": described}
     )
 
 
@@ -164,7 +176,7 @@ def _walk(module: eqx.Module, prefix: str) -> Iterator[tuple[str, Parameter, Arr
         value = getattr(module, field.name)
         if isinstance(value, eqx.Module):
             yield from _walk(value, prefix if "nested" in field.metadata else f"{prefix}{field.name}.")
-        elif "parameter" in field.metadata:
+        elif "parameter" in field.metadata and value is not None:
             row = field.metadata["parameter"]
             yield prefix.removesuffix(".") if row.anonymous else prefix + field.name, row, value
 

@@ -25,6 +25,7 @@ from ._tabulated import (
     AbstractTabulated as AbstractTabulated,
     Rows as Rows,
     has_tables as has_tables,
+    lost_points as lost_points,
     rows_of as rows_of,
     tables_of as tables_of,
     tabulated as tabulated,

@@ -5,6 +5,7 @@ from typing import Any
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool
 
@@ -21,15 +22,23 @@ class AbstractTabulated(AbstractDerived):
     @abc.abstractmethod
     def table(self, rows: Rows | None = None) -> Array:
         """The table of the parameters as they are, differentiable with respect to them; if it has to be made, only the
-        rows that are given, and NaN elsewhere."""
+        rows that are given, and infinite elsewhere."""
 
     @abc.abstractmethod
     def rows(self, *drives: Drive) -> Rows:
         """Which rows of the table are read along drives."""
 
     @abc.abstractmethod
-    def with_table(self, table: Array) -> eqx.Module:
+    def with_table(self, table: Array) -> "AbstractTable":
         """What is read off a table in the part's place."""
+
+
+class AbstractTable(eqx.Module):
+    """What is read off a table."""
+
+    @abc.abstractmethod
+    def lost(self) -> Bool[Array, ""]:
+        """Whether a computation of a point that the table was asked for has failed."""
 
 
 def has_tables(model: Any) -> bool:
@@ -59,6 +68,16 @@ def with_tables(model: Any, tables: tuple[Array, ...]) -> Any:
 def tabulated(model: Any) -> Any:
     """A model ready to be simulated: what would be computed at every step is read off tables."""
     return with_tables(model, tables_of(model))
+
+
+def lost_points(model: Any) -> Bool[Array, ""] | None:
+    """Whether tables that a model is read off have lost points; `None` of one without tables."""
+    tables = [part.lost() for part in jax.tree.leaves(model, is_leaf=_is_table) if _is_table(part)]
+    return jnp.any(jnp.stack(tables)) if tables else None
+
+
+def _is_table(node: Any) -> bool:
+    return isinstance(node, AbstractTable)
 
 
 def _tabulated_parts(model: Any) -> list[AbstractTabulated]:

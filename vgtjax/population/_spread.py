@@ -19,7 +19,8 @@ from ._population import Margin, Population, domain, lognormal, normal, triangul
 
 NOT_VARIED = (
     *("air.*", "*.ambient_pressure", "*.turbine_pressure", "*.crank_angle", "*.crank.*", "diaphragm.stop_*"),
-    *("*.nozzle.*", "*.linkage.*", "*.gas.*", "*.total_temperature", "*.outlet_pressure", "*.speed_ratio"),
+    *("*.nozzle.*", "*.linkage.*", "*.gas.*", "*.total_temperature", "*.outlet_pressure"),
+    *("*.speed_ratio", "*.wheel_speed"),
 )
 """What no tolerance is on unless it is stated: the weather, the knots and the geometry behind tables, the give of rigid
 stops; and the turbine, whose sizes are assumed and whose table takes a few seconds a sample."""

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 
 from .._errors import SimulationError, is_traced
+from ..parts import lost_points
 from ..plants import State
 
 
@@ -22,6 +23,8 @@ class RESULTS(eqx.Enumeration):
     """Of members of a population, which are not refused one by one."""
     not_periodic = "No cycle repeats itself: check that engine and operating point are physical, then raise substeps."
     """Of an engine, whose exhaust pulsates."""
+    no_steady_flow = "There is no steady flow through the nozzle: check its geometry and its gas, or vary them less."
+    """Of a turbine that a fit or a population varies; one that is built says so at once."""
 
 
 def choose(condition: Any, one: Any, other: Any) -> RESULTS:
@@ -29,10 +32,16 @@ def choose(condition: Any, one: Any, other: Any) -> RESULTS:
     return RESULTS.where(condition, one, other)
 
 
-def judge(states: State, result: RESULTS) -> RESULTS:
-    """`result`, or that the states of a solve without other fault have left the finite numbers."""
+def judge(states: State, result: RESULTS, model: Any = None) -> RESULTS:
+    """`result`, or that the states of a solve without other fault have left the finite numbers; of a model, why."""
     finite = jnp.all(jnp.stack([jnp.all(jnp.isfinite(leaf)) for leaf in jax.tree.leaves(states)]))
-    return choose((result == RESULTS.successful) & ~finite, RESULTS.diverged, result)
+    return blame(model, choose((result == RESULTS.successful) & ~finite, RESULTS.diverged, result))
+
+
+def blame(model: Any, result: RESULTS) -> RESULTS:
+    """`result`, or of a failure what tables of the model have lost before."""
+    lost = lost_points(model)
+    return result if lost is None else choose((result != RESULTS.successful) & lost, RESULTS.no_steady_flow, result)
 
 
 def from_diffrax(result: diffrax.RESULTS) -> RESULTS:

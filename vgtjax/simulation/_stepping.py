@@ -92,7 +92,7 @@ class AbstractFixedMarch(AbstractMarch):
             return (onward, solved & found), y
 
         (_, solved), states = scan_in_blocks(interval, (state, jnp.asarray(True)), drive, adjoint)
-        return states, judge(states, choose(solved, RESULTS.successful, RESULTS.root_not_found))
+        return states, judge(states, choose(solved, RESULTS.successful, RESULTS.root_not_found), model)
 
 
 class FixedMarch(AbstractFixedMarch):
@@ -249,7 +249,7 @@ class AdaptiveMarch(AbstractMarch):
             throw=False,
         )
         states = jax.tree.map(jnp.multiply, solution.ys, size)
-        return states, judge(states, from_diffrax(solution.result))
+        return states, judge(states, from_diffrax(solution.result), model)
 
 
 FEWEST_JUMPS = 64

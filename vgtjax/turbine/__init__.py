@@ -7,6 +7,7 @@ from ._losses import (
     Angles as Angles,
     Blading as Blading,
     GivenLoss as GivenLoss,
+    Range as Range,
     Soderberg as Soderberg,
     energy_loss as energy_loss,
 )

@@ -2,6 +2,7 @@
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Bool
 
 from .._errors import InputError, is_traced, require_positive
 from .._types import Scalar, Values
@@ -31,6 +32,10 @@ class Gas(Part):
             raise InputError(
                 f"gas.gamma must be a ratio of heat capacities above 1, but it is {self.gamma}; correct it"
             )
+
+    def works(self) -> Bool[Array, "..."]:
+        """Whether it is one, also where it is traced; `require_working` says why not."""
+        return (self.constant > 0) & (self.gamma > 1)
 
     @property
     def heat_capacity(self) -> Values:

@@ -1,11 +1,13 @@
 """Losses of a row of blades [3.60-3.67], as energy-loss coefficients, whose definition [3.54] friction needs."""
 
 import abc
+import functools
 from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Bool
 
 from .._errors import InputError, is_traced
 from .._types import Scalar, Values
@@ -31,12 +33,54 @@ class Blading(eqx.Module):
     """Largest, of a blade."""
 
 
+class Range(eqx.Module):
+    """What a law is known for: a value from one number to another."""
+
+    value: Values
+    low: float
+    high: float
+    unit: str = eqx.field(static=True)
+
+    @property
+    def kept(self) -> Bool[Array, "..."]:
+        """Whether the value lies inside."""
+        return jnp.asarray((self.value >= self.low) & (self.value <= self.high))
+
+
 class AbstractLoss(Part):
     """How much of the kinetic energy behind a row of blades is lost in it."""
 
+    name: ClassVar[str] = "the law"
+    """For messages."""
+
     @abc.abstractmethod
     def coefficient(self, angles: Angles, blading: Blading, gas: Gas) -> Values:
-        """Energy-loss coefficient `zeta`: loss over `W_2^2 / 2`."""
+        """Energy-loss coefficient `zeta`: loss over `W_2^2 / 2`; beyond the law's range that at its edge.
+
+        **Raises:** as `require_valid`.
+        """
+
+    @abc.abstractmethod
+    def ranges(self, angles: Angles, blading: Blading) -> dict[str, Range]:
+        """What a row must keep to, by what is said of it: where the law is known, or nothing if it is to be held at the
+        edges of that."""
+
+    def valid(self, angles: Angles, blading: Blading) -> Bool[Array, "..."]:
+        """Whether a row may have this law, also where it is traced; `require_valid` says why not."""
+        kept = [each.kept for each in self.ranges(angles, blading).values()]
+        return functools.reduce(jnp.logical_and, kept, jnp.asarray(True))
+
+    def require_valid(self, angles: Angles, blading: Blading, row: str = "the row") -> None:
+        """**Raises:** `InputError` for a row beyond the law's range, unless it is to be held at its edge; says nothing
+        of one that is traced."""
+        for what, each in self.ranges(angles, blading).items():
+            if not is_traced(each.value) and not np.all(each.kept):
+                raise InputError(
+                    f"{what} of {row} must be from {each.low:g} to {each.high:g}{each.unit} for {self.name}, but it is "
+                    f"{float(np.ravel(each.value)[0]):.3g}; take other blades, hold the law at its edges (hold=True), "
+                    "or give the loss",
+                    "losses",
+                )
 
 
 class GivenLoss(AbstractLoss):
@@ -48,6 +92,10 @@ class GivenLoss(AbstractLoss):
         """As it is given."""
         return self.zeta
 
+    def ranges(self, angles: Angles, blading: Blading) -> dict[str, Range]:
+        """It is known everywhere."""
+        return {}
+
 
 class Soderberg(AbstractLoss):
     """Soderberg's correlation: `base + rise (deflection / 100 deg)^2` (Horlock 1966), for deflections of up to 120 deg.
@@ -57,16 +105,22 @@ class Soderberg(AbstractLoss):
 
     base: Scalar = parameter(0.04, symbol="zeta_0", unit="-", source="Soderberg", held=True)
     rise: Scalar = parameter(0.06, symbol="zeta_1", unit="-", source="Soderberg", held=True)
+    hold: bool = eqx.field(static=True, default=False)
+    """Whether a row beyond the correlation has the loss at its edge; else it is refused."""
+    name = "Soderberg's correlation"
     LARGEST: ClassVar[float] = 120.0
 
     def coefficient(self, angles: Angles, blading: Blading, gas: Gas) -> Values:
-        """From the deflection.
-
-        **Raises:** `InputError` for a deflection beyond the correlation.
-        """
+        """From the deflection; see the base class."""
+        self.require_valid(angles, blading)
         deflection = jnp.abs(angles.outlet - angles.inlet)
-        require_range("the deflection of the row", deflection, 0.0, self.LARGEST, "deg", "Soderberg's correlation")
         return self.base + self.rise * (jnp.minimum(deflection, self.LARGEST) / 100) ** 2
+
+    def ranges(self, angles: Angles, blading: Blading) -> dict[str, Range]:
+        """Of the deflection."""
+        if self.hold:
+            return {}
+        return {"the deflection": Range(jnp.abs(angles.outlet - angles.inlet), 0.0, self.LARGEST, " deg")}
 
 
 class AinleyMathieson(AbstractLoss):
@@ -85,29 +139,43 @@ class AinleyMathieson(AbstractLoss):
     """Between blade and wall."""
     mach_number: Scalar = parameter(0.7, symbol="M_2", unit="-", source="assumed", held=True)
     """Behind the row, at which its loss of pressure is one of energy [E13]."""
+    hold: bool = eqx.field(static=True, default=False)
+    """Whether a row beyond the correlation has the loss at its edge; else it is refused."""
+    name = "Ainley and Mathieson's correlation"
     OUTLET: ClassVar[tuple[float, float]] = (40.0, 80.0)
+    """deg"""
+    PITCH: ClassVar[tuple[float, float]] = (0.3, 1.1)
+    """Over chord, as far as their charts go."""
     THICKNESS: ClassVar[tuple[float, float]] = (0.15, 0.25)
+    """Over chord."""
 
     def coefficient(self, angles: Angles, blading: Blading, gas: Gas) -> Values:
-        """From the row's angles and sizes.
-
-        **Raises:** `InputError` for an outlet angle, or a thickness, beyond the correlation.
-        """
-        name = "Ainley and Mathieson's correlation"
-        require_range("the outlet angle of the row", jnp.abs(angles.outlet), *self.OUTLET, "deg", name)
-        lost = self.profile(angles, blading) + self.secondary(angles, blading) + self.tip(angles, blading)
+        """From the row's angles and sizes; see the base class."""
+        self.require_valid(angles, blading)
+        held = Angles(angles.inlet, jnp.sign(angles.outlet) * jnp.clip(jnp.abs(angles.outlet), *self.OUTLET))
+        lost = self.profile(held, blading) + self.secondary(held, blading) + self.tip(held, blading)
         return energy_loss(lost, self.mach_number, gas)
+
+    def ranges(self, angles: Angles, blading: Blading) -> dict[str, Range]:
+        """Of the outlet angle, the pitch and the thickness."""
+        if self.hold:
+            return {}
+        return {
+            "the outlet angle": Range(jnp.abs(angles.outlet), *self.OUTLET, " deg"),
+            "pitch over chord": Range(blading.spacing / blading.chord, *self.PITCH, ""),
+            "thickness over chord": Range(blading.thickness / blading.chord, *self.THICKNESS, ""),
+        }
 
     def profile(self, angles: Angles, blading: Blading) -> Values:
         """Loss of total pressure over dynamic pressure in the profile [3.60, corrected].
 
         Between a nozzle row, `beta_1 = 0`, and an impulse row, `beta_1 = -alpha_2`, by the square of their ratio;
-        blades thicker than a fifth of the chord lose more, by that ratio's power. Thickness over chord is held in its
-        range.
+        blades thicker than a fifth of the chord lose more, by that ratio's power. What is beyond a range is held at its
+        edge.
         """
         outlet = jnp.clip(jnp.abs(angles.outlet), *self.OUTLET)
         ratio = jnp.clip(-angles.inlet * jnp.sign(angles.outlet) / outlet, 0.0, 1.0)
-        pitch, b = blading.spacing / blading.chord, 90 - outlet
+        pitch, b = jnp.clip(blading.spacing / blading.chord, *self.PITCH), 90 - outlet
         nozzle, impulse = _nozzle_row(pitch, b), _impulse_row(pitch, b)
         thickness = jnp.clip(blading.thickness / blading.chord, *self.THICKNESS)
         return (nozzle + ratio**2 * (impulse - nozzle)) * (thickness / 0.2) ** ratio
@@ -132,16 +200,6 @@ def energy_loss(pressure_loss: Values, mach_number: Values, gas: Gas) -> Values:
     squared = jnp.maximum(mach_number, 1e-3) ** 2
     expanded = (1 + 0.5 * (gas.gamma - 1) * squared) ** (-gas.gamma / (gas.gamma - 1))
     return 2 * jnp.log1p(pressure_loss * (1 - expanded)) / (gas.gamma * squared)
-
-
-def require_range(what: str, value: Values, low: float, high: float, unit: str, where: str) -> None:
-    """**Raises:** `InputError` for a value outside the range that a correlation is valid in."""
-    if not is_traced(value) and not np.all((np.asarray(value) >= low) & (np.asarray(value) <= high)):
-        raise InputError(
-            f"{what} must be from {low:g} to {high:g} {unit} for {where}, but it is {float(np.ravel(value)[0]):.3g}; "
-            "take other angles, or give the loss",
-            "losses",
-        )
 
 
 def _loading(angles: Angles) -> Values:

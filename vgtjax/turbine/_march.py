@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._errors import InputError, is_traced
+from .._errors import InputError, is_traced, require_finite, require_positive
 from .._types import Values
 from ._balance import Ends, balance_of
 from ._gas import Gas
@@ -19,6 +19,13 @@ from ._steppers import AbstractStepper, Explicit, Implicit
 
 State = tuple[Values, Values, Values, Values]
 """Density in kg/m3, meridional and circumferential velocity in m/s, pressure in Pa, one value a cell."""
+STATE = {
+    "density": (require_positive, "density in kg/m3"),
+    "v_m": (require_finite, "velocity in m/s"),
+    "v_u": (require_finite, "velocity in m/s"),
+    "pressure": (require_positive, "pressure in Pa absolute"),
+}
+"""What each must be."""
 
 
 def march(
@@ -37,18 +44,22 @@ def march(
 
     **Arguments:**
 
-    - `inlet`: without one both ends are open: waves leave, and none comes in, as in a shock tube.
+    - `inlet`: without one both ends are open: waves leave, and none comes in, as in a shock tube; there is no outlet
+      then, and `outlet_pressure` is not read.
     - `outlet_pressure`: in Pa absolute. It, and each quantity of the inlet, is one number, or one a time, linear
-      between the times.
+      between the times. Without one the outlet is open.
     - `state`: density, meridional and circumferential velocity, and pressure of each cell.
     - `times`: in s, increasing; an implicit stepper takes one step from each to the next.
     - `stepper`: [`Implicit`][] between a plenum and an outlet, and [`Explicit`][] with both ends open, unless given.
 
     **Returns:** the flow with a leading axis of times.
 
-    **Raises:** `InputError` for times that don't increase, or a state that is not one value a cell.
+    **Raises:** `InputError` for times that don't increase, an outlet pressure that is not positive, or a state that is
+    not one value a cell, with positive densities and pressures and finite velocities.
     """
     state, times = _checked(passage, state, times)
+    if outlet_pressure is not None:
+        require_positive("outlet_pressure", outlet_pressure, "pressure in Pa absolute", "correct it")
     ends = _over(times, Ends(None, None) if inlet is None else Ends(inlet, outlet_pressure))
     if stepper is None:
         stepper = Explicit() if inlet is None else Implicit()
@@ -96,14 +107,17 @@ def _checked(passage: Passage, state: State, times: Values) -> tuple[State, Valu
     **Raises:** as `march`.
     """
     times = jnp.asarray(times, jnp.result_type(float, *state))
-    if not is_traced(times) and (times.ndim != 1 or times.size < 2 or not np.all(np.diff(times) > 0)):
+    if not is_traced(times) and (
+        times.ndim != 1 or times.size < 2 or not np.all(np.isfinite(times)) or not np.all(np.diff(times) > 0)
+    ):
         raise InputError(f"times must be two or more that increase, in s, but they are {times}; correct them", "times")
-    for name, values in zip(("density", "v_m", "v_u", "pressure"), state, strict=True):
+    for (name, (require, what)), values in zip(STATE.items(), state, strict=True):
         if np.shape(values) != (passage.cells,):
             raise InputError(
                 f"a state must be density, v_m, v_u and pressure with one value for each of {passage.cells} cells, but "
                 f"the shape of its {name} is {np.shape(values)}; correct it",
                 "state",
             )
+        require(f"{name} of a state", values, what, "correct it")
     density, velocity, swirling, pressure = (jnp.asarray(values, times.dtype) for values in state)
     return (density, velocity, swirling, pressure), times

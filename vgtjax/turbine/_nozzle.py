@@ -1,9 +1,12 @@
 """Volute, pivoted vanes and wheel: a passage for every angle of the vanes, and the moment of the gas on one of them."""
 
+import functools
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Bool
 
 from .._errors import InputError, is_traced, require_positive
 from .._types import Scalar, Values
@@ -14,6 +17,7 @@ from ._passage import Inlet, Passage
 from ._rotor import Rotor, smooth_step
 from ._steady import Flow
 
+Yes = Bool[Array, "..."]
 SHARES = (16, 32, 12, 44, 8)
 """Of the cells in volute, vanes, gap, wheel and duct."""
 VANES = 1
@@ -32,7 +36,7 @@ SIZES = (
 )
 """What must not be zero; vanes may be as thin as one likes."""
 LEAST_COSINE, MOST_COSINE = 1e-3, 0.999
-"""Of the flow angle behind the vanes, whatever geometry a fit tries."""
+"""Of the flow angle behind the vanes, whatever geometry a fit tries; at the first the throat is closed."""
 
 
 class Losses(Part):
@@ -82,6 +86,16 @@ class Nozzle(Part):
             require_positive(f"nozzle.{name}", getattr(self, name), "size", "a nozzle without it lets no gas through")
         self.rotor.require_working()
 
+    def works(self, vane_angle: Values) -> Yes:
+        """Whether gas can flow through it with its vanes at an angle in rad, also where that is traced: `passage` and
+        `require_range` say why not."""
+        sizes = [getattr(self, name) > 0 for name in SIZES]
+        laws = [
+            self.losses.vanes.valid(*self._vane_row(vane_angle)),
+            self.losses.rotor.valid(*self._wheel_row()),
+        ]
+        return functools.reduce(jnp.logical_and, [self.rotor.works(), *sizes, *laws, *self._room(vane_angle).values()])
+
     @property
     def pitch(self) -> float:
         """Angle between two vanes, in rad."""
@@ -100,6 +114,10 @@ class Nozzle(Part):
         """Of the trailing edges from the axis, in m."""
         return _third_side(self.pivot_radius, self.trail, -jnp.sin(vane_angle))
 
+    def spacing(self, vane_angle: Values) -> Values:
+        """Of the trailing edges along their circle, in m."""
+        return 2 * jnp.pi * self.trailing_radius(vane_angle) / self.vanes
+
     def throat(self, vane_angle: Values) -> Values:
         """Width between two vanes, in m."""
         turned = jnp.cos(vane_angle) - jnp.cos(vane_angle + self.pitch)
@@ -107,8 +125,7 @@ class Nozzle(Part):
 
     def flow_tangent(self, vane_angle: Values) -> Values:
         """Of the flow angle behind the vanes from the radial direction: its cosine is throat over spacing."""
-        spacing = 2 * jnp.pi * self.trailing_radius(vane_angle) / self.vanes
-        cosine = jnp.clip(self.throat(vane_angle) / spacing, LEAST_COSINE, MOST_COSINE)
+        cosine = jnp.clip(self.throat(vane_angle) / self.spacing(vane_angle), LEAST_COSINE, MOST_COSINE)
         return jnp.sqrt(1 - cosine**2) / cosine
 
     def blade_tangent(self, vane_angle: Values) -> Values:
@@ -122,7 +139,7 @@ class Nozzle(Part):
 
     def require_range(self, vane_angle: Values) -> None:
         """**Raises:** `InputError` where vanes at an angle in rad stand across or beyond the tangent, close their
-        throat, touch volute or wheel, or turn the gas by more than their loss is known for."""
+        throat, touch volute or wheel, or of a row whose loss its law does not know."""
         if is_traced(self, vane_angle):
             return
         # A nozzle that is a constant of a function that is traced has values to look at all the same.
@@ -131,26 +148,40 @@ class Nozzle(Part):
 
     def _require_room(self, vane_angle: Values) -> None:
         """See `require_range`."""
-        angle = float(vane_angle)
-        said = f"vanes at {np.degrees(angle):.3g} deg"
-        rules = {
-            "must stand between 0 and 90 deg from the tangent; open them by another angle": 0 < angle < np.pi / 2,
-            f"have no throat, {float(self.throat(angle)) * 1e3:.3g} mm; make them thinner or shorter, or open them": (
-                self.throat(angle) > 0
-            ),
-            "reach into the volute; make nozzle.volute_radius larger": self.leading_radius(angle) < self.volute_radius,
-            "reach into the wheel; make nozzle.trail shorter": self.trailing_radius(angle) > self.rotor.inlet_radius,
-        }
-        for rule, kept in rules.items():
+        for rule, kept in self._room(vane_angle).items():
             if not bool(kept):
-                raise InputError(f"{said} {rule}", "nozzle")
-        self.losses.vanes.coefficient(*self._vane_row(vane_angle), Gas())
+                width = f"{float(self.throat(vane_angle)) * 1e3:.3g} mm"
+                raise InputError(f"vanes at {np.degrees(float(vane_angle)):.3g} deg {rule.format(width)}", "nozzle")
+        said = f"the vanes at {np.degrees(float(vane_angle)):.3g} deg"
+        self.losses.vanes.require_valid(*self._vane_row(vane_angle), said)
+        self.losses.rotor.require_valid(*self._wheel_row(), "the wheel")
+
+    def _room(self, vane_angle: Values) -> dict[str, Yes]:
+        """What must hold of vanes at an angle in rad, by what is said where it does not."""
+        vane_angle = jnp.asarray(vane_angle)
+        return {
+            "must stand between 0 and 90 deg from the tangent; open them by another angle": (
+                (vane_angle > 0) & (vane_angle < np.pi / 2)
+            ),
+            "have no throat, {}; make them thinner or shorter, or open them": (
+                self.throat(vane_angle) > LEAST_COSINE * self.spacing(vane_angle)
+            ),
+            "reach into the volute; make nozzle.volute_radius larger": (
+                self.leading_radius(vane_angle) < self.volute_radius
+            ),
+            "reach into the wheel; make nozzle.trail shorter": (
+                self.trailing_radius(vane_angle) > self.rotor.inlet_radius
+            ),
+        }
 
     def passage(self, vane_angle: Values, speed: Values, cells: int = 224, gas: Gas | None = None) -> Passage:
         """The passage from the volute to the duct behind the wheel.
 
         **Arguments:** `vane_angle` in rad; `speed` of the wheel in rad/s; `cells` are shared out over volute, vanes,
         gap, wheel and duct by `SHARES`; `gas` for losses that depend on it.
+
+        While its geometry or the angle is traced, one that does not work makes a passage that turns gas to NaN, through
+        which no steady flow is found.
 
         **Raises:** `InputError` for vanes that close their throat, touch each other's neighbours, or too few cells.
         """
@@ -174,7 +205,7 @@ class Nozzle(Part):
         area = jnp.concatenate([annulus, rotor.area(share, self.height), rotor.outlet_area * behind])
         row = np.repeat([0, VANES, 0, WHEEL, 0], counts)
         middle = [(np.arange(count) + 0.5) / count for count in counts]
-        turned = self._vane_tangent(vane_angle, middle[1])
+        turned = jnp.where(self.works(vane_angle), self._vane_tangent(vane_angle, middle[1]), jnp.nan)
         wheel = rotor.tangent(middle[3])
         tangent = jnp.zeros(cells).at[row == VANES].set(turned).at[row == WHEEL].set(wheel)
         length = jnp.where(
@@ -222,13 +253,12 @@ class Nozzle(Part):
         return begin + (end - begin) * smooth_step(share / self.turning_share)
 
     def _vane_row(self, vane_angle: Values) -> tuple[Angles, Blading]:
-        spacing = 2 * jnp.pi * self.trailing_radius(vane_angle) / self.vanes
         angles = [jnp.degrees(jnp.arctan(tangent(vane_angle))) for tangent in (self.blade_tangent, self.flow_tangent)]
-        return Angles(*angles), Blading(spacing, self.chord, self.height, self.thickness)
+        return Angles(*angles), Blading(self.spacing(vane_angle), self.chord, self.height, self.thickness)
 
     def _wheel_row(self) -> tuple[Angles, Blading]:
         rotor = self.rotor
-        spacing = 2 * jnp.pi * rotor.outlet_radius / self.vanes
+        spacing = 2 * jnp.pi * rotor.outlet_radius / rotor.blades
         height = rotor.outlet_area / (2 * jnp.pi * rotor.outlet_radius)
         angles = Angles(jnp.zeros_like(rotor.outlet_angle), rotor.outlet_angle)
         return angles, Blading(spacing, rotor.path, height, self.thickness)

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from .._errors import InputError, is_traced
+from .._errors import InputError, is_traced, require_finite, require_positive
 from .._types import Values
 from ._gas import Gas
 
@@ -89,7 +89,7 @@ class Passage(eqx.Module):
 class Inlet(eqx.Module):
     """Gas that comes from a plenum at rest, with swirl.
 
-    **Raises:** `InputError` for a total pressure or temperature that is not positive.
+    **Raises:** `InputError` for a total pressure or temperature that is not positive, or a tangent that is not finite.
     """
 
     total_pressure: Values
@@ -100,10 +100,9 @@ class Inlet(eqx.Module):
     """Of the angle from the meridional direction at which the gas enters, `V_u / V_m`."""
 
     def __check_init__(self) -> None:
-        for name, unit in (("total_pressure", "Pa absolute"), ("total_temperature", "K")):
-            value = getattr(self, name)
-            if not is_traced(value) and not np.all((np.asarray(value) > 0) & np.isfinite(value)):
-                raise InputError(f"inlet.{name} must be above zero, in {unit}, but it is {value}; correct it", name)
+        for name, unit in (("total_pressure", "pressure in Pa absolute"), ("total_temperature", "temperature in K")):
+            require_positive(f"inlet.{name}", getattr(self, name), unit, "correct it")
+        require_finite("inlet.tangent", self.tangent, "tangent of an angle", "correct it")
 
     def density(self, gas: Gas) -> Values:
         """In the plenum, in kg/m3."""

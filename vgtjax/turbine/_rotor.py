@@ -1,11 +1,18 @@
 """The turbine's wheel."""
 
+import functools
+
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Bool
 
 from .._errors import InputError, is_traced, require_positive
 from .._types import Scalar, Values
 from ..parameters import Part, parameter
+
+SIZES = ("inlet_radius", "outlet_radius", "path", "outlet_area", "tail", "loading_length")
+"""What must not be zero."""
 
 
 class Rotor(Part):
@@ -27,19 +34,28 @@ class Rotor(Part):
     """Of the duct behind the wheel."""
     loading_length: Scalar = parameter(0.12, symbol="l_3", unit="-", source="assumed", held=True)
     """Share of the path over which gas takes the blades' angle."""
+    blades: int = eqx.field(static=True, default=9)
+    """Number of them, for laws of losses; assumed."""
 
     def __check_init__(self) -> None:
         self.require_working()
 
     def require_working(self) -> None:
         """**Raises:** `InputError` as above, for values that were put in later as well."""
-        for name in ("inlet_radius", "outlet_radius", "path", "outlet_area", "tail", "loading_length"):
+        if self.blades < 3:
+            raise InputError(f"rotor.blades must be at least 3, but it is {self.blades}; give the number of blades")
+        for name in SIZES:
             require_positive(f"rotor.{name}", getattr(self, name), "size", "a wheel without it lets no gas through")
         if not is_traced(self.outlet_angle) and not np.all(np.abs(self.outlet_angle) < 90.0):
             raise InputError(
                 f"rotor.outlet_angle must be between -90 and 90 deg, but it is {self.outlet_angle}; count it from the "
                 "meridional direction"
             )
+
+    def works(self) -> Bool[Array, "..."]:
+        """Whether gas can flow through it, also where it is traced; `require_working` says why not."""
+        sizes = [getattr(self, name) > 0 for name in SIZES]
+        return functools.reduce(jnp.logical_and, [jnp.abs(self.outlet_angle) < 90.0, *sizes])
 
     def radius(self, share: Values) -> Values:
         """In m, after a share of the path."""

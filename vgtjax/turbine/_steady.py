@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from .._errors import require_positive
 from .._types import Scalar, Values
 from ._balance import Balance, balance_from
 from ._gas import Gas
@@ -51,6 +52,8 @@ def steady(passage: Passage, inlet: Inlet, outlet_pressure: Scalar, gas: Gas) ->
     anything, nor does a derivative.
 
     **Arguments:** `outlet_pressure` in Pa absolute.
+
+    **Raises:** `InputError` for an outlet pressure that is not positive.
     """
     return steady_near(passage, inlet, outlet_pressure, gas)[0]
 
@@ -58,7 +61,11 @@ def steady(passage: Passage, inlet: Inlet, outlet_pressure: Scalar, gas: Gas) ->
 def steady_near(
     passage: Passage, inlet: Inlet, outlet_pressure: Scalar, gas: Gas, near: States | None = None
 ) -> tuple[Flow, States]:
-    """`steady`, searched from the states of a flow nearby, and the states that it ends at, without derivatives."""
+    """`steady`, searched from the states of a flow nearby, and the states that it ends at, without derivatives.
+
+    **Raises:** as `steady`.
+    """
+    require_positive("outlet_pressure", outlet_pressure, "pressure in Pa absolute", "correct it")
     passage, inlet, outlet_pressure, gas = as_plain_arrays((passage, inlet, outlet_pressure, gas))
     if near is None:
         return _steady_from(first_guess(passage, inlet, gas), FIRST_CFL, passage, inlet, outlet_pressure, gas)

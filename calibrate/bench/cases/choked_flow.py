@@ -34,7 +34,7 @@ COLUMNS = (
 def measure() -> Section:
     """Lowers the pressure behind the nozzle at two speeds of the wheel."""
     section = Section("The pressure behind a nozzle that chokes", _ABOUT, COLUMNS, notes=list(_NOTES))
-    design = float(Stage().wheel_speed(jnp.asarray(BEFORE)))
+    design = float(Stage().speed_at(jnp.asarray(BEFORE)))
     for speed in (SLOW, design):
         for degrees in ANGLES:
             for outlet in OUTLETS:

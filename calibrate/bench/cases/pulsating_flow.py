@@ -32,7 +32,7 @@ def measure() -> Section:
     """Marches through pulsations with the vanes and the wheel at several angles and speeds."""
     section = Section("A pulsation through the nozzle, unsteady and quasi-steady", _ABOUT, COLUMNS, notes=list(_NOTES))
     stage = Stage()
-    design = float(stage.wheel_speed(jnp.asarray(MEAN)))
+    design = float(stage.speed_at(jnp.asarray(MEAN)))
     cases = [(speed, degrees, CELLS) for speed in (SLOW, design) for degrees in ANGLES]
     for speed, degrees, cells in [*cases, *[(SLOW, *each) for each in REFINED]]:
         section.add(*_row(stage, speed, float(np.radians(degrees)), cells))

@@ -61,7 +61,7 @@ def _draw(rng: np.random.Generator) -> Case:
             continue
         stage = Stage(nozzle=nozzle)
         pressure = rng.uniform(1.01 * float(stage.outlet_pressure), HIGHEST)
-        return Case(nozzle, vane_angle, pressure, rng.uniform(0, FASTEST) * float(stage.wheel_speed(pressure)))
+        return Case(nozzle, vane_angle, pressure, rng.uniform(0, FASTEST) * float(stage.speed_at(pressure)))
 
 
 @jax.jit
@@ -85,7 +85,7 @@ def _followed(case: Case) -> tuple[str, ...]:
         if not bool(flow.converged):
             break
         near, last, there = states, share, flow
-    design = float(Stage(nozzle=case.nozzle).wheel_speed(case.total_pressure))
+    design = float(Stage(nozzle=case.nozzle).speed_at(case.total_pressure))
     told = ("", "") if there is None else (f"{1e3 * float(there.mass_flow):.2f} g/s", f"{float(there.power):.1f} W")
     return (
         f"{np.degrees(case.vane_angle):.1f} deg",

@@ -1,25 +1,45 @@
 """The command `flow` as a user runs it."""
 
+import contextlib
 import csv
 import pathlib
 from unittest import mock
 
 import numpy as np
 import pytest
-from commands import Outcome, read, run_command
+from commands import Outcome, cut_example, read, run_command
+from support import quick_nozzle
 
 from calibrate.flow import command, nozzle_map
+from calibrate.flow.passages import along_passage
+from calibrate.flow.pulse import Pulse, engine_pulse
+from calibrate.flow.stage import stage_of, turbine_of
+from calibrate.study.disturbances import PulsationTable
+from calibrate.study.read import load_study
+from vgtjax import SimulationError
 from vgtjax.parts import Stage
+from vgtjax.parts.vane_force import _stage_table
 from vgtjax.turbine import Gas, Nozzle
 
 FEW = {"PRESSURES": 3, "ANGLES": 3}
+COARSE = {"PRESSURES": 7, "ANGLES": 7, "ALL": np.ones(7, bool)}
+"""Of the table that the engine and the rod read."""
+
+
+@contextlib.contextmanager
+def few_points():
+    """Maps and tables that take few flows."""
+    _stage_table._remembered.cache_clear()
+    with mock.patch.multiple(nozzle_map, **FEW), mock.patch.multiple(_stage_table, **COARSE):
+        yield
+    _stage_table._remembered.cache_clear()
 
 
 @pytest.fixture(scope="module")
 def ran(tmp_path_factory) -> tuple[Outcome, pathlib.Path]:
     """The default geometry on few points."""
     out = tmp_path_factory.mktemp("flow") / "out"
-    with mock.patch.multiple(nozzle_map, **FEW):
+    with few_points():
         return run_command("flow", "--out", out), out
 
 
@@ -48,7 +68,16 @@ def test_its_summary_and_its_report_say_that_nothing_was_measured(ran):
     for text in (outcome.out, said["notes"][0], page):
         assert "no measured vane force validates this" in text
     assert page.count("plotly-graph-div") == 4
-    assert "<code>lead</code>" in page
+    for name in ("nozzle.lead", "linkage.ratio", "gas.gamma", "total_temperature", "outlet_pressure", "speed_ratio"):
+        assert f"<code>{name}</code>" in page
+    for name in (
+        "nozzle.rotor.blades",
+        "engine.bore",
+        "engine.valve.lift",
+        "pulsation.engine_speed",
+        "pulsation.crank_angle",
+    ):
+        assert f"<code>{name}</code>" in page
 
 
 def test_the_flow_along_the_passage_falls_to_the_outlet(ran):
@@ -65,8 +94,59 @@ def test_friction_holds_most_of_a_pulsation_off_the_rod(ran):
     assert 5e-6 < pulse["position_range_with_friction"] < 0.6 * pulse["position_range_without_dry_friction"]
 
 
+def test_the_engine_stands_before_this_nozzle(ran):
+    """Where the nozzle takes what the engine's orifice of 87 mm2 takes, which has a mean pressure of 1.443 bar behind
+    it at 1.03 bar; a coarse table and an outlet at 1.05 bar differ by some percents."""
+    pulse = read(ran[1] / "summary.json")["pulsation"]
+    assert pulse["engine_speed"] == 1000.0
+    assert pulse["crank_angle"] == pytest.approx(6.7, abs=0.8)
+    assert pulse["mean_pressure"] == pytest.approx(1.443e5, rel=0.05)
+
+
+@pytest.fixture(scope="module")
+def other() -> tuple[list, Pulse]:
+    """Another stage before another engine: what is shown along the passage, and the pulse."""
+    stage = Stage(outlet_pressure=2.2e5, wheel_speed=9000.0, nozzle=Nozzle(thickness=0.2e-3))
+    engine = PulsationTable(engine_speed=1500.0, effective_area=150e-6)
+    with few_points():
+        return along_passage(stage), engine_pulse(turbine_of(stage), engine)
+
+
+def test_what_is_shown_follows_the_stage(other):
+    """2 bar would lie below this outlet."""
+    along, pulse = other
+    for each in along:
+        assert each.total_pressure == pytest.approx(2.2e5 + 0.95 / 3.45 * 2.3e5)
+        assert float(each.flow.mass_flow) > 0
+        assert float(np.max(each.passage.speed)) == 9000.0
+    assert (pulse.summary()["engine_speed"], pulse.source) == (1500.0, "[pulsation] of the study")
+    assert pulse.summary()["crank_angle"] > 8.0
+    assert np.min(pulse.pressure) > 2.2e5
+    assert np.min(pulse.force) > 0
+
+
+def test_an_engine_that_does_not_run_before_it_is_a_note(monkeypatch):
+    def failed(*_):
+        raise SimulationError("the cycle of the engine failed")
+
+    monkeypatch.setattr(command, "engine_pulse", failed)
+    pulse, notes = command._pulse(None, None)
+    assert pulse is None
+    assert notes == [command.ASSUMED, "no pulsation is shown, as the cycle of the engine failed"]
+
+
 def test_it_is_not_done_twice(ran):
     assert run_command("flow", "--out", ran[1]).out.startswith("nothing to do")
+
+
+def test_a_study_may_give_the_speed_of_the_wheel(tmp_path):
+    cut_example("step_50", 0.2, tmp_path)
+    path = tmp_path / "study.toml"
+    text = '[components]\nvane_force = "turbine-at-speed"\n[[trace]]\nfile = "step_50.csv"\n'
+    path.write_text(f'{text}[parameters]\n"vane_force.wheel_speed" = {{value = 9000}}\n')
+    with quick_nozzle():
+        stage = stage_of(load_study(path))
+    assert [float(stage.speed_at(pressure)) for pressure in (1.5e5, 3e5)] == [9000.0, 9000.0]
 
 
 def test_a_study_without_a_turbine_is_refused(tmp_path):

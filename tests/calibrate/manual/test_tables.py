@@ -7,7 +7,8 @@ from markdown_pages import DOCS, ROOT
 
 pytest.importorskip("griffe", reason="the extra docs is not installed")
 
-from calibrate.manual import tables
+import vgtjax
+from calibrate.manual import reference, tables
 
 PAGES = tables.pages()
 AGAIN = "python -m calibrate.manual.tables writes it anew"
@@ -30,6 +31,16 @@ def test_each_kind_of_table_stands_somewhere_and_no_other_does():
 def test_a_stale_table_is_seen():
     text = PAGES[DOCS / "commands" / "fit.md"]
     assert tables.current(text.replace("`--out DIR`", "`--into DIR`")) == text
+
+
+def test_parameters_have_the_values_that_a_model_is_built_with():
+    """The wheel loses more than what the class of its loss has by default."""
+    nozzle = vgtjax.turbine.Nozzle()
+    lines = [line.strip("| ").split(" | ") for line in reference.parameters().splitlines()[2:]]
+    shown = {name.strip("`"): value for name, _, _, value, *_ in lines}
+    for name in vgtjax.parameter_table(nozzle):  # six digits are shown
+        assert float(shown[f"vane_force.nozzle.{name}"]) == pytest.approx(float(vgtjax.get_parameter(nozzle, name)))
+    assert shown["vane_force.nozzle.rotor.zeta"] != shown["vane_force.nozzle.vanes.zeta"]
 
 
 def test_only_the_api_is_left_to_the_sites_builder():

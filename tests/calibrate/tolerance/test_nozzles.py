@@ -7,7 +7,7 @@ from support import quick_nozzle
 
 import vgtjax
 from vgtjax.experiments import SlowLoop
-from vgtjax.population import spread_population
+from vgtjax.population import Evaluator, choose_factors, spread_population
 
 LEAD, PRELOAD = "vane_force.nozzle.lead", "diaphragm.preload"
 STUDY = f"""[components]
@@ -65,3 +65,21 @@ def test_each_sample_is_simulated_with_the_table_of_its_own_nozzle(out):
 
 def test_the_summary_has_both(out):
     assert set(read(out / "summary.json")["quantities"]) == {LEAD, PRELOAD}
+
+
+def test_samples_whose_throat_is_closed_fail_by_that_name_and_touch_no_other():
+    """At 4 deg of the vanes the throat is 0.591 mm with vanes of 0.3 mm, so that 0.89 mm close it."""
+    plant, name = vgtjax.Actuator(vane_force=vgtjax.Turbine()), "vane_force.nozzle.thickness"
+    factors = choose_factors(plant, [name])
+    thickness = np.array([0.3e-3, 2e-3, 0.85e-3, 0.88e-3, 0.95e-3, 40e-3])[:, None]
+    good = np.array([True, False, True, False, False, False])  # 0.01 mm is less than a thousandth of the spacing
+    evaluator = Evaluator(plant, factors, [SlowLoop((1e5,), seconds=4.0)], lanes=6)
+    found = evaluator(thickness)
+    assert found.causes == tuple("successful" if each else "no_steady_flow" for each in good)
+    assert np.all(np.isnan(found.matrix[~good]))
+    alone = Evaluator(plant, factors, [SlowLoop((1e5,), seconds=4.0)], lanes=6)(np.tile(thickness[[0]], (6, 1)))
+    np.testing.assert_array_equal(found.matrix[0], alone.matrix[0])
+    slopes = evaluator.gradient(thickness).matrix
+    defined = np.isfinite(found.matrix[good])
+    assert np.all(np.isfinite(slopes[good][defined]))
+    assert np.all(np.isnan(slopes[~good]))

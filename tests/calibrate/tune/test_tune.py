@@ -300,8 +300,8 @@ def test_drawn_plants_that_are_not_physical_are_left_out(tmp_path):
     assert len({label.plant for label in (*job.true.cases.labels, *job.unseen.cases.labels)}) == total - lost
     write_spread(2.961e-5)
     sentence = (
-        "gains need a plant that is physical, but in none of the 8 drawn does the diaphragm leave the chamber a "
-        "volume; narrow the spreads under [population]"
+        "gains need a plant that is physical, but in 20 of 20 drawn plants the diaphragm swallows the chamber; narrow "
+        "the spreads under [population]"
     )
     assert_refused(run_command("tune", path, "--out", tmp_path / "out"), sentence, tmp_path / "out")
 

@@ -1,5 +1,7 @@
 """Flow that changes in time: shock tube, smooth wave, conservation, the way to a steady state, derivatives."""
 
+import re
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -239,8 +241,42 @@ def test_both_modes_agree():
 def test_bad_times_and_states():
     with pytest.raises(vgtjax.InputError, match="times must be two or more that increase, in s"):
         march(TUBE, None, None, SOD, np.array([0.0, 0.0]), AIR)
+    with pytest.raises(vgtjax.InputError, match="times must be two or more that increase, in s"):
+        march(TUBE, None, None, SOD, np.array([0.0, np.inf]), AIR)
     with pytest.raises(vgtjax.InputError, match=r"each of 200 cells, but the shape of its v_u is \(3,\)"):
         march(TUBE, None, None, (SOD[0], STILL, STILL[:3], SOD[3]), np.array([0.0, 1e-4]), AIR)
+
+
+@pytest.mark.parametrize(
+    ("entry", "value", "sentence"),
+    [
+        (0, -1.0, "density of a state must be a positive density in kg/m3, but it is -1.0; correct it"),
+        (1, np.nan, "v_m of a state must be a finite velocity in m/s, but it is nan; correct it"),
+        (2, np.inf, "v_u of a state must be a finite velocity in m/s, but it is inf; correct it"),
+        (3, 0.0, "pressure of a state must be a positive pressure in Pa absolute, but it is 0.0; correct it"),
+    ],
+)
+def test_a_state_of_no_gas(entry, value, sentence):
+    state = [each.copy() for each in SOD]
+    state[entry][7] = value
+    with pytest.raises(vgtjax.InputError, match=f"^{re.escape(sentence)}$"):
+        march(TUBE, None, None, tuple(state), np.array([0.0, 1e-4]), AIR)
+
+
+@pytest.mark.parametrize("inlet", [None, plenum()])
+@pytest.mark.parametrize("outlet", [-1e5, np.array([1e5, np.nan])])
+def test_a_pressure_that_no_outlet_has(inlet, outlet):
+    with pytest.raises(vgtjax.InputError, match=r"^outlet_pressure must be a positive .* in Pa absolute, but"):
+        march(TUBE, inlet, outlet, SOD, np.array([0.0, 1e-4]), AIR)
+
+
+def test_open_ends_have_no_pressure_behind_them():
+    """In the pipe a pressure of half the gas's would start a wave that reaches its middle in this time."""
+    pipe, ones = duct(length=1.0, cells=50), np.ones(50)
+    state, times = (ones, 0 * ones, 0 * ones, 1e5 * ones), np.array([0.0, 1.5e-3])
+    alone, given = (run(pipe, None, outlet, state, times, AIR) for outlet in (None, 0.5e5))
+    np.testing.assert_allclose(given.pressure, 1e5, rtol=1e-12)
+    np.testing.assert_array_equal(given.pressure, alone.pressure)
 
 
 def test_an_explicit_march_that_runs_out_of_steps_says_so():

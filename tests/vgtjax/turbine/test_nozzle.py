@@ -1,5 +1,7 @@
 """Geometry of the nozzle, its moment on a vane, and losses."""
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -12,8 +14,10 @@ from vgtjax.turbine import (
     GivenLoss,
     Losses,
     Nozzle,
+    Rotor,
     Soderberg,
     energy_loss,
+    steady,
 )
 
 from .ducts import solve
@@ -69,6 +73,32 @@ def test_geometry_that_does_not_work(changes, sentence):
         Nozzle(**changes).passage(np.radians(10.0), 9000.0)
 
 
+@jax.jit
+def through(thickness, vane_angle=0.3):
+    """Flow through vanes of a thickness that is traced, and whether it was found."""
+    nozzle = Nozzle(thickness=thickness)
+    passage = nozzle.passage(vane_angle, 9000.0, 28)
+    flow = steady(passage, nozzle.inlet(2e5, 900.0), 1.05e5, Gas())
+    return flow.mass_flow, flow.converged
+
+
+def test_no_flow_is_found_through_a_throat_that_is_closed_while_it_is_traced():
+    """Its cosine is clipped, so that some flow would be found otherwise; its neighbours in a batch don't notice."""
+    thickness = jnp.array([0.3e-3, 6e-3, 0.5e-3])
+    flow, found = jax.vmap(through)(thickness)
+    assert found.tolist() == [True, False, True]
+    slopes = jax.vmap(jax.jacfwd(lambda each: through(each)[0]))(thickness)
+    for lane in (0, 2):
+        alone, at = through(thickness[lane])[0], thickness[lane]
+        # Lanes take other steps to the same states, balanced to 1e-11, whose differences are 1e-9 of the flow.
+        assert float(flow[lane]) == pytest.approx(float(alone), rel=1e-9)
+        difference = (through(at * 1.001)[0] - through(at * 0.999)[0]) / (0.002 * at)
+        # Of second order: 1e-6, and what flows are balanced to.
+        assert float(slopes[lane]) == pytest.approx(float(difference), rel=1e-5)
+    angles = jnp.array([0.3, -0.01, 1.3])  # open, beyond the tangent, into the wheel
+    assert jax.vmap(through, (None, 0))(jnp.asarray(0.3e-3), angles)[1].tolist() == [True, False, False]
+
+
 def test_given_and_soderberg():
     angles = Angles(np.asarray(0.0), np.asarray(70.0))
     assert float(GivenLoss(0.1).coefficient(angles, BLADING, Gas())) == 0.1
@@ -92,12 +122,98 @@ def test_ainley_and_mathieson():
         AinleyMathieson().coefficient(Angles(np.asarray(0.0), np.asarray(85.0)), blading, Gas())
 
 
-def test_losses_are_checked_where_the_vanes_stand():
-    with pytest.raises(vgtjax.InputError, match="from 40 to 80 deg"):
-        Nozzle(losses=Losses(vanes=AinleyMathieson())).passage(np.radians(4.0), 9000.0)
+def test_losses_of_walls_by_hand():
+    """(3.65) to (3.67): signed angles, and the mean angle by the mean of tangents, which is not printed. Walls: Dunham
+    and Came, with the annulus at the inlet of a row as wide as behind it."""
+    inlet, outlet = -20.0, 65.0
+    mean = np.arctan(0.5 * (np.tan(np.radians(inlet)) + np.tan(np.radians(outlet))))
+    lift = 2 * (np.tan(np.radians(inlet)) - np.tan(np.radians(outlet))) * np.cos(mean)
+    loading = lift**2 * np.cos(np.radians(outlet)) ** 2 / np.cos(mean) ** 3
+    narrowed = np.cos(np.radians(outlet)) / np.cos(np.radians(inlet))
+    found = AinleyMathieson().secondary(Angles(np.asarray(inlet), np.asarray(outlet)), Blading(0.7, 1.0, 0.5, 0.2))
+    assert float(found) == pytest.approx(0.0334 * 2 * narrowed * loading, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"spacing": 0.2}, "pitch over chord of the row must be from 0.3 to 1.1 for"),
+        ({"thickness": 0.02}, "thickness over chord of the row must be from 0.15 to 0.25 for"),
+        ({"thickness": 0.3}, "thickness over chord of the row must be from 0.15 to 0.25 for"),
+    ],
+)
+def test_blades_that_the_charts_do_not_have(changes, sentence):
+    """Refused, or held at the edge of the charts."""
+    sizes = {"spacing": 0.7, "chord": 1.0, "height": 0.5, "thickness": 0.2}
+    angles, blading = Angles(np.asarray(-30.0), np.asarray(70.0)), Blading(**sizes | changes)
+    with pytest.raises(vgtjax.InputError, match=f"^{sentence} Ainley and Mathieson's correlation, but it is"):
+        AinleyMathieson().coefficient(angles, blading, Gas())
+    edge = {"spacing": 0.3, "thickness": np.clip(blading.thickness, 0.15, 0.25)}
+    at_edge = Blading(**sizes | {name: edge[name] for name in changes})
+    held, there = (AinleyMathieson(hold=True).coefficient(angles, each, Gas()) for each in (blading, at_edge))
+    assert float(held) == pytest.approx(float(there), rel=1e-12)
+    assert not bool(AinleyMathieson().valid(angles, blading))
+    assert bool(AinleyMathieson(hold=True).valid(angles, blading))
+
+
+def test_an_angle_that_the_charts_do_not_have_is_held_at_its_edge_in_all_losses():
+    law = AinleyMathieson(hold=True, clearance=0.01)
+    sizes = Blading(0.7, 1.0, 0.5, 0.2)
+    for sign in (1.0, -1.0):
+        beyond, edge = (
+            law.coefficient(Angles(np.asarray(0.0), np.asarray(sign * angle)), sizes, Gas()) for angle in (86.0, 80.0)
+        )
+        assert float(beyond) == float(edge)
+
+
+@pytest.mark.parametrize(
+    ("losses", "sentence"),
+    [
+        ({"vanes": AinleyMathieson()}, "the outlet angle of the vanes at 4 deg must be from 40 to 80 deg for Ainley"),
+        ({"rotor": AinleyMathieson()}, "thickness over chord of the wheel must be from 0.15 to 0.25 for Ainley and"),
+    ],
+)
+def test_losses_are_checked_of_both_rows_where_the_vanes_stand(losses, sentence):
+    with pytest.raises(vgtjax.InputError, match=f"^{sentence}.*hold the law at its edges"):
+        Nozzle(losses=Losses(**losses)).passage(np.radians(4.0), 9000.0)
+    held = {name: AinleyMathieson(hold=True) for name in losses}
+    friction = Nozzle(losses=Losses(**held)).passage(np.radians(4.0), 9000.0).friction
+    assert np.all(np.isfinite(friction))
+
+
+def test_a_law_beyond_its_range_fails_where_it_is_traced():
+    """At 25 deg gas leaves these vanes at 76 deg, at 15 deg at 85 deg."""
+    nozzle = Nozzle(thickness=3e-3, trail=6e-3, losses=Losses(vanes=AinleyMathieson()))
+    works = jax.jit(jax.vmap(nozzle.works))
+    assert works(jnp.radians(jnp.array([25.0, 15.0]))).tolist() == [True, False]
+
+
+def test_the_wheel_has_blades_of_its_own():
+    """Its pitch is that of its blades; Ainley and Mathieson's loss depends on it, a number of vanes does not matter."""
+    held = Losses(rotor=AinleyMathieson(hold=True))
+    friction = [
+        float(Nozzle(vanes=vanes, rotor=Rotor(blades=blades), losses=held).passage(0.5, 9000.0).friction[150])
+        for vanes, blades in ((11, 9), (12, 9), (11, 12))
+    ]
+    assert friction[0] == friction[1]
+    assert abs(friction[2] / friction[0] - 1) > 0.01
+    with pytest.raises(vgtjax.InputError, match=r"rotor.blades must be at least 3, but it is 2; give the number"):
+        Rotor(blades=2)
 
 
 def test_energy_loss_of_slow_gas_is_its_pressure_loss():
     # To first order in the square of the Mach number, here 1e-4.
     assert float(energy_loss(0.2, 0.01, Gas())) == pytest.approx(0.2, rel=1e-4)
     assert float(energy_loss(0.2, 0.8, Gas())) < 0.2
+
+
+def test_energy_loss_is_the_entropy_of_a_loss_of_total_pressure():
+    """(3.55) is for a loss over the total pressure before the row; (3.60) to (3.65) give it over the dynamic pressure
+    behind: `p_01 / p_02 = 1 + Y (1 - p_2 / p_02)`, whose entropy is that of the coefficient's `zeta W_2^2 / 2`."""
+    lost, mach, gas, temperature, total = 0.2, 0.8, Gas(), 800.0, 2e5
+    pressure = total * (1 + 0.17 * mach**2) ** (-1.34 / 0.34)
+    before = total + lost * (total - pressure)
+    entropy = -287.0 * np.log(1 - (before - total) / before)
+    behind = 0.5 * mach**2 * 1.34 * 287.0 * temperature
+    assert float(energy_loss(lost, mach, gas)) * behind == pytest.approx(temperature * entropy, rel=1e-12)
+    assert entropy < -0.5 * 287.0 * np.log(1 - lost)  # with Y for the share it is more than twice as much

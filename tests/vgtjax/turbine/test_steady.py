@@ -1,5 +1,7 @@
 """Steady flow against closed forms, another method's solution, conservation and differences."""
 
+import re
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -122,10 +124,33 @@ def test_bad_passages():
         Passage(good.m, good.radius, -np.ones(CELLS + 1), *[getattr(good, n) for n in REST])
     with pytest.raises(vgtjax.InputError, match=r"shape is \(60,\); faces have one more than cells"):
         Passage(*[each[5:] for each in (good.m, good.radius, good.area)], *[getattr(good, n) for n in REST])
-    with pytest.raises(vgtjax.InputError, match="above zero, in K, but it is -1"):
-        plenum(temperature=-1.0)
     with pytest.raises(vgtjax.InputError, match="specific gas constant"):
         Gas(constant=0.0)
+
+
+@pytest.mark.parametrize(
+    ("values", "sentence"),
+    [
+        ({"pressure": -2e5}, "inlet.total_pressure must be a positive pressure in Pa absolute, but it is -200000.0"),
+        ({"temperature": np.nan}, "inlet.total_temperature must be a positive temperature in K, but it is nan"),
+        ({"tangent": np.nan}, "inlet.tangent must be a finite tangent of an angle, but it is nan"),
+    ],
+)
+def test_bad_gas_at_the_inlet(values, sentence):
+    with pytest.raises(vgtjax.InputError, match=f"^{re.escape(sentence)}; correct it$"):
+        plenum(**values)
+
+
+@pytest.mark.parametrize("outlet", [-1e5, 0.0, np.nan, np.inf])
+def test_a_pressure_that_no_outlet_has(outlet):
+    with pytest.raises(vgtjax.InputError, match=f"^outlet_pressure must be a positive .* but it is {outlet}; correct"):
+        steady(duct(), plenum(), outlet, GAS)
+
+
+def test_a_gas_without_a_constant():
+    sentence = "the parameter r in J/(kg K) must be a number, or an array of numbers, but it is None; give one"
+    with pytest.raises(vgtjax.InputError, match=f"^{re.escape(sentence)}$"):
+        Gas(constant=None)
 
 
 REST = ("row", "tangent", "length", "speed", "friction", "heat")

@@ -13,6 +13,7 @@ from ._speed_map import SpeedMap as SpeedMap
 from ._stage import (
     CRANK_RANGE as CRANK_RANGE,
     HIGHEST_PRESSURE as HIGHEST_PRESSURE,
+    WHEEL_SPEED as WHEEL_SPEED,
     Linkage as Linkage,
     Stage as Stage,
     no_steady_flow as no_steady_flow,

@@ -1,11 +1,13 @@
 """From gas before the turbine to force at the rod: flow through the nozzle, moment on the vanes, linkage."""
 
+from typing import Any
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
-from ..._errors import InputError, SimulationError, require_positive
+from ..._errors import InputError, SimulationError, require_finite, require_positive
 from ..._types import Scalar, Values
 from ...parameters import Part, as_float_array, parameter
 from ...turbine import Flow, Gas, Inlet, Nozzle, Passage, States, steady_near
@@ -15,10 +17,14 @@ CELLS = 224
 """Of a passage: the moment on a vane needs 64 in its row."""
 CRANK_RANGE = (4.0, 37.0)
 """Degrees of the crank in which forces are known; those at the ends are held beyond."""
+CHECKED_ANGLES = np.linspace(*CRANK_RANGE, 25)
+"""Degrees of the crank at which a nozzle must work."""
 HIGHEST_PRESSURE = 4.5e5
 """Pa absolute before the turbine up to which forces are known; that there is held beyond."""
 TOTAL_TEMPERATURE, OUTLET_PRESSURE, SPEED_RATIO = 900.0, 1.05e5, 0.6
 """K before the turbine, Pa absolute behind it, speed of the wheel's blades over the spouting velocity: all assumed."""
+WHEEL_SPEED = 12000.0
+"""rad/s of a wheel whose speed is given by nothing else: what the ratio makes of 1.4 bar. Assumed."""
 
 
 class Linkage(Part):
@@ -39,8 +45,31 @@ class Linkage(Part):
         return jnp.radians(self.closed_angle + self.ratio * (crank_angle - self.closed_crank))
 
 
+def one_of_both(speed_ratio: Any, wheel_speed: Any) -> tuple[Any, Any]:
+    """The ratio and the speed by which a wheel turns, one of which is `None`.
+
+    **Raises:** `InputError` for both.
+    """
+    if speed_ratio is not None and wheel_speed is not None:
+        raise InputError(
+            f"a wheel must turn by either a speed_ratio or a wheel_speed, but they are {speed_ratio} and {wheel_speed} "
+            "rad/s; give one of them"
+        )
+    return (SPEED_RATIO if wheel_speed is None and speed_ratio is None else speed_ratio), wheel_speed
+
+
+def _optional(value: Any) -> Any:
+    return None if value is None else as_float_array(value)
+
+
 class Stage(eqx.Module):
-    """All that the flow through the turbine depends on; see [`Turbine`][] for what they are."""
+    """All that the flow through the turbine depends on; see [`Turbine`][] for what they are.
+
+    Its wheel turns by a ratio to the spouting velocity, 0.6 unless another is given, or at a speed that is given in
+    rad/s.
+
+    **Raises:** `InputError` for both.
+    """
 
     nozzle: Nozzle = eqx.field(default_factory=Nozzle)
     linkage: Linkage = eqx.field(default_factory=Linkage)
@@ -48,7 +77,11 @@ class Stage(eqx.Module):
     gas: Gas = eqx.field(default_factory=Gas)
     total_temperature: Scalar = eqx.field(converter=as_float_array, default=TOTAL_TEMPERATURE)
     outlet_pressure: Scalar = eqx.field(converter=as_float_array, default=OUTLET_PRESSURE)
-    speed_ratio: Scalar = eqx.field(converter=as_float_array, default=SPEED_RATIO)
+    speed_ratio: Scalar | None = eqx.field(converter=_optional, default=None)
+    wheel_speed: Scalar | None = eqx.field(converter=_optional, default=None)
+
+    def __post_init__(self) -> None:
+        self.speed_ratio, self.wheel_speed = one_of_both(self.speed_ratio, self.wheel_speed)
 
     def vane_angle(self, crank_angle: Values) -> Values:
         """Of the vanes from the tangent, in rad, at a crank angle in deg."""
@@ -66,11 +99,26 @@ class Stage(eqx.Module):
                 f"ends, but it is {float(self.outlet_pressure) / 1e5:g} bar; correct it",
                 "values",
             )
-        for crank_angle in np.linspace(*CRANK_RANGE, 25):
+        for name in ("speed_ratio", "wheel_speed"):
+            if getattr(self, name) is not None:
+                require_finite(f"vane_force.{name}", getattr(self, name), "number", "correct it")
+        for crank_angle in CHECKED_ANGLES:
             self.nozzle.require_range(self.vane_angle(crank_angle))
 
-    def wheel_speed(self, total_pressure: Values) -> Values:
-        """In rad/s at a total pressure in Pa absolute, by the ratio of the blades' speed to the spouting velocity."""
+    def works(self) -> Bool[Array, ""]:
+        """Whether gas, state and geometry work at all angles of the crank, also where they are traced; see
+        `require_working`."""
+        outlet = self.outlet_pressure
+        state = (self.total_temperature > 0) & (outlet > 0) & (outlet < HIGHEST_PRESSURE)
+        room = self.nozzle.works(self.vane_angle(jnp.asarray(CHECKED_ANGLES, outlet.dtype)))
+        return self.gas.works() & state & jnp.all(room)
+
+    def speed_at(self, total_pressure: Values) -> Values:
+        """Of the wheel in rad/s at a total pressure in Pa absolute: the one that is given, or by the ratio of the
+        blades' speed to the spouting velocity."""
+        if self.wheel_speed is not None:
+            return jnp.broadcast_to(self.wheel_speed, jnp.shape(total_pressure))
+        assert self.speed_ratio is not None, "there is one of both"
         expanded = self.gas.expanded_temperature(1.0, self.outlet_pressure / total_pressure)
         falling = 2 * self.gas.heat_capacity * self.total_temperature * (1 - expanded)
         # Without a pressure difference the wheel stands still; the root's slope is infinite there.
@@ -84,7 +132,7 @@ class Stage(eqx.Module):
 
     def passage(self, total_pressure: Values, crank_angle: Values, cells: int = CELLS) -> tuple[Passage, Inlet]:
         """What the gas flows through at Pa absolute and deg, and what it comes from."""
-        speed = self.wheel_speed(total_pressure)
+        speed = self.speed_at(total_pressure)
         passage = self.nozzle.passage(self.vane_angle(crank_angle), speed, cells, self.gas)
         return passage, self.nozzle.inlet(total_pressure, self.total_temperature)
 

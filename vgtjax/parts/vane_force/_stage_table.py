@@ -14,7 +14,7 @@ from ..._kept import keep_compiled
 from ..._types import Scalar, Values
 from ...traces import Drive
 from ...turbine import States, first_guess
-from .._tabulated import Rows
+from .._tabulated import AbstractTable, Rows
 from .._vanes import Crank, Vanes
 from ._base import AbstractVaneForce
 from ._stage import CELLS, CRANK_RANGE, HIGHEST_PRESSURE, Stage, flow_at, no_steady_flow
@@ -33,9 +33,12 @@ MARGIN = 1e-3
 """Of an interval between two pressures, for rounding of what is read there."""
 
 
-class StageTable(AbstractVaneForce):
+class StageTable(AbstractVaneForce, AbstractTable):
     """Rod force read off a table over total pressure and crank angle; linear between its knots, held beyond them, zero
-    at or below the outlet's pressure. No state."""
+    at or below the outlet's pressure. No state.
+
+    NaN are points at which no steady flow was found, infinite those that it has no business to be read at.
+    """
 
     forces: Knots
     flows: Knots
@@ -61,6 +64,10 @@ class StageTable(AbstractVaneForce):
 
         below, above = at(row), at(row + 1)
         return below + (above - below) * across
+
+    def lost(self) -> Bool[Array, ""]:
+        """See the base class."""
+        return jnp.any(jnp.isnan(self.forces))
 
     def mass_flow(self, total_pressure: Values, crank_angle: Values) -> Values:
         """In kg/s at Pa absolute and deg, of gas at `total_temperature`."""
@@ -127,19 +134,20 @@ def solve_table(
 
 
 def checked_table(stage: Stage, rows: Rows) -> ForceTable:
-    """A table of some pressures; NaN elsewhere and at points that failed, so that a simulation that comes there does
-    too."""
+    """A table of some pressures; NaN at points that failed, and everywhere of a stage that does not work, so that a
+    simulation that comes there fails too. Infinite at other pressures."""
     table, found = solve_table(stage, rows)
-    return jnp.where(found, table, jnp.nan)
+    asked = jnp.asarray(rows)[:, None] | found
+    return jnp.where(asked, jnp.where(found & stage.works(), table, jnp.nan), jnp.inf)
 
 
 @jax.custom_jvp
 def current_table(stage: Stage, rows: Rows, made_of: tuple[Array, ...], made: ForceTable) -> ForceTable:
-    """The table that was made of a stage's values, with derivatives by steady solutions at some pressures; NaN if they
-    have moved."""
+    """The table that was made of a stage's values, with derivatives by steady solutions at some pressures; infinite if
+    they have moved."""
     pairs = zip(jax.tree.leaves(stage), made_of, strict=True)
     same = jnp.all(jnp.stack([jnp.all(a == b) for a, b in pairs]))
-    return jnp.where(same, made, jnp.nan)
+    return jnp.where(same, made, jnp.inf)
 
 
 def _differentiate(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> tuple[Array, Any]:

@@ -5,15 +5,26 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..._errors import is_traced
+from ..._errors import is_traced, require_finite, require_positive
 from ..._types import Scalar, Values
-from ...parameters import as_float_array, parameter
+from ...parameters import Part, as_float_array, parameter
 from ...traces import Drive
 from ...turbine import Flow, Gas, Nozzle
 from .._tabulated import AbstractTabulated, Rows
 from .._vanes import Crank, Vanes
 from ._base import AbstractVaneForce
-from ._stage import CELLS, OUTLET_PRESSURE, SPEED_RATIO, TOTAL_TEMPERATURE, Linkage, Stage, flow_at, no_steady_flow
+from ._stage import (
+    CELLS,
+    OUTLET_PRESSURE,
+    SPEED_RATIO,
+    TOTAL_TEMPERATURE,
+    WHEEL_SPEED,
+    Linkage,
+    Stage,
+    flow_at,
+    no_steady_flow,
+    one_of_both,
+)
 from ._stage_table import ALL, ForceTable, StageTable, checked_table, current_table, make_table, rows_along
 
 
@@ -27,8 +38,10 @@ class Turbine(AbstractVaneForce, AbstractTabulated):
 
     No measured vane force validates it: sizes and the state of the gas are assumed.
 
-    **Raises:** `InputError` for a geometry that does not work, such as vanes that close their throat;
-    `SimulationError` that names the point, if a steady state is not found.
+    The wheel turns by a `speed_ratio`, 0.6 unless another is given, or at a `wheel_speed`.
+
+    **Raises:** `InputError` for a geometry that does not work, such as vanes that close their throat, or for both a
+    ratio and a speed of the wheel; `SimulationError` that names the point, if a steady state is not found.
     """
 
     nozzle: Nozzle = eqx.field(default_factory=Nozzle)
@@ -38,8 +51,14 @@ class Turbine(AbstractVaneForce, AbstractTabulated):
     """Of the gas before the turbine."""
     outlet_pressure: Scalar = parameter(OUTLET_PRESSURE, symbol="p_4", unit="Pa", source="assumed", held=True)
     """Pa absolute, behind the turbine."""
-    speed_ratio: Scalar = parameter(SPEED_RATIO, symbol="nu", unit="-", source="assumed", held=True)
-    """Speed of the wheel's blades over the spouting velocity."""
+    speed_ratio: Scalar | None = parameter(
+        SPEED_RATIO, symbol="nu", unit="-", source="assumed", held=True, optional=True
+    )
+    """Speed of the wheel's blades over the spouting velocity, whatever the pressure; with no `wheel_speed` only."""
+    wheel_speed: Scalar | None = parameter(
+        WHEEL_SPEED, symbol="Omega", unit="rad/s", source="assumed", held=True, optional=True
+    )
+    """Of a wheel that turns at one speed whatever the pressure, in place of the ratio."""
     ambient_pressure: Scalar = parameter(101013.0, symbol="p_atm", unit="Pa", source="B.2", held=True)
     """Pa absolute, from which turbine pressure counts."""
     crank: Crank = eqx.field(default_factory=Crank)
@@ -52,9 +71,10 @@ class Turbine(AbstractVaneForce, AbstractTabulated):
         gas: Gas | None = None,
         total_temperature: float | Scalar = TOTAL_TEMPERATURE,
         outlet_pressure: float | Scalar = OUTLET_PRESSURE,
-        speed_ratio: float | Scalar = SPEED_RATIO,
+        speed_ratio: float | Scalar | None = None,
         ambient_pressure: float | Scalar = 101013.0,
         crank: Crank | None = None,
+        wheel_speed: float | Scalar | None = None,
     ):
         self.nozzle, self.linkage = nozzle or Nozzle(), linkage or Linkage()
         self.gas, self.crank = gas or Gas(), crank or Crank()
@@ -62,7 +82,9 @@ class Turbine(AbstractVaneForce, AbstractTabulated):
             as_float_array(total_temperature),
             as_float_array(outlet_pressure),
         )
-        self.speed_ratio, self.ambient_pressure = as_float_array(speed_ratio), as_float_array(ambient_pressure)
+        self.ambient_pressure = as_float_array(ambient_pressure)
+        self.speed_ratio, self.wheel_speed = one_of_both(speed_ratio, wheel_speed)
+        Part.__check_init__(self)  # before a table is made of it
         self._made = _make(self.stage)
 
     @property
@@ -76,6 +98,7 @@ class Turbine(AbstractVaneForce, AbstractTabulated):
             self.total_temperature,
             self.outlet_pressure,
             self.speed_ratio,
+            self.wheel_speed,
         )
 
     def renewed(self) -> "Turbine":
@@ -83,7 +106,8 @@ class Turbine(AbstractVaneForce, AbstractTabulated):
         return eqx.tree_at(lambda each: each._made, self, _make(self.stage), is_leaf=lambda node: node is self._made)
 
     def table(self, rows: Rows | None = None) -> ForceTable:
-        """See the base class; NaN where no steady state was found, so that a simulation that comes there fails."""
+        """See the base class; NaN where no steady state was found, and in all of a nozzle's whose geometry does not
+        work, so that a simulation that comes there fails."""
         rows = jnp.asarray(ALL if rows is None else rows)
         if self._made is None:
             return checked_table(self.stage, rows)
@@ -100,22 +124,36 @@ class Turbine(AbstractVaneForce, AbstractTabulated):
         return StageTable(forces, flows, self.crank, *around)
 
     def flow(self, total_pressure: Scalar, crank_angle: Scalar, cells: int = CELLS) -> Flow:
-        """Steady flow through the nozzle at Pa absolute and deg; see `converged`."""
-        return flow_at(self.stage, as_float_array(total_pressure), as_float_array(crank_angle), cells)[0]
+        """Steady flow through the nozzle at Pa absolute and deg; see `converged`.
+
+        **Raises:** `InputError` for a pressure that is not positive, or an angle at which the nozzle does not work.
+        """
+        pressure, angle = self._checked(total_pressure, crank_angle)
+        return flow_at(self.stage, pressure, angle, cells)[0]
 
     def rod_force(self, total_pressure: Scalar, crank_angle: Scalar) -> Values:
         """Force in N against +x by a steady solution, not by the table; Pa absolute and deg. Zero at or below the
         outlet's pressure.
 
-        **Raises:** `SimulationError` where none is found; inside of `jit` the force is NaN.
+        **Raises:** as `flow`, and `SimulationError` where none is found; inside of `jit` the force is NaN.
         """
-        pressure, angle = as_float_array(total_pressure), as_float_array(crank_angle)
+        pressure, angle = self._checked(total_pressure, crank_angle)
         flowing = pressure > self.outlet_pressure
         # Where nothing flows another state is solved for, whose force is not taken.
         flow, values, _ = flow_at(self.stage, jnp.where(flowing, pressure, 2 * self.outlet_pressure), angle)
         if not is_traced(flow.converged) and not bool(flow.converged):
             raise no_steady_flow(float(pressure), float(angle))
         return jnp.where(flow.converged, jnp.where(flowing, values[0], 0.0), jnp.nan)
+
+    def _checked(self, total_pressure: Scalar, crank_angle: Scalar) -> tuple[Array, Array]:
+        """Both as arrays.
+
+        **Raises:** as `flow`.
+        """
+        require_positive("total_pressure", total_pressure, "pressure in Pa absolute", "correct it")
+        require_finite("crank_angle", crank_angle, "angle in deg", "correct it")
+        self.nozzle.require_range(self.stage.vane_angle(crank_angle))
+        return as_float_array(total_pressure), as_float_array(crank_angle)
 
     def mass_flow(self, total_pressure: Values, crank_angle: Values) -> Values:
         """In kg/s at Pa absolute and deg, read off the table, of gas at `total_temperature`."""
