@@ -1,12 +1,13 @@
 """Laws of one's own in the bench tests: the manual's drag, and LuGre friction in parameters of its own."""
 
+from typing import Any
+
 import numpy as np
 import pytest
-from markdown_pages import DOCS
+from python_blocks import python_block
 from support import duty_trace
 
 import vgtjax
-from calibrate.manual.markdown import blocks
 from vgtjax.identification import identify, identify_axis, mechanical_half, read_motions
 from vgtjax.identification._bristles import fit_bristles, read_paths
 from vgtjax.identification._lugre import start_from_bristles
@@ -22,8 +23,7 @@ TRUTH = {
 @pytest.fixture(scope="module")
 def drag():
     """The law as the manual prints it."""
-    text = next(text for text in blocks(DOCS / "extending.md", "python") if "class Drag" in text)
-    scope: dict = {}
+    text, scope = python_block("docs/extending.md", "class Drag"), dict[str, Any]()
     exec(text.partition("actuator =")[0], scope)
     return scope["Drag"]
 

@@ -5,11 +5,10 @@ import sys
 import numpy as np
 import pytest
 from commands import run_command
-from markdown_pages import DOCS
+from python_blocks import python_block
 
 import vgtjax
 import vgtjax.traces.files._open as readers
-from calibrate.manual.markdown import blocks
 from vgtjax.traces import Entry, Record, Recording, register_reader, trace_suffixes
 
 
@@ -38,7 +37,7 @@ def package(monkeypatch, tmp_path):
     """Installs a package with the manual's reader in its module, and the entry point that is given."""
 
     def install(point: str) -> None:
-        (text,) = (text for text in blocks(DOCS / "extending.md", "python") if "NPZRecording" in text)
+        text = python_block("docs/extending.md", "NPZRecording")
         (tmp_path / "mine_npz.py").write_text(text.replace('register_reader(".npz", NPZRecording)\n', ""))
         info = tmp_path / "mine_npz-1.0.dist-info"
         info.mkdir()
