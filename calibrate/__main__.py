@@ -5,7 +5,7 @@ import os
 import sys
 
 EXTRA = ("click", "jinja2", "platformdirs", "plotly", "pydantic", "rich")
-"""What the extra `app` brings: `pip install vgtjax` alone installs the library only."""
+"""What the extra `app` brings; without it only the library is installed."""
 
 
 def main(**options: str) -> None:
@@ -13,7 +13,8 @@ def main(**options: str) -> None:
     missing = [name for name in EXTRA if not _installed(name)]
     if missing:
         names = ", ".join(missing)
-        print(f"error: the command line needs {names}; install it by pip install 'vgtjax[app]'", file=sys.stderr)
+        remedy = "run pip install '.[app]' in a clone of vgtjax"
+        print(f"error: the command line needs {names}; {remedy}", file=sys.stderr)
         sys.exit(2)
     # Matrices here are tall and narrow: a second thread of BLAS gains nothing, and where simulations keep the cores
     # busy its threads wait for each other, half of the time of an identification. Once NumPy is loaded, too late.

@@ -40,9 +40,13 @@ os.environ["JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES"] = "-1"
 FIRST = (
     "test_reproduction.py",
     "test_identify.py",
+    "test_processes.py",
+    "test_nozzle_loops.py",
     "robust_tuning.ipynb",
     "chapter_5.ipynb",
+    "test_fit_posterior.py",
     "chapter_4.ipynb",
+    "test_compare_turbine.py",
     "test_turbine.py",
     "test_pneumatic_gradients.py",
     "section_3_5.ipynb",

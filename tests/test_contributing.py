@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from calibrate.manual.contributing import ROOT, table
+from calibrate.manual.contributing import ROOT, numbers_in, table
 
 EQUATIONS, ERRATA = table("equation"), table("erratum of the print")
 
@@ -47,8 +47,15 @@ def problem_of_test(file: str, beginning: str) -> str:
     return ""
 
 
+def test_every_number_stands_by_itself():
+    """A search for one finds none inside of a range."""
+    assert [row[0] for row in EQUATIONS if re.search(r"\d\s*[-\u2013]\s*\d", row[0])] == []
+    listed = [numbers_in(row[0]) for row in EQUATIONS if not row[0].startswith("section")]
+    assert all(len(set(numbers)) == len(numbers) for numbers in listed)
+
+
 def test_both_tables_are_read():
-    assert len(EQUATIONS) > 40
+    assert len(EQUATIONS) > 100
     assert {len(row) for row in EQUATIONS} == {4}
     assert len(ERRATA) > 20
     assert {len(row) for row in ERRATA} == {3}
@@ -59,6 +66,7 @@ def test_an_equation_is_where_its_row_says(row):
     _, _, code, tests = row
     assert references(code)
     assert references(tests)
+    assert [file for file, name in references(code) if not name] == []
     assert [problem for reference in references(code) if (problem := problem_of_code(*reference))] == []
     assert [problem for reference in references(tests) if (problem := problem_of_test(*reference))] == []
 

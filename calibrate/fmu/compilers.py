@@ -48,7 +48,8 @@ def compilers() -> dict[str, tuple[str, ...]]:
         found[system] = (own, "-fPIC") if system != "win64" else (own,)
     if not found:
         raise InputError(
-            "an FMU needs a C compiler, but there is none; install gcc or clang, or pip install 'vgtjax[fmu]'"
+            "an FMU needs a C compiler, but there is none; install gcc or clang, or run pip install '.[fmu]' in a "
+            "clone of vgtjax"
         )
     return found
 

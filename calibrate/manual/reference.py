@@ -33,7 +33,7 @@ ROOMS = (
     *("estimation", "identification", "assurance", "population", "sensitivity", "control", "tuning"),
 )
 """The rooms of the library, in the order in which data flow."""
-TABLES = (tables, control_tables, disturbances, loop_disturbances, references, channel_tables)
+TABLES = (tables, control_tables, disturbances, loop_disturbances, references, channel_tables, components)
 """Where the classes of a study's tables are."""
 PARTS: dict[str, dict[Any, Any]] = {
     "friction": components.FRICTION,
@@ -81,7 +81,7 @@ def keys(name: str) -> str:
     rows = []
     for key, field in model.model_fields.items():
         if key == "model" or not _is_table(field.annotation):
-            rows.append((f"`{key}`", _kind(field.annotation), _default(field), texts.get(key, "")))
+            rows.append((f"`{key}`", _kind(field.annotation, field.metadata), _default(field), texts.get(key, "")))
     return as_table(("key", "what", "default", "meaning"), rows)
 
 
@@ -107,12 +107,12 @@ def _is_table(kind: Any) -> bool:
     return any(inspect.isclass(each) and issubclass(each, pydantic.BaseModel) for each in inside)
 
 
-def _kind(kind: Any) -> str:
-    """A type as a reader of TOML has it."""
+def _kind(kind: Any, metadata: Iterable[Any] = ()) -> str:
+    """A type as a reader of TOML has it, with the ends of its numbers."""
     inner = [each for each in typing.get_args(kind) if each is not type(None)]
     origin = typing.get_origin(kind)
     if origin is typing.Annotated:
-        return _kind(inner[0])
+        return _kind(inner[0], kind.__metadata__)
     if origin is typing.Literal:
         return ", ".join(f'`"{each}"`' if isinstance(each, str) else f"`{str(each).lower()}`" for each in inner)
     if origin is list:
@@ -121,7 +121,15 @@ def _kind(kind: Any) -> str:
         return "table" if origin is dict else "two numbers"
     if inner:
         return ", ".join(dict.fromkeys(_kind(each) for each in inner))
-    return {str: "text", float: "number", int: "whole number", bool: "`true`, `false`"}.get(kind, "table")
+    name = {str: "text", float: "number", int: "whole number", bool: "`true`, `false`"}.get(kind, "table")
+    return " ".join([name, *_ends(metadata)])
+
+
+def _ends(metadata: Iterable[Any]) -> list[str]:
+    """The least and the largest number that annotations allow."""
+    constraints = [inside for each in metadata for inside in getattr(each, "metadata", [each])]
+    words = (("ge", "from"), ("gt", "above"), ("le", "to"), ("lt", "below"))
+    return [f"{word} {getattr(each, end):g}" for end, word in words for each in constraints if hasattr(each, end)]
 
 
 def _default(field: pydantic.fields.FieldInfo) -> str:
@@ -174,7 +182,7 @@ def _described(row: vgtjax.Parameter, value: Any) -> tuple[str, ...]:
 def channels() -> str:
     """The signals that a trace may have."""
     signals, units = vgtjax.traces.SIGNALS, vgtjax.traces.UNITS
-    rows = [("`time`", "", _quoted(units["time"]))]
+    rows = [("`time`", "when a row was sampled, from any beginning", _quoted(units["time"]))]
     for name in units:
         if name in signals:
             rows.append((f"`{name}`", signals[name].meaning, _quoted(units[name])))

@@ -15,11 +15,17 @@ class ChannelTable(Table):
     """One channel: `raw * scale + offset` is its value in `unit`; see [`vgtjax.traces.Source`][]."""
 
     name: str | None = None
+    """What the file calls it; else the name of the signal."""
     unit: str | None = None
+    """One of ours; else what the file says."""
     group: int | str | None = None
+    """Which of several channels of that name: index or name of its group."""
     scale: Finite = 1.0
+    """The value is the raw one times this, plus `offset`; not zero."""
     offset: Finite = 0.0
+    """In `unit`."""
     time: str | None = None
+    """The channel with its times, where times are channels."""
 
     @pydantic.field_validator("scale")
     @classmethod

@@ -53,7 +53,9 @@ class Components(Table):
     """What every model has."""
 
     friction: Friction = "lugre"
+    """Between rod and guide."""
     vane_force: VaneForce = "none"
+    """Of the exhaust gas on the vanes."""
 
     def names(self) -> dict[str, Any]:
         """The name of every component, as files state it.
@@ -72,8 +74,11 @@ class FullComponents(Components):
     """Of `model = "full"`."""
 
     line: Line = "none"
+    """The hose between converter and chamber."""
     magnetic_force: MagneticForce = "static"
+    """A curve over the duty, or that of a coil with its current."""
     chamber: Chamber = "adiabatic"
+    """What heat its gas exchanges: none, some with the wall, or as much as keeps its temperature."""
 
     def build(self) -> vgtjax.Actuator:
         """The actuator with printed parameters."""
@@ -89,8 +94,11 @@ class MechanicalComponents(Components):
     """Of `model = "mechanical"`: what it leaves out may be named as long as it is the default."""
 
     line: Literal["none"] | None = None
+    """It has none."""
     magnetic_force: Literal["static"] | None = None
+    """It has none."""
     chamber: Literal["adiabatic"] | None = None
+    """It has none."""
 
     def build(self) -> vgtjax.MechanicalActuator:
         """The rod with printed parameters."""
@@ -101,9 +109,13 @@ class ReducedComponents(Components):
     """Of a reduced model: its gas is isothermal, and no hose is between converter and chamber."""
 
     line: Literal["none"] | None = None
+    """It has none."""
     magnetic_force: MagneticForce = "static"
+    """A curve over the duty, or that of a coil with its current."""
     chamber: Literal["isothermal"] | None = None
+    """Its gas keeps its temperature."""
     flow_map: str | None = None
+    """What stands for the orifices; the first one if it is left out."""
 
     flow_maps: ClassVar[dict[str, str]]
     """Kinds of [`fit_flow_map`][vgtjax.fit_flow_map] by the names in a study; the first is the default."""

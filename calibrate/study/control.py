@@ -14,9 +14,9 @@ class CostTable(Table):
     """What counts as one in the cost of a closed loop; a scale that is not given leaves its term out."""
 
     tracking: Positive = 1e-5
-    """m"""
+    """m of error that count as one."""
     effort: Positive = math.inf
-    """%"""
+    """% of duty that count as one; infinite leaves it out."""
     chatter: Positive = 5.0
     """% from one sample to the next."""
     largest_error: Positive = math.inf
@@ -31,8 +31,11 @@ class UnseenTable(Table):
     """What tuned gains are tried on that they were not tuned on."""
 
     reference: Annotated[list[Reference], pydantic.Field(min_length=1)] = TRIED_ON
+    """What the position has to follow."""
     turbine_pressure: Annotated[list[Gauge], pydantic.Field(min_length=1)] | None = None
+    """Pa gauge; else between those of `[control]`, and the highest of them."""
     plants: Annotated[int, pydantic.Field(ge=0)] = 12
+    """How many of the population, other ones than those of `[control]`."""
 
 
 class ControlTable(Table):
@@ -50,6 +53,7 @@ class ControlTable(Table):
         "adaptive-backstepping",
         "adaptive-position",
     ] = "backstepping"
+    """The controller."""
     belief: Literal["printed", "population", "plant"] | None = None
     """What the controller knows of its plant: the printed actuator, the middle of the population, or the plant itself.
     Without it the population's middle, or the plant where the study states no population."""
@@ -79,12 +83,15 @@ class ControlTable(Table):
     """s by which the duty reaches the valve later than the controller says it."""
     reservoir: ReservoirTable = ReservoirTable()
     disturbance: list[LoopDisturbance] = []
+    """What acts on every closed loop, in this order."""
     variant: list[VariantTable] = []
     """All closed loops once more, each time with something else."""
     fallback: Literal["none", "static-balance"] = "none"
     """What takes over while the position can't be believed."""
     seed: Seed = 0
+    """Of the plants and of the sensors' noise."""
     lanes: Count = 64
+    """How many closed loops are simulated side by side."""
     derivative_memory: Annotated[list[Annotated[float, pydantic.Field(gt=0)]], pydantic.Field(min_length=1)] | None = (
         None
     )

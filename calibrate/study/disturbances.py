@@ -24,9 +24,9 @@ class PulsationTable(Table):
     """
 
     engine_speed: Annotated[float, pydantic.Field(ge=400, le=1e4)]
-    """rpm; below that no engine runs, and the steps of its cycle are too long."""
+    """rpm; below 400 no engine runs, and the steps of its cycle are too long."""
     amplitude: Literal["engine"] | float = "engine"
-    """That of the engine, or half of it from peak to peak as a share of the mean gauge pressure."""
+    """That of the engine, or half of it from peak to peak as a share between 0 and 1 of the mean gauge pressure."""
     trapped_mass: Annotated[float, pydantic.Field(gt=0, le=1e-2)] = 0.476e-3
     """kg in a cylinder."""
     opening_temperature: Annotated[float, pydantic.Field(ge=300, le=3000)] = 1150.0
@@ -34,7 +34,7 @@ class PulsationTable(Table):
     outlet_pressure: Annotated[float, pydantic.Field(ge=3e4, le=1e6)] = 1.03e5
     """Pa absolute behind the turbine."""
     effective_area: Positive = 87e-6
-    """m2"""
+    """m2 of the orifice that stands for the turbine."""
 
     @pydantic.field_validator("amplitude", mode="before")
     @classmethod

@@ -34,6 +34,7 @@ class AbstractLoopDisturbance(Table):
     """What disturbances of every kind share."""
 
     kind: str
+    """Which it is."""
 
 
 class CoilSupplyTable(AbstractLoopDisturbance):
@@ -44,7 +45,9 @@ class CoilSupplyTable(AbstractLoopDisturbance):
 
     kind: Literal["coil-supply"]
     factor: Positive | Annotated[list[Positive], pydantic.Field(min_length=1)]
+    """How many times as strong the magnetic force is; a list changes over time."""
     times: list[NotNegative] = []
+    """s; one a factor."""
 
     @pydantic.model_validator(mode="after")
     def _one_time_each(self) -> "CoilSupplyTable":
@@ -62,7 +65,9 @@ class PulsationAt(AbstractLoopDisturbance):
 
     kind: Literal["pulsation"]
     amplitude: Share
+    """Half of it from peak to peak, as a share of the gauge pressure."""
     frequency: Positive
+    """Hz"""
 
 
 class StuckSensorTable(AbstractLoopDisturbance):
@@ -70,8 +75,11 @@ class StuckSensorTable(AbstractLoopDisturbance):
 
     kind: Literal["stuck-sensor"]
     sensor: LoopSensor = "position"
+    """The one that is stuck."""
     begin: NotNegative
+    """s from which on it is."""
     end: float = np.inf
+    """s until which it is."""
 
 
 class LostSensorTable(AbstractLoopDisturbance):
@@ -79,8 +87,11 @@ class LostSensorTable(AbstractLoopDisturbance):
 
     kind: Literal["lost-sensor"]
     sensor: LoopSensor = "position"
+    """The one that is lost."""
     begin: NotNegative
+    """s from which on it is."""
     end: float = np.inf
+    """s until which it is."""
     value: float = np.nan
     """What it shows meanwhile, in m or Pa; by default no number."""
 
@@ -97,10 +108,15 @@ class ReservoirTable(Table):
     """The vacuum: `level + drift t`, and `depth` more at each of `times`, which recovers with a time constant."""
 
     level: Positive = ASSUMED_RESERVOIR
+    """Pa absolute at the beginning."""
     drift: Finite = 0.0
+    """Pa/s"""
     times: list[NotNegative] = []
+    """s at which something draws on the vacuum."""
     depth: Finite = 0.0
+    """Pa by which each of them raises the pressure."""
     recovery: Positive = 0.5
+    """s; time constant with which that decays."""
 
     def build(self) -> AbstractSignal:
         """As a signal in Pa absolute."""
@@ -134,6 +150,7 @@ class VariantTable(Table):
     """Closed loops beside the others, as they are but for what is stated."""
 
     name: Annotated[str, pydantic.Field(min_length=1)]
+    """What reports call it."""
     duty_delay: Delay | None = None
     """s; that of the others if it is not given."""
     sensor: dict[LoopSensor, SensorTable] = {}

@@ -12,7 +12,7 @@ from typing import Any
 import pydantic
 
 from vgtjax import InputError
-from vgtjax.traces import SUFFIXES
+from vgtjax.traces import trace_suffixes
 
 from .channels import override
 from .places import StudyError
@@ -63,7 +63,7 @@ def _files(folder: pathlib.Path, pattern: str) -> list[pathlib.Path]:
         return [folder / pattern]
     found = sorted(glob.glob(pattern, root_dir=folder, recursive=True))
     if not found:
-        there = sorted(path.name for path in folder.glob("*") if path.suffix.lower() in SUFFIXES)
+        there = sorted(path.name for path in folder.glob("*") if path.suffix.lower() in trace_suffixes())
         near = difflib.get_close_matches(pattern, there, n=1, cutoff=0.0)
         remedy = f"did you mean '{near[0]}'?" if near else "names are relative to the study file"
         raise StudyError(f"trace file '{pattern}' matches nothing in {folder}; {remedy}")

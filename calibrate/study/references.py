@@ -19,7 +19,9 @@ class AbstractReference(Table):
     """What references of every kind share; a key that is left out has the default of the library."""
 
     kind: str
+    """Which it is."""
     name: str | None = None
+    """What reports call it; else its kind."""
     begin: NotNegative = 0.0
     """s of the signal at which runs begin."""
 
@@ -34,9 +36,13 @@ class SineReference(AbstractReference):
 
     kind: Literal["sine"]
     amplitude: Finite
+    """m"""
     rate: Positive
+    """rad/s"""
     offset: Finite | None = None
+    """m; zero if it is left out."""
     phase: Finite | None = None
+    """rad; zero if it is left out."""
 
 
 class StepsReference(AbstractReference):
@@ -44,9 +50,13 @@ class StepsReference(AbstractReference):
 
     kind: Literal["steps"]
     times: list[Finite]
+    """s at which steps begin."""
     levels: list[Finite]
+    """m; where each of them leads."""
     initial: Finite | None = None
+    """m before the first; zero if it is left out."""
     rise: Positive | None = None
+    """s that a step takes; 0.1 if it is left out."""
 
 
 class RampsReference(AbstractReference):
@@ -54,8 +64,11 @@ class RampsReference(AbstractReference):
 
     kind: Literal["ramps"]
     times: list[Finite]
+    """s"""
     levels: list[Finite]
+    """m at these times."""
     rounding: Positive | None = None
+    """s over which a corner is round; 0.1 if it is left out."""
 
 
 class PrintedReference(AbstractReference):
@@ -63,6 +76,7 @@ class PrintedReference(AbstractReference):
 
     kind: Literal["signal-1", "signal-2"]
     rise: Positive | None = None
+    """s over which `signal-1` grows, or the step of `signal-2` takes; 1 and 0.5 if it is left out."""
 
 
 class TraceReference(AbstractReference):
@@ -70,6 +84,7 @@ class TraceReference(AbstractReference):
 
     kind: Literal["trace"]
     file: str
+    """Relative to the study file."""
 
 
 SIGNALS: dict[str, Callable[..., AbstractSignal]] = {

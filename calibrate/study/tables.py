@@ -99,6 +99,7 @@ class Spread(Table):
     """
 
     distribution: Literal["normal", "lognormal", "uniform", "triangular"] = "normal"
+    """A lognormal one has the nominal value as its median."""
     relative: Positive | None = None
     """As a part of the nominal value: the standard deviation of `normal` and `lognormal`, half the width of `uniform`
     and `triangular`."""
@@ -114,7 +115,9 @@ class Correlation(Table):
     """Correlation of two quantities or more, each pair alike."""
 
     parameters: Annotated[list[str], pydantic.Field(min_length=2)]
+    """Names of two quantities or more."""
     value: Annotated[float, pydantic.Field(ge=-1, le=1)]
+    """Of each pair."""
 
 
 class PopulationTable(Table):
@@ -126,6 +129,7 @@ class PopulationTable(Table):
     """Names or patterns of what varies; else all but the properties of the air, the turbine's nozzle, linkage and gas,
     and what is zero or infinite."""
     fixed: list[str] = []
+    """Names or patterns of what does not vary; it goes before `vary`."""
     relative: Positive = 0.02
     """Standard deviation of what is not stated, as a part of its value."""
     parameters: dict[str, Spread] = {}
@@ -153,7 +157,9 @@ class Limit(Table):
     """What is still good, in the unit of the output's table: mbar, ms, mm."""
 
     lower: Finite | None = None
+    """What is less is no longer good."""
     upper: Finite | None = None
+    """What is more is no longer good."""
 
     @pydantic.model_validator(mode="after")
     def _stated(self) -> "Limit":
@@ -172,10 +178,13 @@ class ToleranceTable(Table):
     samples: Count = 1024
     """How many actuators."""
     sampler: Literal["sobol", "latin-hypercube"] = "sobol"
+    """Sobol' points, scrambled, or a Latin hypercube."""
     seed: Seed = 0
+    """Of the samples; the same seed draws the same actuators."""
     lanes: Count = 1024
     """How many are simulated side by side."""
     precision: Literal["double", "single"] = "double"
+    """Of the arithmetic of the simulations."""
     limits: dict[str, Limit] = {}
     """By output, `{lower = ..., upper = ...}` in the unit of the report: mbar, ms, mm."""
 
@@ -186,7 +195,9 @@ class SensitivityTable(Table):
     base: Annotated[int, pydantic.Field(ge=16)] = 512
     """Base points; with k quantities there are some k + 1 simulations for each."""
     seed: Seed = 0
+    """Of the points."""
     lanes: Count = 1024
+    """How many are simulated side by side."""
     gradient_points: Count = 16
     """At how many of them exact gradients are taken."""
     replicates: Annotated[int, pydantic.Field(ge=20)] = 200
@@ -201,7 +212,9 @@ class ReportSensor(Table):
     """A sensor as its certificate has it: standard uncertainties of its offset in m or Pa, and of its gain."""
 
     channel: Sensor
+    """The signal that it measures."""
     serial: str | None = None
+    """Its number, as on its certificate."""
     calibrated: Text | None = None
     """Date."""
     uncertainty: Positive | None = None
@@ -216,12 +229,19 @@ class ReportTable(Table):
     """What stands on top of a report that is to be signed."""
 
     title: str | None = None
+    """The headline."""
     id: str | None = None
+    """Number of the report."""
     date: Text | None = None
+    """Of the report, as it shall stand there."""
     customer: str | None = None
+    """For whom it is."""
     item: str | None = None
+    """What was calibrated."""
     serial: str | None = None
+    """Of what was calibrated."""
     author: str | None = None
+    """Who answers for it."""
     sensor: list[ReportSensor] = []
 
     @property

@@ -34,14 +34,14 @@ def test_without_the_extra_one_sentence_says_what_to_install(run):
     assert (outcome.returncode, outcome.stdout) == (2, "")
     assert outcome.stderr == (
         "error: the command line needs click, jinja2, platformdirs, plotly, pydantic, rich; "
-        "install it by pip install 'vgtjax[app]'\n"
+        "run pip install '.[app]' in a clone of vgtjax\n"
     )
 
 
 def test_one_that_is_missing_is_named_before_anything_is_done(tmp_path):
     outcome = blocked("pydantic", argv=("calibrate", "fit", "--out", str(tmp_path / "out")))
     assert (outcome.returncode, outcome.stdout) == (2, "")
-    assert outcome.stderr == "error: the command line needs pydantic; install it by pip install 'vgtjax[app]'\n"
+    assert outcome.stderr == "error: the command line needs pydantic; run pip install '.[app]' in a clone of vgtjax\n"
     assert not (tmp_path / "out").exists()
 
 

@@ -197,6 +197,6 @@ def require_blackjax() -> types.ModuleType:
     except ImportError as error:
         raise InputError(
             "draws from a posterior need the package blackjax, which is not installed; run pip install "
-            "'vgtjax[posterior]'",
+            "'.[posterior]' in a clone of vgtjax",
             "posterior",
         ) from error

@@ -2,7 +2,6 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from ..traces import Trace
 from . import _limits as limits
 from ._axis_regression import filter_clear, moving_rows, regress_axis
 from ._mechanical_fit import candidates, fit_response
-from ._motion import MotionRecord, mechanical_half, plain_friction, read_motion, read_motions
+from ._motion import MotionRecord, mechanical_half, read_motion, read_motions, sliding_law
 from ._result import Curve, Identified, NotPossible, bench_test, thinned
 
 
@@ -113,10 +112,7 @@ def _first_speed(motion: MotionRecord) -> tuple[float, float]:
 
 
 def _figures(model: MechanicalActuator, motions: Sequence[MotionRecord]) -> tuple[Curve, ...]:
-    """Friction over velocity where the axis moves, with the law of Coulomb and viscous friction."""
-    friction: Any = plain_friction(model)
-    if not hasattr(friction, "viscous_damping"):
-        return ()
+    """Friction over velocity where the axis moves, with the fitted law of steady sliding."""
     velocities, forces = [], []
     for motion in motions:
         filtered = filter_clear(motion)
@@ -127,5 +123,5 @@ def _figures(model: MechanicalActuator, motions: Sequence[MotionRecord]) -> tupl
         forces.append((applied - float(model.diaphragm.mass) * filtered.acceleration)[chosen])
     velocity, force = np.concatenate(velocities), np.concatenate(forces)
     speed = np.linspace(np.min(velocity, initial=0.0), np.max(velocity, initial=0.0), 401)
-    law = float(friction.coulomb_force) * np.sign(speed) + float(friction.viscous_damping) * speed
-    return (Curve("velocity, m/s", "friction, N", (velocity, force), (speed, law), "friction over velocity"),)
+    line = (speed, sliding_law(model, speed))
+    return (Curve("velocity, m/s", "friction, N", (velocity, force), line, "friction over velocity"),)

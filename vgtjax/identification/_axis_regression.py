@@ -8,7 +8,7 @@ from jaxtyping import Bool
 from ..parameters import Parameter, get_parameter, parameter_table
 from ..plants import MechanicalActuator
 from . import _limits as limits
-from ._motion import MotionRecord, plain_friction
+from ._motion import MotionRecord
 from ._result import NotPossible
 from ._weak_form import Filtered, TraceEquations, filter_motion, regress_traces, through_kernel, within_stops
 
@@ -103,7 +103,9 @@ def _columns(filtered: Filtered) -> dict[str, np.ndarray]:
 
 def _in_proportion(model: MechanicalActuator, values: dict[str, float], free: Collection[str]) -> dict[str, float]:
     """Values that are free, with what friction has besides: sized like the Coulomb force and the mass found."""
-    friction = plain_friction(model)
+    friction = model.friction.dry()
+    if friction is None:
+        return {name: value for name, value in values.items() if name in free}
     coulomb = values.get("friction.coulomb_force", float(friction.coulomb_force))
     larger = coulomb / float(friction.coulomb_force)
     heavier = values.get("diaphragm.mass", _value(model, "diaphragm.mass")) / _value(model, "diaphragm.mass")
@@ -111,9 +113,10 @@ def _in_proportion(model: MechanicalActuator, values: dict[str, float], free: Co
     grown["bristle_damping"] = np.sqrt(larger * heavier)  # so that bristles stay as well damped as they were
     for name, factor in grown.items():
         if f"friction.{name}" in free:
-            values[f"friction.{name}"] = float(getattr(model.friction, name)) * factor
-    if "friction.excess_damping" in free and "friction.viscous_damping" in values:
-        least = float(friction.bristle_damping * (friction.static_force / friction.coulomb_force - 1))
+            values[f"friction.{name}"] = _value(model, f"friction.{name}") * factor
+    damping = friction.bristle_damping
+    if damping is not None and "friction.excess_damping" in free and "friction.viscous_damping" in values:
+        least = float(damping * (friction.static_force / friction.coulomb_force - 1))
         values["friction.excess_damping"] = max(
             values["friction.viscous_damping"] - least * float(grown["bristle_damping"]), 0.0
         )

@@ -2,18 +2,18 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import scipy
 from jaxtyping import Bool
 
 from ..estimation import least_squares
+from ..parts import DryFriction
 from ..plants import MechanicalActuator
 from ..traces import remove_noise
 from . import _limits as limits
 from ._filters import Samples
-from ._motion import MotionRecord, plain_friction
+from ._motion import MotionRecord, dry_friction
 from ._result import Coefficients, NotPossible
 from ._weak_form import Filtered, TraceEquations, filter_motion, regress_traces, through_kernel, within_stops
 
@@ -94,16 +94,18 @@ def fit_bristles(model: MechanicalActuator, paths: Sequence[Path], stribeck: boo
     All but the deflection is linear, and solved for each trial of it; with `stribeck`, all but the ratio of static to
     Coulomb force and the Stribeck velocity as well. Bristles have damping where those of the model have.
 
-    **Raises:** `NotPossible` without a path.
+    **Raises:** `NotPossible` without a path, or for a law without a Coulomb force.
     """
     if not paths:
         raise NotPossible(
             "the rod never moves freely between its stops; record it turning round in the middle of its travel"
         )
-    friction = plain_friction(model)
-    usual = float(friction.coulomb_force) / float(getattr(friction, "bristle_stiffness", USUAL_STIFFNESS))
+    friction = dry_friction(model)
+    stiffness = USUAL_STIFFNESS if friction.bristle_stiffness is None else float(friction.bristle_stiffness)
+    usual = float(friction.coulomb_force) / stiffness
     shape = []
     if stribeck:
+        assert friction.stribeck_velocity is not None
         shape = [float(friction.static_force / friction.coulomb_force), float(friction.stribeck_velocity)]
     law = _Law(model, paths, friction)
     ends = np.log(np.array(list(ENDS.values()))[: 1 + len(shape)]).T
@@ -119,10 +121,10 @@ Columns = dict[str, np.ndarray]
 class _Law:
     """The regression for given logarithms of the nonlinear unknowns, in the order of `ENDS`."""
 
-    def __init__(self, model: MechanicalActuator, paths: Sequence[Path], friction: Any):
+    def __init__(self, model: MechanicalActuator, paths: Sequence[Path], friction: DryFriction):
         self.paths = paths
-        self.damped = hasattr(friction, "bristle_damping")
-        self.exponent = getattr(friction, "stribeck_exponent", 1)
+        self.damped = friction.bristle_damping is not None
+        self.exponent = friction.stribeck_exponent
         self.stiffness = float(model.diaphragm.stiffness)
         self.right = np.concatenate([path.filtered.force[path.rows] for path in paths])
         self.steady = [self.steady_columns(path.filtered) for path in paths]

@@ -10,7 +10,7 @@ from ..plants import AbstractModel, MechanicalActuator
 from ..traces import Trace
 from . import _limits as limits
 from ._bristles import Bristles, fit_bristles, read_paths
-from ._motion import mechanical_half, plain_friction, read_motions
+from ._motion import dry_friction, mechanical_half, read_motions
 from ._result import Curve, Identified, bench_test, thinned
 
 
@@ -59,8 +59,8 @@ def identify_dahl(model: AbstractModel, traces: Sequence[Trace]) -> Identified:
 
 def _stiction(half: MechanicalActuator) -> float:
     """What Dahl's law leaves open in N where friction has stiction: its level is between `F_c` and `F_s`."""
-    friction = plain_friction(half)
-    return 0.5 * abs(float(getattr(friction, "static_force", friction.coulomb_force) - friction.coulomb_force))
+    friction = dry_friction(half)
+    return 0.5 * abs(float(friction.static_force - friction.coulomb_force))
 
 
 def friction_over_position(found: Bristles) -> Curve:

@@ -32,9 +32,13 @@ def fit(
     unknown: Unknown | None = None,
     deviations: Mapping[str, float] | None = None,
     starts: int = 1,
+    gains: Mapping[str, float] | None = None,
+    offsets: Mapping[str, float] | None = None,
     report: Callable[[Progress], None] = lambda progress: None,
 ) -> Calibration:
-    """Calibrates a model to traces by exact gradients; the same as the command `fit`.
+    """Calibrates a model to traces by exact gradients, to the same values as the command `fit`.
+
+    The command also checks its last derivatives against differences, and looks at the misfit around the end.
 
     **Arguments:**
 
@@ -48,6 +52,9 @@ def fit(
       Gaussian prior (of its logarithm, if it is positive), of what is held a tolerance that goes into every error.
     - `starts`: from how many places the search begins: the start values, and others around them by up to a factor of
       1.5, or by two standard deviations of what is known beforehand; the best end counts.
+    - `gains`: relative standard uncertainty (k = 1) of the gain of each sensor, by channel: of one that `unknown` frees
+      what is known beforehand, of another that is fitted a part of every error.
+    - `offsets`: the same of the offset of an input that `unknown` frees, in its unit (m, Pa or N).
     - `report`: called with the progress after every step.
 
     **Returns:** values, standard errors, and how the traces are met; it prints itself as a table. Ask `converged`.
@@ -66,6 +73,8 @@ def fit(
         unknown=Unknown() if unknown is None else unknown,
         deviations=deviations,
         starts=starts,
+        gains=gains,
+        offsets=offsets,
     )
     return start_fit(task).run(report)
 

@@ -2,7 +2,6 @@
 
 import contextlib
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from . import _limits as limits
 from ._bristles import Bristles, fit_bristles, read_paths
 from ._dahl import friction_over_position
 from ._mechanical_fit import ResponseFit, fit_response
-from ._motion import MotionRecord, mechanical_half, plain_friction, read_motions
+from ._motion import MotionRecord, dry_friction, mechanical_half, read_motions, sliding_law
 from ._result import Curve, Identified, NotPossible, bench_test, thinned
 from ._second_order import start_from_motion
 from ._sliding import fit_sliding
@@ -34,7 +33,8 @@ def identify_lugre(model: AbstractModel, traces: Sequence[Trace]) -> Identified:
     others, for instance `sigma_1` from slow loops, are in `limitations`.
     """
     half, motions = mechanical_half(model), read_motions(model, traces)
-    if not hasattr(plain_friction(half), "stribeck_velocity"):
+    law = dry_friction(half)
+    if law.stribeck_velocity is None or law.bristle_damping is None:
         raise NotPossible("the model's friction is not LuGre's; choose a model with LuGre friction")
     start, bristles = start_from_motion(half, motions), None
     with contextlib.suppress(NotPossible):
@@ -51,7 +51,8 @@ def start_from_bristles(half: MechanicalActuator, found: Bristles) -> Mechanical
     def determined(*names: str) -> bool:
         return all(found.relative_error(name) < limits.ERROR_START and found.values[name] > 0 for name in names)
 
-    old, new = plain_friction(half), dict[str, float]()
+    old, table, new = dry_friction(half), parameter_table(half), dict[str, float]()
+    assert old.bristle_damping is not None
     coulomb = float(old.coulomb_force)
     if determined("coulomb"):
         new["coulomb_force"] = coulomb = found.values["coulomb"]
@@ -64,26 +65,25 @@ def start_from_bristles(half: MechanicalActuator, found: Bristles) -> Mechanical
     for name, term in (("bristle_damping", "bristle_damping"), ("viscous_damping", "viscous")):
         if determined(term):
             new[name] = found.values[term]
-    if half.friction is not old:  # in parameters of its own
+    if "friction.stribeck_drop" in table:  # in parameters of its own
         damping = new.get("bristle_damping", float(old.bristle_damping))
         drop = max(new.get("static_force", float(old.static_force)) - coulomb, 0.0)
         new["stribeck_drop"] = drop
         viscous = new.get("viscous_damping", float(old.viscous_damping))
         new["excess_damping"] = max(viscous - damping * drop / coulomb, 0.0)
-    table = parameter_table(half)
     named = {f"friction.{name}": value for name, value in new.items()}
     return replace_parameters(half, {name: value for name, value in named.items() if name in table})
 
 
 def _figures(response: ResponseFit, motions: Sequence[MotionRecord], bristles: Bristles | None) -> tuple[Curve, ...]:
-    fitted: Any = plain_friction(response.model)
-    figures = []
+    fitted, figures = dry_friction(response.model).stribeck_velocity, []
+    assert fitted is not None
     with contextlib.suppress(NotPossible):
-        sliding = fit_sliding(response.model, motions, float(fitted.stribeck_velocity))
+        sliding = fit_sliding(response.model, motions, float(fitted))
         chosen = thinned(len(sliding.force))
         speed = np.linspace(np.min(sliding.velocity), np.max(sliding.velocity), 401)
-        law = np.sign(speed) * np.asarray(fitted.stribeck(speed)) + float(fitted.viscous_damping) * speed
-        points, line = (1e3 * sliding.velocity[chosen], sliding.friction()[chosen]), (1e3 * speed, law)
+        points = (1e3 * sliding.velocity[chosen], sliding.friction()[chosen])
+        line = (1e3 * speed, sliding_law(response.model, speed))
         figures.append(Curve("velocity, mm/s", "friction, N", points, line, "friction over velocity"))
     if bristles is not None:
         figures.append(friction_over_position(bristles))

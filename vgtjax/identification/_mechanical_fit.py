@@ -21,7 +21,7 @@ from ..plants import AbstractModel, MechanicalActuator
 from ..traces import Trace
 from . import _limits as limits
 from ._axis_regression import regress_axis
-from ._motion import MotionRecord, mechanical_half, plain_friction, read_motions
+from ._motion import MotionRecord, dry_level, mechanical_half, read_motions
 from ._response_errors import Linearised, covariance, drive_variances, linearise
 from ._result import Curve, Identified, NotPossible, bench_test, thinned
 from ._sliding import at_closed_stop
@@ -206,8 +206,7 @@ def _with_room(half: MechanicalActuator, motions: Sequence[MotionRecord]) -> tup
     Where it does not, a fit could only push a stop that is too near out of the way, and no farther.
     """
     preload, stiffness = float(half.diaphragm.preload), float(half.diaphragm.stiffness)
-    friction = float(plain_friction(half).coulomb_force)
-    held = sum(np.count_nonzero(at_closed_stop(motion, preload, stiffness, friction)) for motion in motions)
+    held = sum(np.count_nonzero(at_closed_stop(motion, preload, stiffness, dry_level(half))) for motion in motions)
     if held >= limits.HELD_SAMPLES:
         return half, True
     reached = max(float(np.max(motion.position)) for motion in motions)

@@ -4,13 +4,16 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool
 
+from ..parts import Contact, DryFriction, LuGre, Vanes
 from ..plants import AbstractModel, Actuator, MechanicalActuator
 from ..traces import SENSOR_PRESSURE_OFFSET, START_WINDOW, Trace, noise_level, remove_noise
 from . import _limits as limits
 from ._filters import Samples, resting
+from ._result import NotPossible
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -57,10 +60,27 @@ def mechanical_half(model: AbstractModel) -> MechanicalActuator:
     return MechanicalActuator(whole.diaphragm, whole.friction, whole.vane_force, whole.air)
 
 
-def plain_friction(model: MechanicalActuator) -> Any:
-    """The friction of a model in the thesis's parameters."""
-    friction: Any = model.friction
-    return getattr(friction, "lugre", friction)
+def dry_friction(model: MechanicalActuator) -> DryFriction:
+    """The friction of a model in the thesis's terms.
+
+    **Raises:** `NotPossible` for a law that has no Coulomb force.
+    """
+    found = model.friction.dry()
+    if found is None:
+        law = type(model.friction).__name__
+        raise NotPossible(f"the model's friction, {law}, has no Coulomb force; choose e.g. LuGre or Coulomb")
+    return found
+
+
+def dry_level(model: MechanicalActuator) -> float:
+    """Coulomb force in N against which a model's rod counts as pushed, the printed one for a law that has none."""
+    return float((model.friction.dry() or LuGre()).coulomb_force)
+
+
+def sliding_law(model: MechanicalActuator, velocity: Samples) -> Samples:
+    """Friction in N of a model that slides steadily without exhaust gas at velocities in m/s."""
+    contact = Contact(jnp.asarray(velocity), model.diaphragm.mass, Vanes(jnp.asarray(0.0), jnp.asarray(0.0)))
+    return np.asarray(model.friction.steady_force(contact))
 
 
 def read_motions(model: AbstractModel, traces: Sequence[Trace]) -> list[MotionRecord]:

@@ -1,7 +1,6 @@
 """Mass and damping of the diaphragm from its response [2.37, 2.38]."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from ..traces import Trace
 from . import _limits as limits
 from ._axis_regression import regress_axis
 from ._mechanical_fit import ResponseFit, candidates, fit_response
-from ._motion import MotionRecord, mechanical_half, plain_friction, read_motions
+from ._motion import MotionRecord, mechanical_half, read_motions
 from ._result import Identified, NotPossible, bench_test
 from ._sliding import Sliding, fit_sliding
 
@@ -39,10 +38,10 @@ def identify_mass_and_damping(model: AbstractModel, traces: Sequence[Trace]) -> 
 
 def _oscillator(response: ResponseFit) -> str:
     """Natural frequency and damping ratio [2.38] as a sentence, or nothing where they are not determined."""
-    if any(name in response.not_determined for name in REPORTED):
+    diaphragm, friction = response.model.diaphragm, response.model.friction.dry()
+    if friction is None or any(name in response.not_determined for name in REPORTED):
         return ""
-    diaphragm: Any = response.model.diaphragm
-    damping = float(diaphragm.damping) + float(plain_friction(response.model).viscous_damping)
+    damping = float(diaphragm.damping) + float(friction.viscous_damping)
     mass, stiffness = float(diaphragm.mass), float(diaphragm.stiffness)
     if stiffness == 0:
         return f" Without a spring, the velocity settles in {mass / damping:.3g} s."
@@ -72,14 +71,13 @@ def _with_law(half: MechanicalActuator, found: Sliding) -> MechanicalActuator:
         "friction.viscous_damping": "viscous",
         "friction.coulomb_force": "coulomb",
     }
-    table, values = parameter_table(half), {}
+    table, values, friction = parameter_table(half), {}, half.friction.dry()
     for name, term in places.items():
         determined = found.relative_error(term) < limits.ERROR_START
         if name in table and determined and (found.values[term] > 0 or not table[name].positive):
             values[name] = found.values[term]
-    if "friction.coulomb_force" in values and "friction.static_force" in table:
+    if friction is not None and "friction.coulomb_force" in values and "friction.static_force" in table:
         # Stiction keeps its proportion until it is found itself.
-        friction: Any = half.friction
         ratio = float(friction.static_force / friction.coulomb_force)
         values["friction.static_force"] = ratio * values["friction.coulomb_force"]
     return replace_parameters(half, values)

@@ -10,7 +10,7 @@ from jaxtyping import Bool
 from ..plants import MechanicalActuator
 from . import _limits as limits
 from ._filters import Samples
-from ._motion import MotionRecord, plain_friction
+from ._motion import MotionRecord
 from ._result import Coefficients, NotPossible
 from ._weak_form import Filtered, TraceEquations, filter_motion, regress_traces, within_stops
 
@@ -47,9 +47,9 @@ def fit_sliding(
     **Raises:** `NotPossible` when there are none.
     """
     filtered = [filter_motion(motion, KERNEL) for motion in motions]
-    friction, spring = plain_friction(model), float(model.diaphragm.stiffness) > 0
-    bristles = getattr(friction, "bristle_stiffness", None)
-    distance = 0.0 if bristles is None else limits.MEMORY * float(friction.coulomb_force) / float(bristles)
+    friction, spring, distance = model.friction.dry(), float(model.diaphragm.stiffness) > 0, 0.0
+    if friction is not None and friction.bristle_stiffness is not None:
+        distance = limits.MEMORY * float(friction.coulomb_force) / float(friction.bristle_stiffness)
     chosen = [_one_way(each, within_stops(model, each.motion), distance) for each in filtered]
     if sum(np.count_nonzero(rows) for rows in chosen) < limits.SLIDING_SAMPLES:
         raise NotPossible(

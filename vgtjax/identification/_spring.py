@@ -52,7 +52,7 @@ def identify_spring(model: AbstractModel, traces: Sequence[Trace]) -> Identified
 
 def _slide(half: MechanicalActuator, motions: Sequence[MotionRecord]) -> Sliding:
     """The law of the sliding rod; what preload does to the position of rest is put right with the preload found."""
-    found = fit_sliding(half, motions, float(getattr(half.friction, "stribeck_velocity", 0.0)) or None)
+    found = fit_sliding(half, motions, _stribeck_velocity(half))
     before = _pressed(half, float(half.diaphragm.preload))
     for _ in range(2):
         if not np.isfinite(found.values["preload"] + found.values["stiffness"]):
@@ -62,8 +62,13 @@ def _slide(half: MechanicalActuator, motions: Sequence[MotionRecord]) -> Sliding
             dataclasses.replace(motion, position=motion.position + shift * bool(np.any(motion.rest)))
             for motion in motions
         ]
-        found = fit_sliding(half, moved, float(getattr(half.friction, "stribeck_velocity", 0.0)) or None)
+        found = fit_sliding(half, moved, _stribeck_velocity(half))
     return found
+
+
+def _stribeck_velocity(half: MechanicalActuator) -> float | None:
+    friction = half.friction.dry()
+    return None if friction is None or friction.stribeck_velocity is None else float(friction.stribeck_velocity)
 
 
 def _pressed(half: MechanicalActuator, preload: float) -> float:

@@ -92,7 +92,7 @@ class Diaphragm(Part):
         return jnp.where(jnp.isfinite(self.travel), self.stop_stiffness, 0.0)
 
     def displaced_volume(self, position: Values) -> Values:
-        """Volume in m3 that the diaphragm takes from the chamber, `A_d x_d` [2.39]."""
+        """Volume in m3 that the diaphragm takes from the chamber, `A_d x_d` [2.41]."""
         return self.area * position
 
 

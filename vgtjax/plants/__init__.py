@@ -1,7 +1,12 @@
 """Parts put together: models of the actuator with their states and vector fields."""
 
 from ._actuator import Actuator as Actuator
-from ._air_path import AbstractAirPath as AbstractAirPath, AirPath as AirPath, AirPathState as AirPathState
+from ._air_path import (
+    AbstractAirPath as AbstractAirPath,
+    AbstractConverterPath as AbstractConverterPath,
+    AirPath as AirPath,
+    AirPathState as AirPathState,
+)
 from ._base import AbstractModel as AbstractModel, State as State, assemble as assemble
 from ._instrumented import (
     Gains as Gains,

@@ -69,6 +69,12 @@ class AbstractAirPath(eqx.Module):
         """Longest step in s that resolves it, infinite where the default does."""
 
 
+class AbstractConverterPath(AbstractAirPath):
+    """An air path whose plunger a magnet moves."""
+
+    converter: eqx.AbstractVar[Converter]
+
+
 class AirPathState(eqx.Module):
     """State of converter, line and chamber, one scalar a leaf (SI units)."""
 
@@ -77,7 +83,7 @@ class AirPathState(eqx.Module):
     gas: Gas
 
 
-class AirPath(AbstractAirPath):
+class AirPath(AbstractConverterPath):
     """Converter, line and chamber [2.58, corrected]."""
 
     converter: Converter = eqx.field(default_factory=Converter)

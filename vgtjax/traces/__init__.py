@@ -18,4 +18,13 @@ from ._trace import (
     require as require,
 )
 from ._units import UNITS as UNITS
-from .files import SUFFIXES as SUFFIXES
+from .files import (
+    SUFFIXES as SUFFIXES,
+    Entry as Entry,
+    Record as Record,
+    Recording as Recording,
+    reading as reading,
+    register_reader as register_reader,
+    require_start as require_start,
+    trace_suffixes as trace_suffixes,
+)

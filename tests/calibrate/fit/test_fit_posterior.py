@@ -79,6 +79,6 @@ def test_without_the_package_nothing_is_begun(small, monkeypatch):
     assert outcome.status == 2
     assert outcome.err == (
         f"error: {small.name}: draws from a posterior need the package blackjax, which is not installed; run "
-        "pip install 'vgtjax[posterior]' (see [fit] in the study)\n"
+        "pip install '.[posterior]' in a clone of vgtjax (see [fit] in the study)\n"
     )
     assert not (small.parent / "out").exists()

@@ -22,7 +22,10 @@ from .opened import Unit, own_only
 from .variants import build
 
 UNIT = EXAMPLE / "fleet" / "units" / "unit_01" / "parameters.json"
-NONE = "error: an FMU needs a C compiler, but there is none; install gcc or clang, or pip install 'vgtjax[fmu]'\n"
+NONE = (
+    "error: an FMU needs a C compiler, but there is none; install gcc or clang, or run pip install '.[fmu]' in a clone "
+    "of vgtjax\n"
+)
 
 
 @pytest.fixture(scope="module")

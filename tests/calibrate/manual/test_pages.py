@@ -1,13 +1,12 @@
 """Every block of README and manual: studies are studies, commands are commands, Python runs."""
 
 import re
-import sys
 import tomllib
-import types
 
 import numpy as np
 import pytest
 from markdown_pages import DOCS, PAGES, README, ROOT, name_of
+from python_blocks import RUN_BY, python_block
 
 import vgtjax
 import vgtjax.traces.files._open as readers
@@ -69,6 +68,11 @@ def test_what_else_a_shell_is_told(page, words):
     match words:
         case ["python3", *_]:
             assert page == README
+            for part in " ".join(words).split(" && "):
+                _, _, given = part.partition("-m calibrate ")
+                if given:
+                    name, *options = given.split()
+                    assert main.commands[name].make_context(name, options).params["out"]
         case ["pip", "install", package]:
             assert set(re.findall(r"[a-z]+", package.partition("[")[2])) <= extras()
         case ["printf", text, ">", _]:
@@ -108,9 +112,20 @@ def test_every_design_is_named():
         assert re.search(rf"\b{name}\b", listed("[control]")), name
 
 
-def python_with(page, name: str) -> str:
-    """The Python block of a page that has a name in it."""
-    return next(text for text in blocks(page, "python") if name in text)
+PYTHON = [(page, text) for page in PAGES for text in blocks(page, "python")]
+
+
+@pytest.mark.parametrize(("page", "text"), PYTHON, ids=shown)
+def test_every_python_block_is_run(page, text):
+    (key,) = [(at, name) for at, name in RUN_BY if at == name_of(page) and name in text]
+    file, _, test = RUN_BY[key].partition("::")
+    source = (ROOT / "tests" / file).read_text(encoding="utf-8")
+    assert f'python_block("{key[0]}", "{key[1]}")' in source
+    assert f"def {test}(" in source
+
+
+def test_no_block_is_said_to_be_run_that_is_gone():
+    assert len(RUN_BY) == len(PYTHON)
 
 
 @pytest.fixture
@@ -128,13 +143,13 @@ def executed(monkeypatch):
 
 
 def test_a_first_simulation_runs(executed):
-    scope = executed(python_with(DOCS / "python.md", "vgtjax.jacobian"))
+    scope = executed(python_block("docs/python.md", "vgtjax.jacobian"))
     assert scope["solution"].x_d.shape == scope["trace"].time.shape
     assert scope["slopes"].shape == (len(scope["trace"].time), 2, 8)
 
 
 def test_closed_loops_run(executed):
-    scope = executed(python_with(DOCS / "python.md", "close_loops"))
+    scope = executed(python_block("docs/python.md", "close_loops"))
     known, stiffer = scope["loops"].pressure_rms
     assert not scope["loops"].failed.any()
     # What is wrong with the believed spring is taken for pressure: 5 N over the diaphragm's area are 1.7 kPa.
@@ -142,28 +157,32 @@ def test_closed_loops_run(executed):
 
 
 def test_a_series_runs(executed):
-    scope = executed(python_with(DOCS / "tutorials" / "study.md", "spread_population"))
+    scope = executed(python_block("docs/tutorials/study.md", "spread_population"))
     assert scope["good"].shape == (64,)
     assert not scope["results"].failed.any()
 
 
 def test_a_friction_law_of_ones_own_takes_part(executed):
-    scope = executed(python_with(DOCS / "extending.md", "class Drag"))
+    scope = executed(python_block("docs/extending.md", "class Drag"))
     assert {"friction.viscous_damping", "friction.quadratic_damping"} <= set(vgtjax.parameter_table(scope["actuator"]))
     assert np.all(np.any(scope["slopes"] != 0, axis=(0, 1)))
 
 
 def test_a_trace_is_made_of_arrays(executed):
-    scope = executed(python_with(DOCS / "extending.md", "vgtjax.Trace("))
+    scope = executed(python_block("docs/extending.md", "vgtjax.Trace("))
     assert scope["trace"].pwm[-1] == 80.0
 
 
+def test_extensions_are_as_short_as_their_page_says():
+    texts = [*blocks(DOCS / "extending.md", "python"), python_block("docs/control.md", "class Follower")]
+    assert len(texts) == 4
+    for text in texts:
+        assert sum(bool(line.strip()) for line in text.splitlines()) <= 20, text.splitlines()[0]
+
+
 def test_a_file_format_of_ones_own_is_read(monkeypatch, tmp_path):
-    module = types.ModuleType("vgtjax.traces.files._npz")
-    module.__package__ = "vgtjax.traces.files"
-    exec(python_with(DOCS / "extending.md", "NPZRecording"), vars(module))
-    monkeypatch.setitem(sys.modules, module.__name__, module)
-    monkeypatch.setitem(readers.READERS, ".npz", "_npz.NPZRecording")
+    monkeypatch.setattr(readers, "READERS", dict(readers.READERS))  # what is registered here is forgotten after it
+    exec(python_block("docs/extending.md", "NPZRecording"), {})
     time = np.arange(0.0, 0.5, 1e-3)
     np.savez(tmp_path / "run.npz", **{"time [s]": time, "pwm [%]": 50 + time, "x_d [mm]": time})
     trace = vgtjax.load_trace(tmp_path / "run.npz")

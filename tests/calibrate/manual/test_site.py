@@ -146,13 +146,14 @@ def test_each_equation_is_found_with_its_file_its_test_and_its_errata(site):
     items = json.loads((site / "search.json").read_text(encoding="utf-8"))["items"]
     sections = [item for item in items if item["location"].startswith("equations.html#")]
     numbers = {number for row in equations() for number in row.numbers}
-    assert len(numbers) > 150
+    assert len(numbers) > 200
     for row in equations():
         (section,) = [item for item in sections if item["title"] == heading(row)]
         shown = section["title"] + section["text"]
         assert all(f"({number})" in shown for number in row.numbers)
         assert all(file in shown for file in re.findall(r"test_\w+\.py", row.test))
-        assert "Code:" in shown
+        assert all(name in shown for name in re.findall(r"`(?:[^`:]+: )?(\w+)`", row.code))
+        assert all(file in shown for file in re.findall(r"[\w/]+\.py", row.code))
         assert shown.count("Erratum") == len(row.errata)
     everything = " ".join(item["text"] for item in sections)
     assert everything.count("Erratum") >= len(errata())

@@ -104,7 +104,8 @@ def test_a_missing_extra_ends_with_status_2_and_its_command(tmp_path, monkeypatc
     (tmp_path / "study.toml").write_text(study_of("run.mf4", campaign()))
     monkeypatch.setitem(sys.modules, "asammdf", None)
     sentence = (
-        "run.mf4: this file is read by the package asammdf, which is not installed; run pip install 'vgtjax[mdf]'"
+        "run.mf4: this file is read by the package asammdf, which is not installed; run pip install '.[mdf]' in a "
+        "clone of vgtjax"
     )
     assert_refused(run_command("fit", tmp_path / "study.toml", "--out", tmp_path / "out"), sentence, tmp_path / "out")
 

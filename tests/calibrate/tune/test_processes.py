@@ -1,5 +1,6 @@
 """Tuning in several processes, each a process of its own as a user starts it."""
 
+import os
 import pathlib
 import re
 import signal
@@ -38,7 +39,10 @@ offset = 0.004
 
 def start(folder: pathlib.Path, out: str, *options: str) -> subprocess.Popen:
     command = [sys.executable, "-m", "calibrate", "tune", str(folder / "study.toml"), "--out", str(folder / out)]
-    return subprocess.Popen([*command, *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    # As in tests/conftest.py: these programs run for milliseconds and compile for seconds.
+    environment = os.environ | {"JAX_DISABLE_MOST_OPTIMIZATIONS": "1"}
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    return subprocess.Popen([*command, *options], env=environment, text=True, **pipes)
 
 
 def finish(process: subprocess.Popen) -> str:

@@ -81,5 +81,5 @@ def test_nothing_is_drawn_beyond_a_bound(calibrator):
 
 def test_without_the_package_it_says_what_to_install(calibrator, monkeypatch):
     monkeypatch.setitem(sys.modules, "blackjax", None)
-    with pytest.raises(InputError, match=r"run pip install 'vgtjax\[posterior\]'"):
+    with pytest.raises(InputError, match=r"run pip install '\.\[posterior\]' in a clone of vgtjax"):
         Sampler(End.of(calibrator))

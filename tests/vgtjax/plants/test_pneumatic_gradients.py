@@ -5,7 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from support import duty_trace, forward_mode, rms
+from support import duty_trace, forward_mode, optimised, rms
 
 import vgtjax
 from vgtjax import Actuator, AdaptiveStep, Converter, FixedStep, jacobian, select, simulate
@@ -44,7 +44,8 @@ def observed(model, stepping, adjoint=None):
 @pytest.fixture(scope="module")
 def slopes():
     """Per model: exact derivatives and central differences, each `(time, 2, parameters)`."""
-    return {name: both_ways(*case) for name, case in MODELS.items()}
+    with optimised():  # a quarter of a million steps each
+        return {name: both_ways(*case) for name, case in MODELS.items()}
 
 
 def both_ways(model, patterns):

@@ -192,7 +192,7 @@ def test_a_missing_package_is_one_sentence(tmp_path, monkeypatch, name, package,
     with pytest.raises(
         vgtjax.InputError,
         match=rf"^{name}: this file is read by the package {shown}, which is not installed; run pip install "
-        rf"'vgtjax\[{extra}\]'$",
+        rf"'\.\[{extra}\]' in a clone of vgtjax$",
     ):
         load(tmp_path / name)
 

@@ -1,20 +1,16 @@
 """The manual's page on control: a controller of the user's own, and its gains tuned for the user's actuator."""
 
-import pathlib
-import re
-
 import pytest
+from python_blocks import python_block
 
 import vgtjax
 from vgtjax.tuning import conditions, gain_names
-
-PAGE = pathlib.Path(__file__).parents[3] / "docs" / "control.md"
 
 
 @pytest.fixture(scope="module")
 def scope():
     names = {}
-    for block in re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), flags=re.DOTALL):
+    for block in (python_block("docs/control.md", "class Follower"), python_block("docs/control.md", "tuned =")):
         exec(block, names)
     return names
 

@@ -1,7 +1,7 @@
 """Friction models on one interface."""
 
 from ._adaptive import AdaptiveLuGre as AdaptiveLuGre
-from ._base import AbstractFriction as AbstractFriction, Contact as Contact
+from ._base import AbstractFriction as AbstractFriction, Contact as Contact, DryFriction as DryFriction
 from ._bristles import AbstractLuGre as AbstractLuGre, Bristle as Bristle
 from ._coulomb import Coulomb as Coulomb
 from ._dahl import Dahl as Dahl

@@ -22,6 +22,24 @@ class Contact(eqx.Module):
     """Exhaust gas loads the bearings of the vanes."""
 
 
+class DryFriction(eqx.Module):
+    """A law in the thesis's terms, as far as it has them: what bench tests read off traces."""
+
+    coulomb_force: Values
+    """`F_c` in N."""
+    static_force: Values
+    """`F_s` in N; `F_c` without stiction."""
+    viscous_damping: Values
+    """`sigma_2` in N s/m."""
+    bristle_stiffness: Values | None = None
+    """`sigma_0` in N/m; `None` where turns are not remembered."""
+    bristle_damping: Values | None = None
+    """`sigma_1` in N s/m; `None` for bristles without damping."""
+    stribeck_velocity: Values | None = None
+    """`v_s` in m/s; `None` where the sliding force does not fall with speed."""
+    stribeck_exponent: int = eqx.field(static=True, default=1)
+
+
 class AbstractFriction(Part):
     """Friction between rod and guide; the force opposes positive velocity.
 
@@ -60,6 +78,13 @@ class AbstractFriction(Part):
         """Viscous damping in N s/m beyond the least with which friction never gives out energy, negative where it can.
 
         `None` for friction that can't whatever its parameters are.
+        """
+
+    @abc.abstractmethod
+    def dry(self) -> DryFriction | None:
+        """Itself in the thesis's terms without exhaust gas [2.35, 3.1-3.7]; `None` for a law without a Coulomb force.
+
+        Bench tests of dry friction are not possible on such a law; fits of its parameters are.
         """
 
     @abc.abstractmethod

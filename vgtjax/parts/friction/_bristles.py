@@ -9,7 +9,7 @@ from jaxtyping import Array
 from ..._errors import InputError
 from ..._types import Scalar, StateLeaf, Values
 from .._vanes import Vanes
-from ._base import AbstractFriction, Contact
+from ._base import AbstractFriction, Contact, DryFriction
 
 SMALLEST_FORCE = 1e-9
 """N. A rod without friction has bristles all the same: they give way at once, but not at zero over zero."""
@@ -80,6 +80,18 @@ class AbstractLuGre(AbstractFriction):
             self.bristle_stiffness * state.deflection + self.bristle_damping * rate + self.viscous_damping * velocity
         )
         return self.theta(contact.vanes) * force, Bristle(rate)
+
+    def dry(self) -> DryFriction:
+        """All of its parameters."""
+        return DryFriction(
+            self.coulomb_force,
+            self.static_force,
+            self.viscous_damping,
+            self.bristle_stiffness,
+            self.bristle_damping,
+            self.stribeck_velocity,
+            self.stribeck_exponent,
+        )
 
     def signals(self, state: Bristle) -> dict[str, Array]:
         """The deflection `z` in m."""

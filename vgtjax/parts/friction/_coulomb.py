@@ -7,7 +7,7 @@ from ..._errors import require_positive
 from ..._types import Scalar, Values
 from ...parameters import parameter
 from .._stateless import Stateless
-from ._base import AbstractFriction, Contact
+from ._base import AbstractFriction, Contact, DryFriction
 from ._bristles import SMALLEST_FORCE
 
 
@@ -41,6 +41,10 @@ class Coulomb(Stateless, AbstractFriction):
 
     def passivity_margin(self) -> None:
         """It can't give out energy."""
+
+    def dry(self) -> DryFriction:
+        """Without stiction and bristles."""
+        return DryFriction(self.coulomb_force, self.coulomb_force, self.viscous_damping)
 
 
 def sticking_damping(limit: Values, viscous: Values, stick_time: float, contact: Contact) -> Values:

@@ -7,7 +7,7 @@ from jaxtyping import Array
 from ..._errors import require_positive
 from ..._types import Scalar, Values
 from ...parameters import parameter
-from ._base import AbstractFriction, Contact
+from ._base import AbstractFriction, Contact, DryFriction
 from ._bristles import SMALLEST_FORCE, Bristle
 
 
@@ -60,6 +60,10 @@ class Dahl(AbstractFriction):
 
     def passivity_margin(self) -> None:
         """It can't give out energy."""
+
+    def dry(self) -> DryFriction:
+        """Bristles without stiction or damping."""
+        return DryFriction(self.coulomb_force, self.coulomb_force, self.viscous_damping, self.bristle_stiffness)
 
     def signals(self, state: Bristle) -> dict[str, Array]:
         """The deflection `z` in m."""

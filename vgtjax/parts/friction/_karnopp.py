@@ -7,7 +7,7 @@ from ..._errors import require_positive
 from ..._types import Scalar, Values
 from ...parameters import parameter
 from .._stateless import Stateless
-from ._base import AbstractFriction, Contact
+from ._base import AbstractFriction, Contact, DryFriction
 from ._coulomb import sticking_damping, sticking_force
 
 
@@ -51,3 +51,7 @@ class Karnopp(Stateless, AbstractFriction):
 
     def passivity_margin(self) -> None:
         """It can't give out energy."""
+
+    def dry(self) -> DryFriction:
+        """With stiction in a band, without bristles."""
+        return DryFriction(self.coulomb_force, self.static_force, self.viscous_damping)

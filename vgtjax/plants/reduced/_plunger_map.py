@@ -22,7 +22,7 @@ from ...parts import (
 )
 from ...traces import Drive
 from .._actuator import Actuator
-from .._air_path import AbstractAirPath, ambient_pressure, reservoir_pressure
+from .._air_path import AbstractConverterPath, ambient_pressure, reservoir_pressure
 from .._base import Inner, assemble
 from .._plant import AbstractPlant
 from .._rod import Rod
@@ -37,7 +37,7 @@ class LiftMapState(eqx.Module):
     pressure: StateLeaf
 
 
-class LiftMapPath(AbstractAirPath):
+class LiftMapPath(AbstractConverterPath):
     """Plunger, a map of flow over its position, and an isothermal chamber [5.2, with the signs of 2.7].
 
     [5.2] counts the plunger's position the other way (erratum). Of the converter only the plunger and the magnetic

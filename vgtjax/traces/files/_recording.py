@@ -109,7 +109,7 @@ def load_package(path: pathlib.Path, package: str, extra: str) -> types.ModuleTy
         name = package.split(".")[0]
         raise InputError(
             f"{path.name}: this file is read by the package {name}, which is not installed; run pip install "
-            f"'vgtjax[{extra}]'"
+            f"'.[{extra}]' in a clone of vgtjax"
         ) from error
 
 
