@@ -274,7 +274,8 @@ def test_a_design_needs_the_friction_that_it_observes(tmp_path):
     path.write_text(text, encoding="utf-8")
     outcome = run_command("tune", path, "--out", tmp_path / "out")
     sentence = (
-        "a plant must have LuGre friction, whose bristles the design observes, but it has Coulomb; use LuGre, or a PI"
+        "study.toml: a plant must have LuGre friction, whose bristles the design observes, but it has Coulomb; use LuGre, "
+        "or a PI"
     )
     assert_refused(outcome, sentence, tmp_path / "out")
 
@@ -300,8 +301,8 @@ def test_drawn_plants_that_are_not_physical_are_left_out(tmp_path):
     assert len({label.plant for label in (*job.true.cases.labels, *job.unseen.cases.labels)}) == total - lost
     write_spread(2.961e-5)
     sentence = (
-        "gains need a plant that is physical, but in 20 of 20 drawn plants the diaphragm swallows the chamber; narrow "
-        "the spreads under [population]"
+        "study.toml: gains need a plant that is physical, but in 20 of 20 drawn plants the diaphragm swallows the "
+        "chamber; narrow the spreads under [population]"
     )
     assert_refused(run_command("tune", path, "--out", tmp_path / "out"), sentence, tmp_path / "out")
 
