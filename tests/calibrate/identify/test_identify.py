@@ -98,4 +98,4 @@ def test_a_study_without_a_trace_to_use(tmp_path):
     (tmp_path / "study.toml").write_text('[[trace]]\nfile = "a.csv"\nuse = "validate"\n')
     (tmp_path / "a.csv").write_bytes((EXAMPLE / "step_50.csv").read_bytes())
     outcome = run_command("identify", tmp_path / "study.toml", "--out", tmp_path / "out")
-    assert_refused(outcome, "a fit needs at least one trace with use = 'fit'; mark one", tmp_path / "out")
+    assert_refused(outcome, "study.toml: a fit needs at least one trace with use = 'fit'; mark one", tmp_path / "out")

@@ -274,8 +274,8 @@ def test_a_design_needs_the_friction_that_it_observes(tmp_path):
     path.write_text(text, encoding="utf-8")
     outcome = run_command("tune", path, "--out", tmp_path / "out")
     sentence = (
-        "study.toml: a plant must have LuGre friction, whose bristles the design observes, but it has Coulomb; use LuGre, "
-        "or a PI"
+        "study.toml: a plant must have LuGre friction, whose bristles the design observes, but it has Coulomb; use "
+        "LuGre, or a PI"
     )
     assert_refused(outcome, sentence, tmp_path / "out")
 
