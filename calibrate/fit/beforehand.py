@@ -3,21 +3,21 @@
 from typing import Any
 
 from vgtjax import SimulationError
-from vgtjax.assurance import NOTHING, Gain, Information, informing, ranking, remedies
-from vgtjax.estimation import Calibrator, Steps, Task
+from vgtjax.assurance import NOTHING, Gain, Information, examining, informing, ranking, remedies
+from vgtjax.estimation import VAGUE, Calibrator, Steps, Task
 
 from ..output.console import console
 
 
 def knowing(calibrator: Calibrator) -> Steps[dict[str, Any]]:
-    """What is known before a fit, for JSON, as a computation; which run to record next only where one is needed.
+    """What is known before a fit, for JSON, as a computation; which run to record next where one is needed.
 
     **Raises:** `SimulationError` when the traces determine nothing.
     """
     known = yield from informing(calibrator)
     gains = yield from _ranked(calibrator.task, known)
     sentences = [*known.sentences, *remedies(known, gains)]
-    if not known.tells:
+    if not known.tells and calibrator.task.starts < 2 and not (yield from examining(calibrator.task)).tells:
         raise SimulationError("; ".join([NOTHING, *sentences]))
     undetermined = calibrator.undetermined()
     return {
@@ -29,7 +29,7 @@ def knowing(calibrator: Calibrator) -> Steps[dict[str, Any]]:
 
 
 def _ranked(task: Task, known: Information) -> Steps[list[Gain]]:
-    if not known.sentences:
+    if not any(error > VAGUE for error in known.errors.values()):
         return []
     try:
         return (yield from ranking(task, known))

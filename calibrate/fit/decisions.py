@@ -76,7 +76,7 @@ def _of_a_value(entry: Entry) -> Decision:
     if entry.at_bound:
         verdict = "at its limit"
     elif entry.interval is None or not entry.identifiable:
-        verdict = "not decided: the traces do not tell"
+        verdict = "not decided: the value is not determined"
     else:
         low, high = entry.interval
         above = entry.lower is None or (low is not None and low >= entry.lower)

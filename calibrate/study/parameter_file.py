@@ -140,7 +140,7 @@ def nuisance(calibration: Calibration) -> dict[str, Any]:
 
 
 def covariance(calibration: Calibration) -> dict[str, Any]:
-    """Covariance of a fit's errors in the units of the table; `None` for what the traces do not determine."""
+    """Covariance of a fit's errors in the units of the table; `None` for what has none."""
     known = calibration.uncertainty.determined
     matrix = np.where(known & known[:, None], calibration.covariance, np.nan)
     return {"entries": list(calibration.task.selection.entries), "matrix": finite(matrix)}

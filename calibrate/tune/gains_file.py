@@ -111,8 +111,9 @@ def read_gains(path: pathlib.Path, design: str, controller: AbstractController) 
         for each in values[name] if isinstance(values[name], list) else [values[name]]:
             if isinstance(each, bool) or not isinstance(each, int | float):
                 raise InputError(f"{path.name}: the gain '{name}' must be a number, but it is {each!r}; correct it")
-        check_length(name, "value", values[name], entry_names({name: table[name]}))
     try:
+        for name, value in values.items():
+            check_length(name, "value", value, entry_names({name: table[name]}))
         check(vgtjax.replace_parameters(controller, values))
     except InputError as error:  # the file is at fault, not what the study states
         raise InputError(f"{path.name}: {error}") from error

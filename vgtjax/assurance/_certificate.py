@@ -79,14 +79,20 @@ class Certificate:
 
     @property
     def unchecked(self) -> list[str]:
-        """What derivatives could not be compared with, as every simulation for it failed."""
-        against = {"differences": self.mismatches, "reverse mode": self.modes}
+        """Entries whose derivative was to be compared by itself, but every simulation for that failed."""
+        return [name for name, part in self.alone.items() if not np.isfinite(part)]
+
+    @property
+    def uncompared(self) -> list[str]:
+        """What no derivative at all could be compared with."""
+        asked = self.mismatches if largest(self.mismatches) <= WRONG else [*self.alone.values()]
+        against = {"differences": asked, "reverse mode": self.modes}
         return [name for name, found in against.items() if not np.any(np.isfinite(found))]
 
     @property
     def passed(self) -> bool:
         """Whether errors may be believed as far as derivatives go."""
-        return not (self.exploded or self.wrong or self.unequal or self.unchecked)
+        return not (self.exploded or self.wrong or self.unequal or self.unchecked or self.uncompared)
 
     def summary(self) -> dict[str, Any]:
         """All of it for JSON; `None` for what could not be simulated."""
@@ -113,9 +119,10 @@ class Certificate:
         said += [
             f"the derivative by {name} differs from reverse mode by {100 * part:.2g} %" for name, part in apart.items()
         ]
+        said += [f"derivatives could not be compared with {name}, as simulations failed" for name in self.uncompared]
+        alone = [] if "differences" in self.uncompared else self.unchecked
         said += [
-            f"derivatives could not be compared with {name}, as every simulation for it failed"
-            for name in self.unchecked
+            f"the derivative by {name} could not be compared with differences, as simulations failed" for name in alone
         ]
         return f"the gradient certificate failed: {'; '.join(said)}"
 
@@ -162,10 +169,10 @@ def certifying(calibrator: Calibrator) -> Steps[Certificate]:
     axes = {names[number]: np.eye(len(at))[number] * (steps[number] or DEAD) for number in suspects}
     parts = yield from _alone(problem, at, clean, axes)
     for part in NEARER:
-        again = {name: part * axis for name, axis in axes.items() if parts[name] > WRONG_ALONE}
+        again = {name: part * axis for name, axis in axes.items() if not parts[name] <= WRONG_ALONE}
         nearer = yield from _alone(problem, at, clean, again)
         # Neither what failed nor a move that changes nothing clears a derivative.
-        parts |= {name: min(parts[name], found) for name, found in nearer.items() if found > 0}
+        parts |= {name: float(np.fmin(parts[name], found)) for name, found in nearer.items() if found > 0}
     return Certificate(
         mismatches,
         modes,

@@ -17,7 +17,7 @@ from ._information import Information
 
 LARGEST = 10.0
 """Relative error to which what is not determined is counted: a factor of 20,000 either way is no knowledge."""
-HELPS, TOLD = 0.5, 0.5
+HELPS, TOLD = 0.5, 0.35
 """Part of an error that a run must leave at most to be named for it, and the relative error that it must reach: what is
 known to a factor of two at 95 % is determined, if badly."""
 MOST_NAMED = 3

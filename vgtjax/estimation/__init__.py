@@ -34,6 +34,7 @@ from ._evidence import (
 from ._layout import SEGMENT as SEGMENT
 from ._least_squares import (
     NORMAL_95 as NORMAL_95,
+    VAGUE as VAGUE,
     LeastSquares as LeastSquares,
     clustered_errors as clustered_errors,
     clustered_gram as clustered_gram,

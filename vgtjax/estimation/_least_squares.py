@@ -58,7 +58,8 @@ class LeastSquares:
     def vague(self, logarithms: Bool[np.ndarray, " unknowns"]) -> Float[np.ndarray, "directions unknowns"]:
         """Combinations of unknowns that are logarithms, each of length one, along which one of these has a standard
         error above `VAGUE`."""
-        sizes, directions = np.linalg.eigh(np.where(logarithms[:, None] & logarithms, self.covariance, 0.0))
+        known = logarithms[:, None] & logarithms & np.isfinite(self.covariance)
+        sizes, directions = np.linalg.eigh(np.where(known, self.covariance, 0.0))
         reach = np.sqrt(np.maximum(sizes, 0.0)) * np.max(np.abs(directions), axis=0, initial=0.0)
         return directions.T[reach > VAGUE]
 

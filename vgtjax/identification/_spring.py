@@ -68,7 +68,8 @@ def _slide(half: MechanicalActuator, motions: Sequence[MotionRecord]) -> Sliding
 
 def _stribeck_velocity(half: MechanicalActuator) -> float | None:
     friction = half.friction.dry()
-    return None if friction is None or friction.stribeck_velocity is None else float(friction.stribeck_velocity)
+    velocity = None if friction is None else friction.stribeck_velocity
+    return None if velocity is None else float(velocity) or None  # zero is none
 
 
 def _pressed(half: MechanicalActuator, preload: float) -> float:

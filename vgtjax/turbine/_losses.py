@@ -152,7 +152,8 @@ class AinleyMathieson(AbstractLoss):
     def coefficient(self, angles: Angles, blading: Blading, gas: Gas) -> Values:
         """From the row's angles and sizes; see the base class."""
         self.require_valid(angles, blading)
-        held = Angles(angles.inlet, jnp.sign(angles.outlet) * jnp.clip(jnp.abs(angles.outlet), *self.OUTLET))
+        side = jnp.where(angles.outlet < 0, -1.0, 1.0)
+        held = Angles(angles.inlet, side * jnp.clip(jnp.abs(angles.outlet), *self.OUTLET))
         lost = self.profile(held, blading) + self.secondary(held, blading) + self.tip(held, blading)
         return energy_loss(lost, self.mach_number, gas)
 

@@ -5,6 +5,7 @@ import importlib
 import importlib.metadata
 import pathlib
 import re
+import warnings
 from collections.abc import Callable
 
 from ..._errors import InputError
@@ -72,7 +73,10 @@ def _installed() -> None:
     """Registers what installed packages offer, once a process; what a script has registered stays."""
     for point in importlib.metadata.entry_points(group=GROUP):
         if f".{point.name}".lower() not in READERS:
-            register_reader(f".{point.name}", functools.partial(_load, point))
+            try:
+                register_reader(f".{point.name}", functools.partial(_load, point))
+            except InputError as error:  # by one package that offers nonsense all others still read
+                warnings.warn(f"the reader {point.value} is left out: {error}", stacklevel=2)
 
 
 def _load(point: importlib.metadata.EntryPoint, path: pathlib.Path) -> Recording:
