@@ -6,7 +6,7 @@ from typing import Any
 
 from vgtjax import SimulationError
 from vgtjax.assurance import certifying, require_blackjax
-from vgtjax.estimation import End, Progress, Question, Steps, foreseen, run_alone, run_together
+from vgtjax.estimation import Calibration, End, Progress, Question, Steps, foreseen, run_alone, run_together
 from vgtjax.identification import starting_fit
 
 from ..output.console import console, say
@@ -144,9 +144,36 @@ def _population(job: Job, out: pathlib.Path) -> dict[str, dict[str, Any]]:
 
 
 def _summary(fitted: Fitted, job: Job, unit: Unit, table: Sequence[Entry]) -> dict[str, Any]:
-    calibration, progress = fitted.calibration, fitted.calibration.progress
-    learned = zip(calibration.task.fit, calibration.sensors, strict=True)
-    sensors = {trace.name: {"sensors": sensor_summary(known)} for trace, known in learned}
+    calibration = fitted.calibration
+    return {
+        **_of_the_search(calibration),
+        **_of_the_bench(calibration),
+        "unidentifiable_at_start": fitted.undetermined,
+        "expected_relative_error_at_start": fitted.known_before.get("expected_relative_error", {}),
+        "check": {name: fitted.known_before.get(name, []) for name in ("null", "nearly_null", "next", "sentences")},
+        "friction_is_passive": passivity_note(calibration.model) is None,
+        "found": [*found_besides(calibration), *filter(None, [passivity_note(calibration.model)])],
+        "noise_by_windows": {"seconds": calibration.budget.window, "factor": finite(calibration.budget.excess)},
+        "budget": {row.name: row.summary() for row in budget_rows(calibration)},
+        "decisions": [each.summary() for each in decisions(fitted, table)],
+        "report": job.study.report.model_dump(exclude_none=True),
+        **job.account(fitted.seconds),
+        **({} if fitted.around is None else fitted.around.summary()),
+        **({} if fitted.posterior is None else {"posterior": summary(fitted.posterior, calibration)}),
+        "traces": _of_traces(calibration, unit),
+        "certificate": {
+            **fitted.certificate.summary(),
+            "sentence": fitted.certificate.sentence,
+            "traces": {each.trace.name: "failed" if each.failed else "simulated" for each in calibration.traces},
+            "rejected_steps": calibration.progress.rejected,
+            "failed_simulations": calibration.progress.failed,
+        },
+        **({"error": "; ".join(fitted.troubles)} if fitted.troubles else {}),
+    }
+
+
+def _of_the_search(calibration: Calibration) -> dict[str, Any]:
+    progress = calibration.progress
     return {
         "converged": calibration.converged,
         "verdict": progress.verdict,
@@ -167,40 +194,30 @@ def _summary(fitted: Fitted, job: Job, unit: Unit, table: Sequence[Entry]) -> di
             {"start": number, "cost": cost, "steps": steps, "status": status}
             for number, (cost, steps, status) in enumerate(progress.waterfall)
         ],
+    }
+
+
+def _of_the_bench(calibration: Calibration) -> dict[str, Any]:
+    return {
         "duty_hold": {result.trace.name: calibration.duty_hold(result.trace) for result in calibration.traces},
-        "duty_hold_decided": progress.hold_decided,
+        "duty_hold_decided": calibration.progress.hold_decided,
         "duty_delay": calibration.duty_delay,
         "duty_delay_std_error": calibration.duty_delay_error,
         "instruments": {
             entry: {"value": value, "std_error": finite(error)}
             for entry, (value, error) in calibration.instruments.items()
         },
-        "unidentifiable_at_start": fitted.undetermined,
-        "expected_relative_error_at_start": fitted.known_before.get("expected_relative_error", {}),
-        "check": {name: fitted.known_before.get(name, []) for name in ("null", "nearly_null", "next", "sentences")},
-        "friction_is_passive": passivity_note(calibration.model) is None,
-        "found": [*found_besides(calibration), *filter(None, [passivity_note(calibration.model)])],
-        "noise_by_windows": {"seconds": calibration.budget.window, "factor": finite(calibration.budget.excess)},
-        "budget": {row.name: row.summary() for row in budget_rows(calibration)},
-        "decisions": [each.summary() for each in decisions(fitted, table)],
-        "report": job.study.report.model_dump(exclude_none=True),
-        **job.account(fitted.seconds),
-        **({} if fitted.around is None else fitted.around.summary()),
-        **({} if fitted.posterior is None else {"posterior": summary(fitted.posterior, calibration)}),
-        "traces": {
-            result.trace.name: {
-                **trace_summary(result),
-                **sensors.get(result.trace.name, {}),
-                "sha256": unit.hashes[result.trace.name],
-            }
-            for result in calibration.traces
-        },
-        "certificate": {
-            **fitted.certificate.summary(),
-            "sentence": fitted.certificate.sentence,
-            "traces": {each.trace.name: "failed" if each.failed else "simulated" for each in calibration.traces},
-            "rejected_steps": progress.rejected,
-            "failed_simulations": progress.failed,
-        },
-        **({"error": "; ".join(fitted.troubles)} if fitted.troubles else {}),
+    }
+
+
+def _of_traces(calibration: Calibration, unit: Unit) -> dict[str, Any]:
+    learned = zip(calibration.task.fit, calibration.sensors, strict=True)
+    sensors = {trace.name: {"sensors": sensor_summary(known)} for trace, known in learned}
+    return {
+        result.trace.name: {
+            **trace_summary(result),
+            **sensors.get(result.trace.name, {}),
+            "sha256": unit.hashes[result.trace.name],
+        }
+        for result in calibration.traces
     }

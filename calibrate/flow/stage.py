@@ -1,11 +1,11 @@
 """The turbine that a study has, as a stage and as a vane force."""
 
 import vgtjax
-from vgtjax import InputError
 from vgtjax.parts import Stage
 
 from ..study.components import TURBINES
 from ..study.models import build_model, start_model
+from ..study.places import StudyError, of_study
 from ..study.tables import Study
 
 
@@ -16,11 +16,12 @@ def stage_of(study: Study) -> Stage:
     """
     name = study.components.vane_force
     if name not in TURBINES:
-        raise InputError(
+        raise StudyError(
             f"flow needs vane_force = 'turbine', but it is '{name}'; change it under [components], or "
             "leave the study out"
         )
-    vane_force: vgtjax.Turbine = start_model(build_model(study), study, {})[0].vane_force
+    with of_study():
+        vane_force: vgtjax.Turbine = start_model(build_model(study), study, {})[0].vane_force
     return vane_force.stage
 
 

@@ -1,5 +1,6 @@
 """A command's work laid out: the study read, every trace loaded and checked, a model for every unit."""
 
+import contextlib
 import dataclasses
 import pathlib
 from collections.abc import Mapping, Sequence
@@ -103,15 +104,17 @@ def prepare(
     study = _holding_replaced(load_study(path))
     if not study.trace:
         raise InputError(f"{path.name}: a study needs at least one [[trace]], but it has none; add one with its file")
-    model = build_model(study)
-    start_values(model, parameters_of(study))  # mistakes are found before the traces are read, which takes longer
+    with of_study():
+        model = build_model(study)
+        start_values(model, parameters_of(study))  # mistakes are found before the traces are read, which takes longer
     sources = expand_traces(study, path.parent)
     units, given = [], {}
     for name in sorted({source.unit for source in sources}, key=str):
         values: dict[str, Any] = {} if parameters is None else load_values(parameters, name, study, model)
         duties = {} if parameters is None else load_duties(parameters, name)
         given[name] = {**values, "duties": duties}
-        start, bounds = start_model(model, study, values)
+        with contextlib.nullcontext() if values else of_study():  # the file of an earlier fit has a name of its own
+            start, bounds = start_model(model, study, values)
         needs = (*start.needs, *(("x_d|p_act",) if to_fit else ()))
         mine = [source for source in sources if source.unit == name]
         traces = [(source.use, load_source(source, start, bounds, needs)) for source in mine]

@@ -57,8 +57,7 @@ def solved(monkeypatch):
 def test_what_does_not_work_is_one_sentence(study, solved, tmp_path, command, name, value, sentence):
     outcome = run_command(command, study(name, value), "--out", tmp_path / "out")
     assert (outcome.status, outcome.out) == (2, "")
-    # What is said of a parameter of the study begins with the study's name; what a part says by itself does not.
-    assert outcome.err.removeprefix("error: ").removeprefix("study.toml: ").startswith(sentence)
+    assert outcome.err.startswith(f"error: study.toml: {sentence}")
     assert not (tmp_path / "out").exists()
 
 
