@@ -86,7 +86,7 @@ def main(out: pathlib.Path | None, only: tuple[str, ...], keep: pathlib.Path | N
 def _measure(names: tuple[str, ...], out: pathlib.Path | None, keep: pathlib.Path | None) -> None:
     import rich.console
 
-    from .cases import CASES
+    from .cases import find_case
     from .table import show, to_markdown
 
     # Without a terminal rich assumes 80 columns, which would cut the tables.
@@ -96,7 +96,7 @@ def _measure(names: tuple[str, ...], out: pathlib.Path | None, keep: pathlib.Pat
     sections = []
     for name in names:
         with console.status(f"measuring {name}"):
-            sections.append(CASES[name](keep) if name in _KEPT else CASES[name]())
+            sections.append(find_case(name)(keep) if name in _KEPT else find_case(name)())
         show(sections[-1], console)
         if out is not None:
             # After every benchmark, so that an interrupted run keeps what it measured.
@@ -104,13 +104,20 @@ def _measure(names: tuple[str, ...], out: pathlib.Path | None, keep: pathlib.Pat
 
 
 def _machine() -> str:
-    versions = ", ".join(f"{name} {importlib.metadata.version(name)}" for name in _PACKAGES)
+    versions = ", ".join(f"{name} {_version(name)}" for name in _PACKAGES)
     load = os.getloadavg()[0]
     return (
         f"{len(os.sched_getaffinity(0))} cores ({platform.machine()}, {platform.system()}), Python "
         f"{platform.python_version()}, {versions}; load before the start {load:.1f}. Times are medians of rounds in "
         "which all contestants take turns; a ratio above one says how many times longer than the first row it took."
     )
+
+
+def _version(package: str) -> str:
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return "missing"
 
 
 if __name__ == "__main__":

@@ -1,66 +1,15 @@
 """The benchmarks, one file each; every one returns a table."""
 
+import importlib
 from collections.abc import Callable
 
 from ..table import Section
-from . import (
-    accelerator,
-    adaptive_gains,
-    batch,
-    choked_flow,
-    cold_start,
-    coverage,
-    files,
-    fit,
-    fleet_coverage,
-    flow,
-    forward,
-    jacobian,
-    kills,
-    margins,
-    nozzle,
-    observability,
-    observers,
-    opponents,
-    population,
-    pulsating_flow,
-    random_nozzles,
-    robustness,
-    samples,
-    scaling,
-    tuning,
-    unknown_plants,
-    wider_plants,
-)
 
-CASES: dict[str, Callable[..., Section]] = {
-    "forward": forward.measure,
-    "jacobian": jacobian.measure,
-    "batch": batch.measure,
-    "fit": fit.measure,
-    "flow": flow.measure,
-    "nozzle": nozzle.measure,
-    "pulsating-flow": pulsating_flow.measure,
-    "choked-flow": choked_flow.measure,
-    "random-nozzles": random_nozzles.measure,
-    "scaling": scaling.measure,
-    "cold-start": cold_start.measure,
-    "population": population.measure_population,
-    "tuning": tuning.measure,
-    "opponents": opponents.measure,
-    "observers": observers.measure,
-    "observability": observability.measure,
-    "margins": margins.measure,
-    "samples": samples.measure,
-    "robustness": robustness.measure,
-    "coverage": coverage.measure,
-    "fleet-coverage": fleet_coverage.measure,
-    "kills": kills.measure,
-    "accelerator": accelerator.measure,
-    "memory": population.measure_memory,
-    "files": files.measure,
-    "unknown-plants": unknown_plants.measure,
-    "wider-plants": wider_plants.measure,
-    "adaptive-gains": adaptive_gains.measure,
-}
-"""By the name on the command line, in the order in which they run."""
+_ELSEWHERE = {"population": ("population", "measure_population"), "memory": ("population", "measure_memory")}
+"""Module and function where they are not `measure` of the module that is named like the benchmark."""
+
+
+def find_case(name: str) -> Callable[..., Section]:
+    """A benchmark by its name on the command line; only what it needs itself is imported, opponents too."""
+    module, function = _ELSEWHERE.get(name, (name.replace("-", "_"), "measure"))
+    return getattr(importlib.import_module(f".{module}", __package__), function)

@@ -1,5 +1,6 @@
 """What a GPU or a TPU is for, in one go: each figure beside the CPU's, and checked against its results."""
 
+import math
 import os
 import pathlib
 import subprocess
@@ -10,8 +11,8 @@ from functools import partial
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
+from jax.sharding import Mesh, NamedSharding, PartitionSpec
 from scipy.stats import qmc
 
 import vgtjax
@@ -23,7 +24,8 @@ from ..timing import interleave
 from ..workloads import HELD
 
 ROUNDS = 3
-LANES = (1_000, 10_000, 100_000)
+LANES = (1 << 10, 1 << 14, 1 << 17)
+"""Powers of two, which most numbers of cores divide."""
 SECONDS = 2.0
 """s that every actuator of a batch is simulated for."""
 VARIED = ("diaphragm.stiffness", "friction.coulomb_force")
@@ -59,9 +61,9 @@ def compare(lanes: Sequence[int]) -> Section:
 def _about() -> str:
     devices = jax.devices()
     return (
-        f"{len(devices)} x {devices[0].device_kind} beside the CPU of the same machine (all cores, a process with "
-        f"JAX_PLATFORMS=cpu), medians of {ROUNDS} rounds after a first. Stiffness and Coulomb force of the lanes are "
-        "Halton's points within 10 %, the same everywhere; of each the last position is kept. Differences are relative "
+        f"{len(devices)} x {devices[0].device_kind} beside the CPU of the same machine (lanes over its "
+        f"{os.cpu_count()} cores, a process with JAX_PLATFORMS=cpu), medians of {ROUNDS} rounds after a first. Stiffness "
+        "and Coulomb force of the lanes are Halton's points within 10 %, the same everywhere; of each the last position is kept. Differences are relative "
         "to the largest value of the CPU's result in the same precision."
     )
 
@@ -73,10 +75,17 @@ def _workloads(lanes: Sequence[int]) -> dict[str, Callable[[], Any]]:
     for dtype in (np.float32, np.float64):
         run = jax.jit(jax.vmap(partial(_last_position, jax.tree.map(lambda leaf, to=dtype: leaf.astype(to), model))))
         for count in lanes:
-            factors = jnp.asarray(0.9 + 0.2 * qmc.Halton(len(VARIED), scramble=False).random(count), dtype)
-            work[f"{count} actuators, {SECONDS:g} s, {np.dtype(dtype).name}"] = partial(run, factors)
+            factors = 0.9 + 0.2 * qmc.Halton(len(VARIED), scramble=False).random(count)
+            name = f"{count} actuators, {SECONDS:g} s, {np.dtype(dtype).name}"
+            work[name] = partial(run, _spread(factors.astype(dtype)))
     work["jacobian of the example, float64"] = lambda: vgtjax.jacobian(model, traces, fixed=HELD)
     return work
+
+
+def _spread(factors: np.ndarray) -> jax.Array:
+    """Lanes over as many devices as divide their number: a CPU has one a core."""
+    devices = np.asarray(jax.devices()[: math.gcd(len(factors), jax.device_count())])
+    return jax.device_put(factors, NamedSharding(Mesh(devices, ("lane",)), PartitionSpec("lane")))
 
 
 def _last_position(model: vgtjax.Actuator, factors: jax.Array) -> jax.Array:
