@@ -61,7 +61,7 @@ _LONG = (
 )
 """Only when asked for: minutes, another question than speed, or a device that most machines lack."""
 _KEPT = ("opponents", "tuning", "coverage", "wider-plants", "adaptive-gains")
-_KEEP = f"What is finished of {', '.join(_KEPT)}; the same command goes on from there."
+_KEEP = f"What is finished of {', '.join(_KEPT)}; the same command goes on from there, unless the code has changed."
 _PACKAGES = ("jax", "diffrax", "numba", "scipy", "casadi", "cma")
 
 

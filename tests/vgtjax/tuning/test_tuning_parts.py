@@ -77,6 +77,12 @@ BOUNDS = {
     "friction-compensation": (_compensation, "derivative_gain above its bound [5.9]", 60.0, 70.0),
     "knocker": (lambda w: Knocker(PI(), width=w), "width below interval [5.5]", 0.041, 0.039),
     "observer": (lambda a: PressureObserver(friction_rate=a), "friction_rate below its bound [5.21]", 30.0, 3.0),
+    "sliding": (
+        lambda k: PressureObserver(switching_gain=k, largest_pressure_error=6e3),
+        "switching_gain above its bound [5.16]",
+        1.24,  # where tuning ended while no error was stated
+        30.0,
+    ),
     "adaptive": (
         lambda w: AdaptiveBackstepping(pressure_weight=w, pressure_coupling=0.0),
         "pressure_weight above its bound [5.71]",
@@ -94,8 +100,14 @@ def test_conditions_are_those_that_a_design_checks_when_it_is_built(name):
     with pytest.raises(vgtjax.InputError):
         build(outside)
     # What can't be built by its constructor can be looked at all the same.
-    leaf = {"friction-compensation": "derivative_gain", "knocker": "width", "observer": "friction_rate"}
-    broken = vgtjax.replace_parameters(build(inside), {leaf.get(name, "pressure_weight"): outside})
+    leaf = {
+        "friction-compensation": "derivative_gain",
+        "knocker": "width",
+        "observer": "friction_rate",
+        "sliding": "switching_gain",
+        "adaptive": "pressure_weight",
+    }
+    broken = vgtjax.replace_parameters(build(inside), {leaf[name]: outside})
     assert float(conditions(broken)[condition]) < 0
 
 
