@@ -17,6 +17,7 @@ _CASES = (
     "flow",
     "nozzle",
     "pulsating-flow",
+    "engine-cycle",
     "choked-flow",
     "random-nozzles",
     "scaling",

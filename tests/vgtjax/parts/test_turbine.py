@@ -2,6 +2,7 @@
 
 import re
 
+import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -208,6 +209,24 @@ def test_derivatives_of_a_trace_are_those_of_its_differences(plant):
         difference = (ends[1] - ends[0]) / (2 * change)
         # Differences over 1e-5 of the value: rounding of 1e-12 m, and a kink that is crossed now and then.
         assert np.max(np.abs(columns[:, place] - difference)) < 1e-6 * np.max(np.abs(difference))
+
+
+def test_reverse_mode_of_a_trace_is_forward_mode(monkeypatch):
+    """With a table that is made under `jit`, whose flows cost nothing here, of a size and of a stiffness."""
+    monkeypatch.setattr(_stage_table, "solve_table", _valley)
+    _stage_table._remembered.cache_clear()
+    names, at = ["diaphragm.stiffness", "vane_force.nozzle.lead"], jnp.array([12000.0, 7.1e-3])
+    valley = Actuator(vane_force=Turbine())
+
+    def cost(values, adjoint):
+        moved = replace_parameters(valley, dict(zip(names, values, strict=True)))
+        return jnp.mean((1e3 * simulate(moved, trace(), throw=False, adjoint=adjoint).x_d) ** 2)
+
+    forward = jax.jit(jax.jacfwd(lambda values: cost(values, diffrax.ForwardMode())))(at)
+    reverse = jax.jit(jax.grad(lambda values: cost(values, diffrax.RecursiveCheckpointAdjoint())))(at)
+    assert np.all(forward != 0)
+    np.testing.assert_allclose(reverse, forward, rtol=1e-9)  # rounding
+    _stage_table._remembered.cache_clear()
 
 
 def test_vanes_turn_by_what_section_3_6_says_and_the_crank_by_what_3_14_does():

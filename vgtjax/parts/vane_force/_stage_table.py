@@ -133,12 +133,45 @@ def solve_table(
     return jnp.concatenate([still, table], axis=1), jnp.concatenate([jnp.ones_like(found[:1]), found])
 
 
+@jax.custom_jvp
 def checked_table(stage: Stage, rows: Rows) -> ForceTable:
     """A table of some pressures; NaN at points that failed, and everywhere of a stage that does not work, so that a
-    simulation that comes there fails too. Infinite at other pressures."""
+    simulation that comes there fails too. Infinite at other pressures.
+
+    In reverse mode its derivatives are those of forward mode, one column of the table for each value that moves: what
+    pulls a cotangent back through searches inside of searches takes minutes to compile.
+    """
+    return _checked(stage, rows)
+
+
+def _checked(stage: Stage, rows: Rows) -> ForceTable:
+    """See `checked_table`."""
     table, found = solve_table(stage, rows)
     asked = jnp.asarray(rows)[:, None] | found
     return jnp.where(asked, jnp.where(found & stage.works(), table, jnp.nan), jnp.inf)
+
+
+def _move_table(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> tuple[ForceTable, ForceTable]:
+    stage, rows = primals
+    leaves, shape = jax.tree.flatten(stage)
+    moved = {
+        place: tangent
+        for place, tangent in enumerate(jax.tree.leaves(tangents[0], is_leaf=_stands))
+        if not _stands(tangent)
+    }
+
+    def table(values: Array) -> ForceTable:
+        there = dict(zip(moved, values, strict=True))
+        return _checked(jax.tree.unflatten(shape, [there.get(i, leaf) for i, leaf in enumerate(leaves)]), rows)
+
+    at = jnp.stack([leaves[place] for place in moved])
+    columns = jax.vmap(lambda along: jax.jvp(table, (at,), (along,)), out_axes=(None, 0))
+    made, by_value = columns(jnp.eye(len(moved), dtype=at.dtype))
+    # In proportion to the tangents, which can be turned round; the columns hang on values alone.
+    return made, jnp.tensordot(jnp.stack(list(moved.values())), by_value, 1)
+
+
+checked_table.defjvp(_move_table, symbolic_zeros=True)
 
 
 @jax.custom_jvp
@@ -152,16 +185,18 @@ def current_table(stage: Stage, rows: Rows, made_of: tuple[Array, ...], made: Fo
 
 def _differentiate(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> tuple[Array, Any]:
     stage, rows, made_of, made = primals
-    moved = jax.tree.leaves(tangents[0], is_leaf=lambda leaf: isinstance(leaf, SymbolicZero))
-    if all(isinstance(leaf, SymbolicZero) for leaf in moved):
+    if all(_stands(leaf) for leaf in jax.tree.leaves(tangents[0], is_leaf=_stands)):
         table = current_table(stage, rows, made_of, made)
         return table, jnp.zeros_like(table)
-    leaves, shape = jax.tree.flatten(stage)
-    along = [jnp.zeros_like(a) if isinstance(t, SymbolicZero) else t for a, t in zip(leaves, moved, strict=True)]
-    return jax.jvp(lambda leaves: checked_table(jax.tree.unflatten(shape, leaves), rows), (leaves,), (along,))
+    return _move_table((stage, rows), tangents[:2])
 
 
 current_table.defjvp(_differentiate, symbolic_zeros=True)
+
+
+def _stands(tangent: Any) -> bool:
+    """Whether a value does not move at all."""
+    return isinstance(tangent, SymbolicZero)
 
 
 def make_table(stage: Stage) -> ForceTable:
