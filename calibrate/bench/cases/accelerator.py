@@ -64,7 +64,7 @@ def _about() -> str:
         f"{len(devices)} x {devices[0].device_kind} beside the CPU of the same machine (lanes over its "
         f"{os.cpu_count()} cores, a process with JAX_PLATFORMS=cpu), medians of {ROUNDS} rounds after a first. "
         "Stiffness and Coulomb force of the lanes are Halton's points within 10 %, the same everywhere; of each the "
-        "last position is kept. Differences are relative to the largest value of the CPU's result in the same precision."
+        "last position is kept. Differences are relative to the largest value of the CPU's in the same precision."
     )
 
 
