@@ -11,5 +11,10 @@ _ELSEWHERE = {"population": ("population", "measure_population"), "memory": ("po
 
 def find_case(name: str) -> Callable[..., Section]:
     """A benchmark by its name on the command line; only what it needs itself is imported, opponents too."""
-    module, function = _ELSEWHERE.get(name, (name.replace("-", "_"), "measure"))
+    module, function = place_of(name)
     return getattr(importlib.import_module(f".{module}", __package__), function)
+
+
+def place_of(name: str) -> tuple[str, str]:
+    """Its module and its function."""
+    return _ELSEWHERE.get(name, (name.replace("-", "_"), "measure"))
