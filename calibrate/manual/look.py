@@ -1,8 +1,8 @@
 """Pages as a browser shows them: `python -m calibrate.manual.look build/site out/example/report.html`.
 
-Opens every page below the folders, and every page named, from the disk, as a reader does, in a headless Chromium that is
-as wide as a desk's window and as a phone. What its console complains of and what is wider than the screen is named, and
-the status is 1.
+Opens every page below the folders, and every page named, from the disk, as a reader does, in a headless Chromium that
+is as wide as a desk's window and as a phone. What its console complains of and what is wider than the screen is named,
+and the status is 1.
 """
 
 import contextlib
