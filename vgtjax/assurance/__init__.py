@@ -1,7 +1,6 @@
 """Whether a calibration can be signed: what traces can tell, before; what a repetition would give, after."""
 
 from ._certificate import (
-    UNEQUAL as UNEQUAL,
     WRONG as WRONG,
     WRONG_ALONE as WRONG_ALONE,
     Certificate as Certificate,
@@ -15,6 +14,7 @@ from ._information import (
     examining as examining,
     informing as informing,
 )
+from ._modes import UNEQUAL as UNEQUAL
 from ._next_run import Gain as Gain, next_runs as next_runs, ranking as ranking, remedies as remedies
 from ._posterior import (
     CHAINS as CHAINS,

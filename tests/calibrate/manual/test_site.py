@@ -15,14 +15,26 @@ import pytest
 from markdown_pages import DOCS, PAGES, README, ROOT, name_of
 
 pytest.importorskip("zensical", reason="the extra docs is not installed")
+pytest.importorskip("selenium", reason="the extra test is not installed")
 
-from calibrate.manual import reference
+from browsers import DRIVER, NO_BROWSER
+from selenium.webdriver.support import ui as waiting
+
+from calibrate.manual import look, reference
 from calibrate.manual.contributing import equations, errata
 from calibrate.manual.equations import heading
 
 LOADED = {"script": "src", "img": "src", "link": "href", "iframe": "src", "source": "src", "object": "data"}
 """What a page loads by itself."""
 NEEDED = ("vgtjax", "calibrate", "CONTRIBUTING.md", "zensical.toml")
+FIRST = 3
+"""Results of a search that one looks at."""
+TYPED = 10
+"""Of so many numbers of equations one is typed: all of them take minutes."""
+OPENED = 4
+"""Of so many pages one is opened: `python -m calibrate.manual.look build/site` opens all."""
+PATIENCE = 60
+"""s, ten times what a browser takes on a machine that does nothing else."""
 
 
 class Page(html.parser.HTMLParser):
@@ -175,3 +187,61 @@ def test_parameters_stand_beside_their_classes_with_unit_and_source(site):
     row = lugre[lugre.index("<code>bristle_stiffness</code>") :]
     cells = [cell.partition("</td>")[0] for cell in row.split("<td>")[1:5]]
     assert cells == ["sigma_0", "N/m", "43135", "B.2"]
+
+
+@pytest.fixture(scope="module")
+def window():
+    """A browser, where there is one."""
+    if DRIVER is None:
+        pytest.skip(NO_BROWSER)
+    with look.browser(DRIVER) as opened:
+        yield opened
+
+
+def test_pages_do_not_complain_in_a_browser_and_fit_its_screen(window, site):
+    opened = look.pages(site)[::OPENED]
+    assert len(opened) > 10
+    assert [sentence for url in opened for sentence in look.mistakes(window, url)] == []
+
+
+class Search:
+    """The box that a reader types into, in a page that is opened from the disk."""
+
+    def __init__(self, window, page: pathlib.Path):
+        look.show(window, page.as_uri(), look.WIDTHS[0])
+        window.find_element("css selector", ".md-search__button").click()
+        waiting.WebDriverWait(window, PATIENCE).until(lambda _: self.inside(window))
+        self.root = self.inside(window)
+        self.window = window
+
+    @staticmethod
+    def inside(window):
+        """What the box and its results are in, once it is open."""
+        script = "return document.activeElement.shadowRoot"
+        return window.execute_script(script)
+
+    def __call__(self, text: str) -> list[str]:
+        """Where the results lead, the best first."""
+        box = self.root.find_element("css selector", "input")
+        box.clear()
+        box.send_keys(text)
+        waiting.WebDriverWait(self.window, PATIENCE, 0.02).until(lambda _: self.results(text))
+        return self.results(text)
+
+    def results(self, text: str) -> list[str]:
+        """Those that have what was typed marked in their title; none while those of an earlier text are shown."""
+        script = "return [...arguments[0].querySelectorAll('a')].map(each => [each.href, each.innerText])"
+        found = self.window.execute_script(script, self.root)
+        return [href.rpartition("/")[2] for href, shown in found if text in shown]
+
+
+def test_the_search_finds_equations_in_a_browser(window, site):
+    search = Search(window, site / "index.html")
+    numbers = [number for row in equations() for number in row.numbers]
+    found = {number: search(number)[:FIRST] for number in numbers[::TYPED]}
+    missed = {
+        number: first
+        for number, first in found.items()
+        if not any(each.startswith("equations.html#") for each in first)
+    }
+    assert missed == {}
