@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from vgtjax.assurance import UNEQUAL, WRONG, WRONG_ALONE, Certificate, largest
+from vgtjax.assurance import REPEATED, UNEQUAL, WRONG, WRONG_ALONE, Certificate, largest
 from vgtjax.estimation import Calibration, noise_to_meet
 
 from ..output.files import finite
@@ -60,7 +60,10 @@ def _of_derivatives(certificate: Certificate) -> Iterator[Decision]:
             "parameter may by a larger part, asked ever nearer to the end"
         )
     yield _below(f"{what} against differences", worst, limit, by)
-    yield _below("derivatives against reverse mode", largest(certificate.modes), UNEQUAL, rule.format("reverse mode"))
+    by, limit = rule.format("reverse mode"), certificate.repeated
+    if limit > UNEQUAL:
+        by += f", {UNEQUAL:g} or {REPEATED} times what places a rounding away differ by"
+    yield _below("derivatives against reverse mode", largest(certificate.modes), limit, by)
 
 
 def _below(what: str, found: float, limit: float, rule: str) -> Decision:

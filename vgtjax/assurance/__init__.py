@@ -14,7 +14,7 @@ from ._information import (
     examining as examining,
     informing as informing,
 )
-from ._modes import UNEQUAL as UNEQUAL
+from ._modes import REPEATED as REPEATED, UNEQUAL as UNEQUAL
 from ._next_run import Gain as Gain, next_runs as next_runs, ranking as ranking, remedies as remedies
 from ._posterior import (
     CHAINS as CHAINS,

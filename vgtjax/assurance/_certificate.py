@@ -45,14 +45,16 @@ class Certificate:
     """What differences and reverse mode say of the derivatives at the end of a fit.
 
     `mismatches` are the parts of the differences that columns miss along random directions, NaN where a simulation
-    failed; `modes` the parts by which forward and reverse mode differ along the same. `alone` has the same part for
-    columns that were asked one by one. `dead` entries change nothing, by their column and by a difference; `exploded`
-    ones have a column that is no number; `unequal` ones one that is not what reverse mode finds, with the part by which
-    it is off.
+    failed; `modes` the parts by which forward and reverse mode differ along the same, and `repeated` the part that they
+    may: more than rounding where forward mode at places a rounding away differs from itself. `alone` has the part of
+    a difference for columns that were asked one by one. `dead` entries change nothing, by their column and by a
+    difference; `exploded` ones have a column that is no number; `unequal` ones one that is not what reverse mode finds,
+    with the part by which it is off.
     """
 
     mismatches: Sequence[float]
     modes: Sequence[float]
+    repeated: float
     alone: dict[str, float]
     dead: Sequence[str]
     exploded: Sequence[str]
@@ -86,6 +88,7 @@ class Certificate:
             "passed": self.passed,
             "forward_against_differences": [None if np.isnan(each) else each for each in self.mismatches],
             "forward_against_reverse": [None if np.isnan(each) else each for each in self.modes],
+            "reverse_limit": self.repeated,
             "dead_columns": list(self.dead),
             "exploded_columns": list(self.exploded),
             "wrong_columns": self.wrong,
@@ -168,6 +171,7 @@ def certifying(calibrator: Calibrator) -> Steps[Certificate]:
     return Certificate(
         mismatches,
         modes.along,
+        float(np.max(modes.allowed)),
         parts,
         [names[number] for number in silent if not parts[names[number]] > 0],
         [name for name, length in zip(names, lengths, strict=True) if not np.isfinite(length)],

@@ -7,7 +7,7 @@ import pytest
 from known_truth import FREE, bench
 
 import vgtjax
-from vgtjax.assurance import certifying
+from vgtjax.assurance import UNEQUAL, certifying
 from vgtjax.estimation import LevenbergMarquardt, Slopes, plan_task, run_alone, start_calibration
 
 
@@ -44,6 +44,7 @@ def test_exact_derivatives_pass(ended):
     assert (found.dead, found.exploded, found.wrong, found.unequal) == ([], [], {}, {})
     assert max(found.modes) < 1e-10  # rounding; measured: 1e-13
     assert len(found.modes) == len(found.mismatches)
+    assert found.repeated == UNEQUAL
     assert found.sentence.startswith("derivatives agree with differences")
     assert found.summary()["passed"] is True
 
@@ -91,7 +92,9 @@ def shaken(part):
 def test_modes_need_not_agree_better_than_forward_mode_with_itself(ended, monkeypatch):
     """Of rods that stick and slip for long: a rounding more gives other derivatives. A hundredth is never excused."""
     monkeypatch.setattr(Slopes, "find", shaken(1e-4))
-    assert run_alone(certifying(spoilt(ended, "chamber.volume", 1.001))).passed
+    found = run_alone(certifying(spoilt(ended, "chamber.volume", 1.001)))
+    assert found.passed
+    assert UNEQUAL < max(found.modes) < found.repeated < 0.01
     found = run_alone(certifying(spoilt(ended, "chamber.volume", 1.05)))
     assert set(found.unequal) == {"chamber.volume"}
     monkeypatch.setattr(Slopes, "find", shaken(np.nan))
