@@ -2,12 +2,14 @@
 smoothed, steps of 10 us. For measuring how honest the intervals of a fit are."""
 
 import dataclasses
+import pathlib
 
 import numpy as np
 import scipy.signal
 from jaxtyping import Float
 
 import vgtjax
+from vgtjax.experiments import StandardRun
 
 from . import numba_plant
 
@@ -108,6 +110,27 @@ def record_fleet(unit: vgtjax.Actuator, rng: np.random.Generator, fleet: Fleet) 
         levels = np.repeat([0.0, *np.round(rng.uniform(15, 95, 100), 1)], [50, *holds])[:2500]
         traces.append(_record(unit, "lively", levels, rng, FAULTS[0], 2e-3))
     return traces
+
+
+def record_run(unit: vgtjax.Actuator, rng: np.random.Generator, run: StandardRun) -> vgtjax.Trace:
+    """A standard run, at its own rate."""
+    pwm = run.trace().pwm
+    assert pwm is not None, "a standard run has a duty"
+    return _record(unit, run.kind, pwm, rng, FAULTS[0], 1 / run.rate)
+
+
+def write_csv(trace: vgtjax.Trace, path: pathlib.Path) -> None:
+    """A trace as a bench would hand it over, with its columns' units in their heads."""
+    of = {name: channel.value for name, channel in trace.channels.items()}
+    gauge = {name: 0.01 * (of[name] - trace.atmosphere) for name in ("p_act", "p_res")}
+    np.savetxt(
+        path,
+        np.column_stack([trace.time, of["pwm"], gauge["p_act"], 1e3 * of["x_d"], gauge["p_res"]]),
+        delimiter=",",
+        comments="",
+        fmt="%.6f",
+        header="time [s],pwm [%],p_act [mbar gauge],x_d [mm],p_res [mbar gauge]",
+    )
 
 
 def _duties(rng: np.random.Generator) -> list[tuple[str, Float[np.ndarray, " time"]]]:

@@ -8,7 +8,7 @@ import numpy as np
 import vgtjax
 from vgtjax import InputError
 
-_EXAMPLE = pathlib.Path(__file__).parents[1] / "example"
+EXAMPLE = pathlib.Path(__file__).parents[1] / "example"
 _REFERENCE = pathlib.Path(__file__).parents[2] / "tests" / "data"
 FIT_TRACES = ("step_50", "step_80", "step_100", "levels_1", "pyramid")
 
@@ -73,7 +73,7 @@ def lengthened(trace: vgtjax.Trace, seconds: float) -> vgtjax.Trace:
 
 def example_traces() -> list[vgtjax.Trace]:
     """The traces that the example fits."""
-    return [vgtjax.load_trace(_EXAMPLE / f"{name}.csv") for name in FIT_TRACES]
+    return [vgtjax.load_trace(EXAMPLE / f"{name}.csv") for name in FIT_TRACES]
 
 
 def seconds_of(traces: list[vgtjax.Trace]) -> float:

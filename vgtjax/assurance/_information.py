@@ -125,6 +125,13 @@ class Information:
         return found
 
     @property
+    def granted(self) -> dict[str, float]:
+        """Relative errors of entries that would be well known but for what is taken for granted."""
+        by_noise = dict(zip(self.entries, self.solved.std_errors.tolist(), strict=True))
+        large = {name: error for name, error in self.errors.items() if LARGE_ERROR < error < np.inf}
+        return {name: error for name, error in large.items() if by_noise[name] <= LARGE_ERROR}
+
+    @property
     def sentences(self) -> list[str]:
         """What these traces can't tell, in words."""
         unseen = ", ".join(self.unseen)
@@ -135,6 +142,11 @@ class Information:
         for group, error in self.nearly_null:
             way = "hardly shows" if len(group) == 1 else "hardly show apart from each other"
             said.append(f"{', '.join(group)} {way}: known to {100 * error:.0f} %")
+        for name, error in self.granted.items():
+            said.append(
+                f"{name} is known to {100 * error:.0f} % only, by what gains of sensors and tolerances leave open: "
+                "know these better"
+            )
         return said
 
 

@@ -12,7 +12,7 @@ import time
 import numpy as np
 
 from ...output.files import PROGRESS
-from ..campaigns import FAULTS, draw_unit, record
+from ..campaigns import FAULTS, draw_unit, record, write_csv
 from ..table import Section
 
 KILLS, UNITS = 10, 3
@@ -54,16 +54,7 @@ def _write_study(folder: pathlib.Path) -> pathlib.Path:
     rng = np.random.default_rng(SEED)
     for unit in range(1, UNITS + 1):
         for trace in record(draw_unit(rng), rng, FAULTS[0])[1:3]:
-            of = {name: channel.value for name, channel in trace.channels.items()}
-            gauge = {name: 0.01 * (of[name] - trace.atmosphere) for name in ("p_act", "p_res")}
-            np.savetxt(
-                folder / f"unit_{unit}_{trace.name}.csv",
-                np.column_stack([trace.time, of["pwm"], gauge["p_act"], 1e3 * of["x_d"], gauge["p_res"]]),
-                delimiter=",",
-                comments="",
-                fmt="%.6f",
-                header="time [s],pwm [%],p_act [mbar gauge],x_d [mm],p_res [mbar gauge]",
-            )
+            write_csv(trace, folder / f"unit_{unit}_{trace.name}.csv")
     study = folder / "study.toml"
     study.write_text('[[trace]]\nfile = "*.csv"\nunit = "{stem:6}"\n', encoding="utf-8")
     return study

@@ -60,6 +60,18 @@ def test_what_hardly_shows_is_named_with_its_error():
     assert error > 50
 
 
+def test_what_is_bad_by_what_is_granted_alone_is_named():
+    """Noise tells all three to 0.2 or so; a gain moves the first as one of its own columns does."""
+    columns = ROWS[:, :3]
+    known = Information(("a", "b", "c"), np.ones(3), columns, 0.8 * columns[:, :1])
+    assert known.granted == {"a": pytest.approx(0.8, rel=0.1)}
+    assert known.sentences == [
+        f"a is known to {100 * known.errors['a']:.0f} % only, by what gains of sensors and tolerances leave open: know "
+        "these better"
+    ]
+    assert information(columns).granted == {}
+
+
 def test_more_rows_add_their_information():
     both = information(ROWS[:25, :3]).with_more(ROWS[25:, :3])
     assert list(both.errors.values()) == pytest.approx(list(information(ROWS[:, :3]).errors.values()), rel=1e-9)
@@ -131,6 +143,30 @@ def test_area_damping_and_plunger_scale_are_named():
     (whole,) = [group for group in null if "diaphragm.area" in group]
     assert {"chamber.volume", "diaphragm.mass", "diaphragm.stiffness", "friction.coulomb_force"} <= set(whole)
     assert "diaphragm.travel" not in whole
+
+
+def test_the_scales_of_the_plunger_are_named():
+    """Forces on it have one scale, with its inertia; and it moves as far as its orifices make of that."""
+    null = examine(plan_task(vgtjax.Actuator(), [bench(0)], free=["converter.*"])).null
+    with_mass = [set(group) for group in null if "converter.plunger_mass" in group]
+    force = {"membrane_stiffness", "return_spring_stiffness", "plunger_damping", "actuator_area", "magnetic_force[2]"}
+    travel = {"membrane_stiffness", "return_spring_stiffness", "plunger_damping", "reservoir_orifice_slope"}
+    for scale in (force, travel):
+        assert any({f"converter.{name}" for name in scale} <= group for group in with_mass)
+
+
+def test_a_slow_loop_alone_calls_for_a_lively_run():
+    """Mass and damping hardly move a rod that follows the pressure."""
+    free = ["diaphragm.mass", "diaphragm.stiffness", "friction.viscous_damping", "friction.bristle_damping"]
+    loop = sharp_bench(6, StandardRun("slow loop", 30.0, 100.0).trace(reservoir=2.0e4))
+    task = plan_task(vgtjax.Actuator(), [loop], free=free)
+    known = examine(task)
+    assert known.errors["diaphragm.stiffness"] < 1e-3
+    assert known.errors["diaphragm.mass"] > 1
+    (said,) = remedies(known, next_runs(task, known))
+    assert said.startswith(("a run of levels, ", "a run of step, "))
+    assert "diaphragm.mass to" in said
+    assert "diaphragm.stiffness" not in said
 
 
 def test_the_run_that_helps_does_so_by_the_factor_that_it_says(task):
