@@ -89,11 +89,15 @@ SPOILT = {
     ),
     "picoseconds that pretend to be seconds": Spoilt(
         _faster(1e12),
-        "{clock}: the median step of a trace must be 1e-06 to 1 s, but here it is 1e+09 s; check the unit of time",
+        "{clock}: the median step of a trace must be 1e-06 to 0.5 s, but here it is 1e+09 s; check the unit of time",
+    ),
+    "milliseconds that pretend to be seconds": Spoilt(
+        _faster(1e3),
+        "{clock}: the median step of a trace must be 1e-06 to 0.5 s, but here it is 1 s; check the unit of time",
     ),
     "a rate that no bench has": Spoilt(
         _faster(1e-9),
-        "{clock}: the median step of a trace must be 1e-06 to 1 s, but here it is 1e-12 s; check the unit of time",
+        "{clock}: the median step of a trace must be 1e-06 to 0.5 s, but here it is 1e-12 s; check the unit of time",
     ),
     "the input is missing": Spoilt(
         lambda signals: {name: signal for name, signal in signals.items() if name != "pwm"},

@@ -61,35 +61,37 @@ COLUMNS = (
     BadTrace(
         "time is missing",
         without_column("time"),
-        "line 1, column time: the column is missing; add a column 'time [s]'",
+        "line 1, column time: the column is missing; add a column 'time [s]', or state in channels which column is "
+        "which",
     ),
     BadTrace(
         "the input is missing",
         without_column("pwm"),
-        "line 1, column pwm: the column is missing; add a column 'pwm [%]'",
+        "line 1, column pwm: the column is missing; add a column 'pwm [%]', or state in channels which column is which",
     ),
     BadTrace(
         "there is no header",
         text(ROWS[0]),
-        "line 1, column time: the column is missing; add a column 'time [s]'",
+        "line 1, column time: the column is missing; add a column 'time [s]', or state in channels which column is "
+        "which",
     ),
     BadTrace(
         "two letters swapped",
         with_header("p_act", "p_atc"),
-        "line 1, column p_atc: the name 'p_atc' looks like a misspelt 'p_act'; write 'p_act', or rename the column if "
-        "it is something else",
+        "line 1, column p_atc: the name 'p_atc' looks like a misspelt 'p_act'; write 'p_act', or state "
+        "in channels which column is which",
     ),
     BadTrace(
         "one letter missing",
         with_header("p_res", "pres"),
-        "line 1, column pres: the name 'pres' looks like a misspelt 'p_res'; write 'p_res', or rename the column if "
-        "it is something else",
+        "line 1, column pres: the name 'pres' looks like a misspelt 'p_res'; write 'p_res', or state "
+        "in channels which column is which",
     ),
     BadTrace(
         "capital letters",
         with_header("p_act", "P_ACT"),
-        "line 1, column P_ACT: the name 'P_ACT' looks like a misspelt 'p_act'; write 'p_act', or rename the column if "
-        "it is something else",
+        "line 1, column P_ACT: the name 'P_ACT' looks like a misspelt 'p_act'; write 'p_act', or state "
+        "in channels which column is which",
     ),
     BadTrace(
         "a column twice",

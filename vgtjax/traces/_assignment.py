@@ -102,7 +102,7 @@ class Assignment:
 
     def _assign(self, signal: str, entry: Entry, source: Source) -> Assigned:
         stated = entry.stated_unit
-        mapped = source.unit is not None or not self._recording.is_text
+        mapped = source != Source() or not self._recording.is_text
 
         def fail(what: str, remedy: str) -> InputError:
             return self._recording.fail(what, remedy, entry)
@@ -148,7 +148,8 @@ class Assignment:
         recording, either = self._recording, " or ".join(signals)
         if recording.is_text and not self._sources:
             wanted = " or ".join(f"'{signal} [{example(signal)}]'" for signal in signals)
-            return recording.fail("the column is missing", f"add a column {wanted}", either)
+            remedy = f"add a column {wanted}, or state in channels which column is which"
+            return recording.fail("the column is missing", remedy, either)
         where = "" if group is None else f" in group {group}"
         near = [f"'{found}'" for found in nearest(name, (entry.label for entry in recording.entries), 3)]
         remedy = f"name it in {' or '.join(f'channels.{signal}' for signal in signals)}"
@@ -179,10 +180,9 @@ class Assignment:
         near = [known for known in UNITS if distance_at_most(name.casefold(), known, 2)]
         if near and name not in UNITS and name not in SIMULATED_ONLY:
             best = nearest(name, near)[0]
-            otherwise = "rename the column" if recording.is_text else "map the channels of this file"
             raise recording.fail(
                 f"the name '{name}' looks like a misspelt '{best}'",
-                f"write '{best}', or {otherwise} if it is something else",
+                f"write '{best}', or state in channels which {recording.noun} is which",
                 entry,
             )
 

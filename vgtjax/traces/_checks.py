@@ -19,8 +19,9 @@ HIGHEST_BOOST = 2e6
 """Pa gauge; no turbine inlet sees 20 bar."""
 GAP = 5.0
 """A step over this many median steps is a gap."""
-SHORTEST, LONGEST = 1e-6, 1.0
-"""s; no bench samples faster or more slowly, but time in another unit than it says seems to."""
+SHORTEST, LONGEST = 1e-6, 0.5
+"""s; no bench samples faster or more slowly, but time in another unit than it says seems to: milliseconds of a record
+at 1 kHz, taken for seconds, are a sample a second."""
 
 
 def check_numbers(recording: Recording, entry: Entry, values: Numbers, kinds: str = "fiub") -> None:

@@ -5,6 +5,7 @@ from bad_traces import BAD_TRACES, BadTrace, text, without_column
 from commands import assert_refused, run_command
 
 MISSING = "the column is missing; add a column"
+STATE = "or state in channels which column is which"
 
 
 @pytest.mark.parametrize("case", BAD_TRACES.values(), ids=BAD_TRACES.keys())
@@ -35,17 +36,19 @@ def test_the_file_is_named_even_where_the_study_names_the_trace(folder, fit):
 def test_a_fit_needs_something_measured(folder, fit):
     (folder / "bench.csv").write_text("time [s],pwm [%]\n0,0\n0.001,0\n0.002,0\n")
     assert_refused(
-        fit(), f"bench.csv, line 1, column x_d or p_act: {MISSING} 'x_d [mm]' or 'p_act [mbar gauge]'", folder / "out"
+        fit(),
+        f"bench.csv, line 1, column x_d or p_act: {MISSING} 'x_d [mm]' or 'p_act [mbar gauge]', {STATE}",
+        folder / "out",
     )
 
 
 @pytest.mark.parametrize(
     ("content", "sentence"),
     [
-        (without_column("x_d"), f"bench.csv, line 1, column x_d: {MISSING} 'x_d [mm]'"),
+        (without_column("x_d"), f"bench.csv, line 1, column x_d: {MISSING} 'x_d [mm]', {STATE}"),
         (
             without_column("p_act"),
-            f"bench.csv, line 1, column p_act or f_drive: {MISSING} 'p_act [mbar gauge]' or 'f_drive [N]'",
+            f"bench.csv, line 1, column p_act or f_drive: {MISSING} 'p_act [mbar gauge]' or 'f_drive [N]', {STATE}",
         ),
     ],
 )

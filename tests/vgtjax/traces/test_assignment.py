@@ -56,6 +56,15 @@ def test_a_foreign_text_table_is_mapped(foreign):
     )
 
 
+def test_a_mapped_column_without_unit_gets_it_in_the_map(foreign):
+    sentence = "column DutyCycle (%): the unit is missing; write e.g. unit = '%' in channels.pwm"
+    assert refusal(foreign, {**SOURCES, "pwm": Source("DutyCycle (%)")}).endswith(sentence)
+
+
+def test_a_file_of_foreign_names_says_that_they_can_be_mapped(foreign):
+    assert refusal(foreign, None).endswith("or state in channels which column is which")
+
+
 def test_a_map_does_not_disturb_a_file_with_our_own_names(tmp_path):
     write_mdf(tmp_path / "run.mf4", campaign())
     plain = vgtjax.load_trace(tmp_path / "run.mf4")
