@@ -107,7 +107,8 @@ def _fitting(job: Job, unit: Unit, folder: pathlib.Path) -> Steps[Fitted]:
         if job.study.fit.posterior:
             posterior = sample(End.of(calibrator), job.study.fit.posterior, folder, who)
             console.print(f"{who}found: posterior: {posterior.verdict}")
-    for sentence in (*found_besides(calibration), *(() if around is None else around.sentences)):
+    besides = (*found_besides(calibration), *certificate.remarks)
+    for sentence in (*besides, *(() if around is None else around.sentences)):
         console.print(f"{who}found: {sentence}")
     return Fitted(calibration, certificate, around, posterior, saved.seconds, known)
 

@@ -48,8 +48,8 @@ class Certificate:
     failed; `modes` the parts by which forward and reverse mode differ along the same, and `repeated` the part that they
     may: more than rounding where forward mode at places a rounding away differs from itself. `alone` has the part of
     a difference for columns that were asked one by one. `dead` entries change nothing, by their column and by a
-    difference; `exploded` ones have a column that is no number; `unequal` ones one that is not what reverse mode finds,
-    with the part by which it is off.
+    difference; `bounding` ones nothing to one side, so that their value is a bound; `exploded` ones have a column that
+    is no number; `unequal` ones one that is not what reverse mode finds, with the part by which it is off.
     """
 
     mismatches: Sequence[float]
@@ -57,6 +57,7 @@ class Certificate:
     repeated: float
     alone: dict[str, float]
     dead: Sequence[str]
+    bounding: dict[str, str]
     exploded: Sequence[str]
     unequal: dict[str, float]
 
@@ -90,6 +91,7 @@ class Certificate:
             "forward_against_reverse": [None if np.isnan(each) else each for each in self.modes],
             "reverse_limit": self.repeated,
             "dead_columns": list(self.dead),
+            "bounding_columns": self.bounding,
             "exploded_columns": list(self.exploded),
             "wrong_columns": self.wrong,
             "unequal_columns": self.unequal,
@@ -111,6 +113,12 @@ class Certificate:
             f"the derivative by {name} could not be compared with differences, as simulations failed" for name in alone
         ]
         return f"the gradient certificate failed: {'; '.join(said)}"
+
+    @property
+    def remarks(self) -> list[str]:
+        """What is to be said of it besides."""
+        more = {"least": "a larger value would change nothing", "most": "a smaller value would change nothing"}
+        return [f"the value of {name} is a bound: {more[side]}" for name, side in self.bounding.items()]
 
     @property
     def _said_of_modes(self) -> list[str]:
@@ -168,12 +176,15 @@ def certifying(calibrator: Calibrator) -> Steps[Certificate]:
         nearer = yield from _alone(problem, at, clean, again)
         # Neither what failed nor a move that changes nothing clears a derivative.
         parts |= {name: float(np.fmin(parts[name], found)) for name, found in nearer.items() if found > 0}
+    missed = [names[number] for number in silent if parts[names[number]] > WRONG_ALONE]
+    bounding = yield from _bounding(problem, at, {name: axes[name] for name in missed})
     return Certificate(
         mismatches,
         modes.along,
         float(np.max(modes.allowed)),
-        parts,
+        {name: part for name, part in parts.items() if name not in bounding},
         [names[number] for number in silent if not parts[names[number]] > 0],
+        bounding,
         [name for name, length in zip(names, lengths, strict=True) if not np.isfinite(length)],
         {names[number]: float(modes.apart[number]) for number in np.flatnonzero(modes.unequal).tolist()},
     )
@@ -197,12 +208,30 @@ def _alone(
     return {name: _miss(columns @ axis, each) for (name, axis), each in zip(axes.items(), found, strict=True)}
 
 
+def _bounding(problem: FitProblem, at: Coordinates, axes: dict[str, Coordinates]) -> Steps[dict[str, str]]:
+    """Which value the end is, "least" or "most", of axes along which one side alone changes anything.
+
+    A column of zeros is right there: the rod that just reaches its end stop bounds the travel from below. A column that
+    ought not to be zero misses on both sides.
+    """
+    if not axes:
+        return {}
+    places = [at, *(at + sign * axis for axis in axes.values() for sign in (1, -1))]
+    here, *sides = yield from side_by_side([misfit_at(problem, place) for place in places])
+    found = {}
+    for name, ahead, behind in zip(axes, sides[::2], sides[1::2], strict=True):
+        if here is None or ahead is None or behind is None:
+            continue
+        up, down = (float(np.linalg.norm(side - here)) > NOTHING for side in (ahead, behind))
+        if up != down:
+            found[name] = "most" if up else "least"
+    return found
+
+
 def _difference(
     problem: FitProblem, at: Coordinates, move: Coordinates
 ) -> Steps[Float[np.ndarray, " residuals"] | None]:
     """Half of the change of the residuals from one side to the other; bounds don't count."""
-    if not np.any(move):
-        return np.zeros(1)
     ahead, behind = yield from side_by_side([misfit_at(problem, at + move), misfit_at(problem, at - move)])
     return None if ahead is None or behind is None else 0.5 * (ahead - behind)
 

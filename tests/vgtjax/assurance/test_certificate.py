@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from known_truth import FREE, bench
+from known_truth import FREE, TRUTH, bench
 
 import vgtjax
 from vgtjax.assurance import UNEQUAL, certifying
@@ -141,3 +141,18 @@ def test_what_changes_nothing_is_dead_but_not_wrong():
     found = run_alone(certifying(run_alone(start_calibration(task).ending())))
     assert found.passed
     assert found.dead == ["diaphragm.travel"]
+
+
+def test_what_changes_something_to_one_side_alone_is_a_bound():
+    """The rod turns round so near its end stop that the travel may be larger, but not smaller."""
+    model = vgtjax.replace_parameters(vgtjax.Actuator(), TRUTH)
+    reached = float(np.max(vgtjax.simulate(model, bench(0)).x_d))
+    model = vgtjax.replace_parameters(model, {"diaphragm.travel": reached + 2e-6})
+    task = plan_task(model, [bench(0)], free=["chamber.volume", "diaphragm.preload", "diaphragm.travel"])
+    ended = run_alone(start_calibration(task).ending())
+    found = run_alone(certifying(ended))
+    assert found.passed
+    assert found.bounding == {"diaphragm.travel": "least"}
+    assert found.remarks == ["the value of diaphragm.travel is a bound: a larger value would change nothing"]
+    wrong = run_alone(certifying(spoilt(ended, "chamber.volume", 0.0)))
+    assert set(wrong.wrong) == {"chamber.volume"}
