@@ -1,5 +1,6 @@
 """The command `flow`: the map of the nozzle, the flow along its passage, and what a pulsating engine makes of it."""
 
+import dataclasses
 import hashlib
 import importlib.metadata
 import pathlib
@@ -8,6 +9,7 @@ import time
 import vgtjax
 from vgtjax import SimulationError
 from vgtjax.parts import Stage
+from vgtjax.plants import Rod
 
 from ..output.console import console
 from ..output.files import REPORT, SUMMARY, write_json, write_text
@@ -18,7 +20,7 @@ from .nozzle_map import NozzleMap, solve_map
 from .passages import along_passage, to_csv
 from .pulse import Pulse, engine_pulse
 from .report import render
-from .stage import stage_of, turbine_of
+from .stage import parts_of, turbine_of
 
 ASSUMED = (
     "the geometry of the nozzle and the state of the gas are assumed, as no source gives them, and no measured vane "
@@ -32,28 +34,41 @@ def run(study: pathlib.Path | None, out: pathlib.Path) -> None:
     **Raises:** `InputError` for a geometry that does not work, before anything is written; `SimulationError` that names
     the point at which no steady state is found.
     """
-    stage, engine, text, digest = _prepare(study)
-    stage.require_working()
-    run_once(out, "flow", digest, lambda: _compute(stage, engine, text, out))
+    subject = Subject() if study is None else Subject.of(study)
+    subject.stage.require_working()
+    run_once(out, "flow", subject.digest, lambda: _compute(subject, out))
 
 
-def _prepare(path: pathlib.Path | None) -> tuple[Stage, PulsationTable | None, str, str]:
-    """The stage, the engine and the text of its study, and a digest of all."""
-    if path is None:
-        return Stage(), None, "", hashlib.sha256(importlib.metadata.version("vgtjax").encode()).hexdigest()
-    study = load_study(path)
-    return stage_of(study), study.pulsation, path.read_text(encoding="utf-8-sig"), fingerprint(study, [], {})
+@dataclasses.dataclass(frozen=True, eq=False)
+class Subject:
+    """What the command is about, with the text of its study and a digest of all: the default stage without a study,
+    whose turbine is made late, as it takes long."""
+
+    stage: Stage = dataclasses.field(default_factory=Stage)
+    turbine: vgtjax.Turbine | None = None
+    rod: Rod = dataclasses.field(default_factory=Rod)
+    engine: PulsationTable | None = None
+    text: str = ""
+    digest: str = hashlib.sha256(importlib.metadata.version("vgtjax").encode()).hexdigest()
+
+    @staticmethod
+    def of(path: pathlib.Path) -> "Subject":
+        """That of the study in a file."""
+        study = load_study(path)
+        turbine, rod = parts_of(study)
+        text = path.read_text(encoding="utf-8-sig")
+        return Subject(turbine.stage, turbine, rod, study.pulsation, text, fingerprint(study, [], {}))
 
 
-def _compute(stage: Stage, engine: PulsationTable | None, text: str, out: pathlib.Path) -> None:
+def _compute(subject: Subject, out: pathlib.Path) -> None:
     began = time.monotonic()
     with console.status("the map of the nozzle"):
-        found = solve_map(stage)
+        found = solve_map(subject.stage)
     with console.status("the flow along its passage"):
-        along = along_passage(stage)
+        along = along_passage(subject.stage)
     with console.status("an engine that pulsates"):
-        turbine = turbine_of(stage)
-        pulse, notes = _pulse(turbine, engine)
+        turbine = subject.turbine or turbine_of(subject.stage)
+        pulse, notes = _pulse(turbine, subject)
     seconds = time.monotonic() - began
     summary = {
         **found.summary(),
@@ -64,14 +79,14 @@ def _compute(stage: Stage, engine: PulsationTable | None, text: str, out: pathli
     write_text(out / "map.csv", found.to_csv())
     write_text(out / "passage.csv", to_csv(along))
     write_json(out / SUMMARY, summary)
-    write_text(out / REPORT, render(turbine, found, along, pulse, summary, text))
+    write_text(out / REPORT, render(turbine, found, along, pulse, summary, subject.text))
     _say(found, notes)
 
 
-def _pulse(turbine: vgtjax.Turbine, engine: PulsationTable | None) -> tuple[Pulse | None, list[str]]:
+def _pulse(turbine: vgtjax.Turbine, subject: Subject) -> tuple[Pulse | None, list[str]]:
     """The pulse, if the engine runs before this turbine, and what must be said of all."""
     try:
-        return engine_pulse(turbine, engine), [ASSUMED]
+        return engine_pulse(turbine, subject.engine, subject.rod), [ASSUMED]
     except SimulationError as error:
         return None, [ASSUMED, f"no pulsation is shown, as {error}"]
 

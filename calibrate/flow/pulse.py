@@ -9,6 +9,7 @@ from jaxtyping import Float
 import vgtjax
 from vgtjax.exhaust import Engine, OperatingPoint, Pulsation, pulsation
 from vgtjax.parts import CRANK_RANGE, HIGHEST_PRESSURE, Vanes, flow_between
+from vgtjax.plants import Rod
 
 from ..study.disturbances import PulsationTable
 
@@ -48,9 +49,10 @@ class Pulse:
         }
 
 
-def engine_pulse(turbine: vgtjax.Turbine, table: PulsationTable | None = None) -> Pulse:
+def engine_pulse(turbine: vgtjax.Turbine, table: PulsationTable | None = None, rod: Rod | None = None) -> Pulse:
     """The pulse of an engine, the assumed one at 1000 rpm under load unless a study has another, which empties its
-    manifold through the nozzle; the rod balances the mean force where the nozzle takes what the engine's orifice takes.
+    manifold through the nozzle; a rod, the printed one if no other is given, balances the mean force where the nozzle
+    takes what the engine's orifice takes.
 
     **Raises:** `SimulationError` when there is no periodic cycle, or the rod's simulation fails.
     """
@@ -66,8 +68,10 @@ def engine_pulse(turbine: vgtjax.Turbine, table: PulsationTable | None = None) -
     cycle = pulsation(engine, point)
     opening = jnp.full(cycle.p_trb.shape, turbine.crank.opening(point.crank_angle))
     force = np.asarray(turbine(Vanes(opening, cycle.p_trb - turbine.ambient_pressure), 0.0, None)[0])
-    frictions = {"with friction": vgtjax.LuGre(), "without dry friction": vgtjax.Coulomb(coulomb_force=0.0)}
-    position = {name: _position(friction, turbine, point, cycle, force) for name, friction in frictions.items()}
+    rubbing = dataclasses.replace(rod or Rod(), vane_force=turbine)
+    free = dataclasses.replace(rubbing, friction=vgtjax.Coulomb(coulomb_force=0.0))
+    rods = {"with friction": rubbing, "without dry friction": free}
+    position = {name: _position(each, turbine, point, cycle, force) for name, each in rods.items()}
     source = "assumed" if table is None else "[pulsation] of the study"
     return Pulse(engine, point, source, np.asarray(cycle.crank), np.asarray(cycle.p_trb), force, position)
 
@@ -82,15 +86,9 @@ def matching_angle(turbine: vgtjax.Turbine, engine: Engine, area: float) -> floa
     return float(np.interp(float(taken), flows, angles))
 
 
-def _position(
-    friction: vgtjax.AbstractFriction,
-    turbine: vgtjax.Turbine,
-    point: OperatingPoint,
-    cycle: Pulsation,
-    force: Cycle,
-) -> Cycle:
+def _position(rod: Rod, turbine: vgtjax.Turbine, point: OperatingPoint, cycle: Pulsation, force: Cycle) -> Cycle:
     """Of a rod in m that stands still against the mean force, in the last cycle of several."""
-    model = vgtjax.MechanicalActuator(friction=friction, vane_force=turbine)
+    model = vgtjax.MechanicalActuator(rod=rod)
     stands = float(model.diaphragm.travel - turbine.crank.opening(point.crank_angle))
     angle = 720.0 * CYCLES / SAMPLES * np.arange(SAMPLES + 1)
     pressure = np.interp(angle, cycle.crank, cycle.p_trb, period=720.0) - float(turbine.ambient_pressure)

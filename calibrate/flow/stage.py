@@ -1,7 +1,8 @@
-"""The turbine that a study has, as a stage and as a vane force."""
+"""The turbine that a study has, and the rod that its force acts on."""
 
 import vgtjax
 from vgtjax.parts import Stage
+from vgtjax.plants import Rod
 
 from ..study.components import TURBINES
 from ..study.models import build_model, start_model
@@ -9,8 +10,8 @@ from ..study.places import StudyError, of_study
 from ..study.tables import Study
 
 
-def stage_of(study: Study) -> Stage:
-    """The stage of a study, with the values that it starts from.
+def parts_of(study: Study) -> tuple[vgtjax.Turbine, Rod]:
+    """The turbine of a study, and the rod that its force acts on, with the values that they start from.
 
     **Raises:** `InputError` when its vane force is no turbine, or one that does not work.
     """
@@ -21,12 +22,12 @@ def stage_of(study: Study) -> Stage:
             "leave the study out"
         )
     with of_study():
-        vane_force: vgtjax.Turbine = start_model(build_model(study), study, {})[0].vane_force
-    return vane_force.stage
+        model = start_model(build_model(study), study, {})[0]
+    return model.vane_force, model.rod
 
 
 def turbine_of(stage: Stage) -> vgtjax.Turbine:
-    """The vane force of a stage; that of a study's has its table already.
+    """The vane force of a stage that no study has.
 
     **Raises:** `SimulationError` that names the point at which no steady state is found.
     """

@@ -1,5 +1,6 @@
 """The plants of closed loops, and what a controller is told of them."""
 
+from collections import Counter
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,8 @@ BELIEFS = {
     "plant": "its plant exactly",
 }
 """What a controller knows of its plant, by the name that a study gives it."""
+NO_TABLE = {InputError: "the nozzle does not work", SimulationError: "no steady flow is found through the nozzle"}
+"""Why a drawn plant has no vane force."""
 LEFT_OUT = "; they are left out"
 """What follows on why plants are none."""
 
@@ -93,22 +96,21 @@ def _draw(study: Study, actuators: Actuators, count: int) -> tuple[list[str], Pl
     population = actuators.population
     rows = population.values(SobolSample(population.dimensions, count, study.control.seed).points(0, count))
     drawn = {f"sample {i}": _built(population, row) for i, row in enumerate(rows)}
-    flowing = {name: model for name, model in drawn.items() if model is not None}
-    possible = {name: model for name, model in flowing.items() if is_physical(model)}
-    swallowed, closed = len(flowing) - len(possible), len(drawn) - len(flowing)
-    lost = {"the diaphragm swallows the chamber": swallowed, "no steady flow is found through the nozzle": closed}
-    notes = [f"in {count} of {len(drawn)} drawn plants {why}{LEFT_OUT}" for why, count in lost.items() if count]
+    possible = {name: model for name, (model, why) in drawn.items() if why is None}
+    lost = Counter(why for _, why in drawn.values() if why is not None)
+    notes = [f"in {count} of {len(drawn)} drawn plants {why}{LEFT_OUT}" for why, count in lost.items()]
     return list(drawn), possible, tuple(notes)
 
 
-def _built(population: Population, row: np.ndarray) -> Any:
-    """A drawn plant, or nothing where it has a turbine that does not work."""
+def _built(population: Population, row: np.ndarray) -> tuple[Any, str | None]:
+    """A drawn plant, and why it is none, if so."""
     try:
-        return population.factors.unpack(population.model, row)
-    except (InputError, SimulationError):
-        if has_tables(population.model):
-            return None
-        raise
+        model = population.factors.unpack(population.model, row)
+    except (InputError, SimulationError) as error:
+        if not has_tables(population.model):
+            raise
+        return None, NO_TABLE[type(error)]
+    return model, None if is_physical(model) else "the diaphragm swallows the chamber"
 
 
 def _none_physical(notes: tuple[str, ...]) -> InputError:

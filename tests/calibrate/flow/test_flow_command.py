@@ -13,7 +13,7 @@ from support import quick_nozzle
 from calibrate.flow import command, nozzle_map
 from calibrate.flow.passages import along_passage
 from calibrate.flow.pulse import Pulse, engine_pulse
-from calibrate.flow.stage import stage_of, turbine_of
+from calibrate.flow.stage import parts_of, turbine_of
 from calibrate.study.disturbances import PulsationTable
 from calibrate.study.read import load_study
 from vgtjax import SimulationError
@@ -130,7 +130,7 @@ def test_an_engine_that_does_not_run_before_it_is_a_note(monkeypatch):
         raise SimulationError("the cycle of the engine failed")
 
     monkeypatch.setattr(command, "engine_pulse", failed)
-    pulse, notes = command._pulse(None, None)
+    pulse, notes = command._pulse(None, command.Subject())
     assert pulse is None
     assert notes == [command.ASSUMED, "no pulsation is shown, as the cycle of the engine failed"]
 
@@ -145,8 +145,24 @@ def test_a_study_may_give_the_speed_of_the_wheel(tmp_path):
     text = '[components]\nvane_force = "turbine-at-speed"\n[[trace]]\nfile = "step_50.csv"\n'
     path.write_text(f'{text}[parameters]\n"vane_force.wheel_speed" = {{value = 9000}}\n')
     with quick_nozzle():
-        stage = stage_of(load_study(path))
+        stage = parts_of(load_study(path))[0].stage
     assert [float(stage.speed_at(pressure)) for pressure in (1.5e5, 3e5)] == [9000.0, 9000.0]
+
+
+def test_a_studys_own_rod_and_air_are_simulated(tmp_path):
+    """Gauge pressure counts from the study's ambient pressure, and its friction holds the rod."""
+    path = tmp_path / "study.toml"
+    values = {"vane_force.ambient_pressure": 9.0e4, "friction.coulomb_force": 12.0, "friction.static_force": 15.0}
+    rows = "".join(f'"{name}" = {{value = {value}}}\n' for name, value in values.items())
+    path.write_text(f'[components]\nvane_force = "turbine"\n[parameters]\n{rows}')
+    with few_points():
+        subject = command.Subject.of(path)
+        rough, printed = (engine_pulse(subject.turbine, None, rod) for rod in (subject.rod, None))
+    assert float(subject.turbine.ambient_pressure) == 9.0e4
+    moved = [each.summary()["position_range_with_friction"] for each in (rough, printed)]
+    assert moved[0] < 0.5 * moved[1]
+    free = [each.summary()["position_range_without_dry_friction"] for each in (rough, printed)]
+    assert free[0] == pytest.approx(free[1], rel=1e-9)
 
 
 def test_a_study_without_a_turbine_is_refused(tmp_path):
