@@ -34,7 +34,7 @@ def run(study: pathlib.Path | None, out: pathlib.Path) -> None:
     **Raises:** `InputError` for a geometry that does not work, before anything is written; `SimulationError` that names
     the point at which no steady state is found.
     """
-    subject = Subject() if study is None else Subject.of(study)
+    subject = Subject(Stage()) if study is None else Subject.of(study)
     subject.stage.require_working()
     run_once(out, "flow", subject.digest, lambda: _compute(subject, out))
 
@@ -44,7 +44,7 @@ class Subject:
     """What the command is about, with the text of its study and a digest of all: the default stage without a study,
     whose turbine is made late, as it takes long."""
 
-    stage: Stage = dataclasses.field(default_factory=Stage)
+    stage: Stage
     turbine: vgtjax.Turbine | None = None
     rod: Rod = dataclasses.field(default_factory=Rod)
     engine: PulsationTable | None = None

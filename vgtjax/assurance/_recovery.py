@@ -11,6 +11,8 @@ from .._errors import InputError
 from ..estimation import (
     CHANNELS,
     NORMAL_95,
+    Calibrator,
+    LevenbergMarquardt,
     Sensors,
     Slopes,
     Steps,
@@ -52,7 +54,8 @@ class Truth:
     clean: Sequence[Float[np.ndarray, "_ channel"]]
     sensors: Sensors
     slopes: Slopes
-    """Derivatives at the truth, where every search begins."""
+    """Derivatives over all places that the errors of the traces leave possible around the truth, where every fit
+    begins."""
 
     @staticmethod
     def of(task: Task, applied: Sequence[Trace]) -> Steps["Truth"]:
@@ -68,7 +71,9 @@ class Truth:
         clean = [seen[read.rows_at(trace.time)] for trace, read, seen in pairs]
         sensors = learn_sensors(task.fit, task.channels, clean, clean, task.unknown)
         _check_fitted(task, sensors)
-        slopes = (yield from starting(task)).minimiser.slopes
+        began = _begun((yield from starting(task)))
+        placed = (yield from began.correcting()) or began
+        slopes = (yield from placed.linearised_around()).minimiser.slopes
         return Truth(task, clean, sensors, slopes)
 
     def campaign(self, number: int, seed: int) -> Task:
@@ -82,7 +87,7 @@ class Truth:
         again = [
             trace if sensor is None else sensor.again(trace, rng) for trace, sensor in zip(traces, sensors, strict=True)
         ]
-        return dataclasses.replace(self.task, fit=again)
+        return dataclasses.replace(self.task, fit=again, validate=[])
 
 
 def _check_fitted(task: Task, sensors: Sensors) -> None:
@@ -125,13 +130,25 @@ class Refit:
 
 
 def refitting(truth: Truth, number: int, seed: int) -> Steps[Refit]:
-    """One campaign simulated and fitted, as a computation; its search begins at the truth."""
+    """One campaign simulated and fitted, as a computation, from the truth on: so near an end that no search goes before
+    the full linear steps that end every fit. These take the derivatives of the truth, as those of any fit, up to two
+    standard errors away from where they are from."""
     calibrator = yield from starting(truth.campaign(number, seed), slopes=truth.slopes)
+    if calibrator.task.unknown.anything:
+        calibrator = _begun(calibrator)
     calibration = yield from calibrator.steps()
     count = len(calibration.values)
     errors = [error if np.isfinite(error) else None for error in calibration.uncertainty.std_errors.tolist()]
     coordinates = calibration.progress.coordinates[:count]
     return Refit(number, calibration.converged, calibration.verdict, coordinates, tuple(errors))
+
+
+def _begun(calibrator: Calibrator) -> Calibrator:
+    """Where a search would have ended: what follows are full linear steps, with the derivatives that are known."""
+    search = calibrator.minimiser
+    progress = dataclasses.replace(search.progress, converged=True).linearised_around(search.slopes.around)
+    began = LevenbergMarquardt(search.problem, progress, search.slopes, search.point, search.corrected_later)
+    return dataclasses.replace(calibrator, minimiser=began)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -130,7 +130,7 @@ def test_an_engine_that_does_not_run_before_it_is_a_note(monkeypatch):
         raise SimulationError("the cycle of the engine failed")
 
     monkeypatch.setattr(command, "engine_pulse", failed)
-    pulse, notes = command._pulse(None, command.Subject())
+    pulse, notes = command._pulse(None, command.Subject(Stage()))
     assert pulse is None
     assert notes == [command.ASSUMED, "no pulsation is shown, as the cycle of the engine failed"]
 
@@ -150,18 +150,18 @@ def test_a_study_may_give_the_speed_of_the_wheel(tmp_path):
 
 
 def test_a_studys_own_rod_and_air_are_simulated(tmp_path):
-    """Gauge pressure counts from the study's ambient pressure, and its friction holds the rod."""
+    """Gauge pressure counts from the study's ambient pressure, and its stiffer bristles hold the rod."""
     path = tmp_path / "study.toml"
-    values = {"vane_force.ambient_pressure": 9.0e4, "friction.coulomb_force": 12.0, "friction.static_force": 15.0}
+    values = {"vane_force.ambient_pressure": 9.0e4, "friction.bristle_stiffness": 4 * 43135.0}
     rows = "".join(f'"{name}" = {{value = {value}}}\n' for name, value in values.items())
     path.write_text(f'[components]\nvane_force = "turbine"\n[parameters]\n{rows}')
     with few_points():
         subject = command.Subject.of(path)
-        rough, printed = (engine_pulse(subject.turbine, None, rod) for rod in (subject.rod, None))
+        stiff, printed = (engine_pulse(subject.turbine, None, rod) for rod in (subject.rod, None))
     assert float(subject.turbine.ambient_pressure) == 9.0e4
-    moved = [each.summary()["position_range_with_friction"] for each in (rough, printed)]
+    moved = [each.summary()["position_range_with_friction"] for each in (stiff, printed)]
     assert moved[0] < 0.5 * moved[1]
-    free = [each.summary()["position_range_without_dry_friction"] for each in (rough, printed)]
+    free = [each.summary()["position_range_without_dry_friction"] for each in (stiff, printed)]
     assert free[0] == pytest.approx(free[1], rel=1e-9)
 
 
