@@ -152,7 +152,8 @@ def test_a_study_may_give_the_speed_of_the_wheel(tmp_path):
 def test_a_studys_own_rod_and_air_are_simulated(tmp_path):
     """Gauge pressure counts from the study's ambient pressure, and its stiffer bristles hold the rod."""
     path = tmp_path / "study.toml"
-    values = {"vane_force.ambient_pressure": 9.0e4, "friction.bristle_stiffness": 4 * 43135.0}
+    bristles = {"friction.bristle_stiffness": 8 * 43135.0, "friction.bristle_damping": 8 * 429.77}
+    values = {"vane_force.ambient_pressure": 9.0e4, **bristles}
     rows = "".join(f'"{name}" = {{value = {value}}}\n' for name, value in values.items())
     path.write_text(f'[components]\nvane_force = "turbine"\n[parameters]\n{rows}')
     with few_points():
