@@ -55,6 +55,8 @@ PROCESSES = (
     click.Option(["--processes"], type=int, metavar="COUNT", help="How many processes run this command together."),
     click.Option(["--coordinator"], metavar="HOST:PORT", help="Where the first of several processes listens."),
 )
+ROOMS = {"check": "assurance.check", "recover": "assurance.recover", "reproduce": "reproduction"}
+"""Of commands that are not in a room of their own name."""
 SMALL = "(a TOML file; a small simulated example if omitted)."
 FLEET = "(a simulated fleet of twenty if STUDY is omitted)."
 
@@ -139,7 +141,7 @@ def _leave(number: int, frame: types.FrameType | None) -> NoReturn:
 
 def _add(name: str, does: str, *parameters: click.Parameter) -> None:
     """A command of that name, whose module has `run`."""
-    module, out = {"reproduce": "reproduction"}.get(name, name), SEEN if name == "check" else OUT
+    module, out = ROOMS.get(name, name), SEEN if name == "check" else OUT
     main.add_command(click.Command(name, None, functools.partial(_run, module), [*parameters, out], does))
 
 

@@ -9,12 +9,12 @@ from typing import Literal
 
 from vgtjax import InputError
 
-from ..characteristics import to_cdfx, to_dcm
 from ..fmu.controller import controller_unit
 from ..fmu.package import to_fmu
 from ..fmu.plant import plant_unit
 from ..output.console import console
 from ..output.files import replacing
+from ..study.characteristics import to_cdfx, to_dcm
 from ..tune.gains_file import find_gains, load_controller
 from .data_set import to_data_set
 from .results import Results, read_results

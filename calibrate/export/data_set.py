@@ -9,7 +9,7 @@ from vgtjax.parameters import table_row
 from vgtjax.parts import AbstractGasTables
 from vgtjax.parts.flow_map import LiftTable
 
-from ..characteristics import DERIVED, Characteristic, DataSet
+from ..study.characteristics import DERIVED, Characteristic, DataSet
 from .results import Results, Row
 
 DUTIES = np.linspace(0.0, 100.0, 21)

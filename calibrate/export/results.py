@@ -8,9 +8,9 @@ from typing import Any
 import vgtjax
 from vgtjax import InputError
 
-from ..characteristics import READERS
 from ..output.console import console
 from ..output.files import SUMMARY, read_json
+from ..study.characteristics import READERS
 from ..study.start_file import load_model, read_parameters, unit_files
 from ..study.tables import Study
 

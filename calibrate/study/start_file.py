@@ -13,9 +13,9 @@ from vgtjax import InputError
 from vgtjax.parameters import Parameter, entry_names, table_row, unknown_name
 from vgtjax.plants import on_given_knots
 
-from ..characteristics import READERS, read_data_set
 from ..output.console import console
 from ..output.files import read_json
+from .characteristics import READERS, read_data_set
 from .components import FullComponents
 from .models import build_model, check_length, merge
 from .parameter_file import SCHEMA

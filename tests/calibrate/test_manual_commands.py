@@ -17,12 +17,12 @@ from calibrate.manual.markdown import commands
 SMALL = ("fit", "simulate", "export")
 """Commands that are run here, in this order: what one writes the next may read."""
 ELSEWHERE = {
-    "check": "calibrate/check/test_check.py",
+    "check": "calibrate/assurance/test_check.py",
     "compare": "calibrate/compare/test_compare.py",
     "control": "calibrate/control/test_control.py",
     "flow": "calibrate/flow/test_flow_command.py",
     "identify": "calibrate/identify/test_identify.py",
-    "recover": "calibrate/recover/test_recover.py",
+    "recover": "calibrate/assurance/test_recover.py",
     "reproduce": "calibrate/reproduction/test_reproduction.py",
     "sensitivity": "calibrate/sensitivity/test_sensitivity.py",
     "tolerance": "calibrate/tolerance/test_tolerance.py",

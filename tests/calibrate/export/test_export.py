@@ -12,7 +12,7 @@ import scipy.io
 from commands import Outcome, entries_of, read, run_command
 from dcmReader.dcm_reader import DcmReader
 
-from calibrate.characteristics.base import identifier, parameter_name
+from calibrate.study.characteristics.base import identifier, parameter_name
 from calibrate.study.start_file import load_model, read_parameters
 
 from .conftest import DATE, FLEET_UNIT

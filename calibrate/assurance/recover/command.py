@@ -11,11 +11,11 @@ from vgtjax import SimulationError
 from vgtjax.assurance import Recovery, Refit, Truth, refitting
 from vgtjax.estimation import Task, run_alone, run_together
 
-from ..fit.plan import plan
-from ..output.console import console
-from ..output.files import REPORT, SUMMARY, finite, write_json, write_text
-from ..resumable import Folders, ProgressFile, run_units
-from ..study.units import Job, Unit, prepare
+from ...fit.plan import plan
+from ...output.console import console
+from ...output.files import REPORT, SUMMARY, finite, write_json, write_text
+from ...resumable import Folders, ProgressFile, run_units
+from ...study.units import Job, Unit, prepare
 from .report import render, render_overview
 
 SEED = 2012

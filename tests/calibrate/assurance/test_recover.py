@@ -49,7 +49,7 @@ def test_a_second_run_does_nothing_but_more_campaigns_are_another_study(recovere
 
 def test_an_interrupted_recovery_keeps_its_campaigns(recovered, fitted, tmp_path, monkeypatch):
     """The same figures as without interruption."""
-    from calibrate.recover import command
+    from calibrate.assurance.recover import command
 
     out, arguments, _ = recovered
     saves, usual = [], command.ProgressFile.save

@@ -10,12 +10,12 @@ from vgtjax import SimulationError
 from vgtjax.assurance import NOTHING, Gain, Information, examining, ranking, remedies
 from vgtjax.estimation import Steps, run_alone, run_together
 
-from ..fit.plan import plan
-from ..output.console import console, say_notes
-from ..output.files import REPORT, SUMMARY, write_json, write_text
-from ..resumable import Folders, run_units
-from ..study.models import assumed_note
-from ..study.units import Job, Unit, prepare
+from ...fit.plan import plan
+from ...output.console import console, say_notes
+from ...output.files import REPORT, SUMMARY, write_json, write_text
+from ...resumable import Folders, run_units
+from ...study.models import assumed_note
+from ...study.units import Job, Unit, prepare
 from .report import render, render_overview
 
 SHOWN = 5

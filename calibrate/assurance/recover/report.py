@@ -5,10 +5,10 @@ import plotly.graph_objects as go
 
 from vgtjax.assurance import Recovery
 
-from ..output import figures
-from ..output.page import render_page
-from ..resumable import Summaries
-from ..study.units import Job
+from ...output import figures
+from ...output.page import render_page
+from ...resumable import Summaries
+from ...study.units import Job
 
 
 def render(job: Job, unit: str | None, recovery: Recovery, campaigns: int, seconds: float) -> str:
