@@ -43,7 +43,8 @@ def go_through(page: pathlib.Path, folder: pathlib.Path, run: Run = run_alone) -
     said: str | None = None
     for block in all_blocks(page):
         if block.language == "toml":
-            (folder / FILE.findall(block.before)[-1]).write_text(block.text, encoding="utf-8")
+            for name in FILE.findall(block.before)[-1:]:  # one without a name only shows how something may be said
+                (folder / name).write_text(block.text, encoding="utf-8")
         elif block.language == "bash":
             said = "".join(_do(words, folder, run) for words in words_of(block.text))
             with (folder / TERMINAL).open("a", encoding="utf-8") as terminal:
