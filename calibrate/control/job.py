@@ -6,16 +6,17 @@ from typing import Any
 
 import vgtjax
 from vgtjax.control import AbstractController, AbstractSignal, check
-from vgtjax.tuning import Cases
+from vgtjax.tuning import Cases, gain_names
 
 from ..population import Actuators, read_actuators
+from ..study.parameter_file import Entry, tabulate
 from ..study.places import OF_A_CONTROLLER, StudyError, stated
 from ..study.read import expand_traces, fingerprint, load_study
 from ..study.references import build_references, cycle
 from ..study.tables import Study
 from ..study.units import StudyJob
 from ..tune.fallback import fallback_of, with_fallback
-from ..tune.gains_file import read_gains
+from ..tune.gains_file import note_on_plant, read_gains
 from ..tune.job import EXAMPLE, cases_of, gas_notes, reference_files, start_controller
 from ..tune.plants import BELIEFS, Plants, all_plants, belief_of, believed_model, is_alone
 
@@ -29,6 +30,8 @@ class ControlJob(StudyJob):
     """
 
     controllers: dict[str, AbstractController]
+    gains: tuple[Entry, ...]
+    """Of the first of them."""
     belief: str
     groups: tuple[Cases, ...]
     notes: tuple[str, ...]
@@ -45,20 +48,20 @@ def prepare_control(
     actuators = read_actuators(path, study, parameters)
     plants, notes = all_plants(study, actuators)
     with stated(OF_A_CONTROLLER):
-        controllers, given = _controllers(study, actuators, plants, gains)
+        controllers, chosen, given = _controllers(study, actuators, plants, gains)
     groups = _groups(study, plants, path.parent)  # reads the references, and says which one is missing
     hashed = actuators.hashed | reference_files(study.control, path.parent) | {"gains": given}
     belief = BELIEFS[belief_of(study, actuators)]
     of_population = () if is_alone(study, actuators) else actuators.notes
-    said = (*of_population, *notes, *gas_notes(study.control, actuators.first))
+    said = (*of_population, *notes, *gas_notes(study.control, actuators.first), *_on_gains(study, actuators, gains))
     digest = fingerprint(study, expand_traces(study, path.parent), hashed)
-    return ControlJob(study, path.read_text(encoding="utf-8-sig"), digest, controllers, belief, groups, said)
+    return ControlJob(study, path.read_text(encoding="utf-8-sig"), digest, controllers, chosen, belief, groups, said)
 
 
 def _controllers(
     study: Study, actuators: Actuators, plants: Plants, gains: pathlib.Path | None
-) -> tuple[dict[str, AbstractController], dict[str, Any]]:
-    """A controller for each plant, and the gains of the file; what it gives goes before what the study states."""
+) -> tuple[dict[str, AbstractController], tuple[Entry, ...], dict[str, Any]]:
+    """A controller for each plant, the gains of the first, and those of the file, which go before the study's."""
     table = study.control
     if belief_of(study, actuators) == "plant":
         started = {name: start_controller(table, plant)[0] for name, plant in plants.items()}
@@ -68,8 +71,18 @@ def _controllers(
     controllers = {name: vgtjax.replace_parameters(controller, given) for name, controller in started.items()}
     for controller in controllers.values():
         check(controller)
+    first = next(iter(controllers.values()))
+    chosen = tabulate(first, first, {}, {}, gain_names(first))
     controllers = {name: _guarded(study, actuators, plants[name], each) for name, each in controllers.items()}
-    return controllers, given
+    return controllers, tuple(chosen), given
+
+
+def _on_gains(study: Study, actuators: Actuators, gains: pathlib.Path | None) -> list[str]:
+    """What is to be said of a file of gains, unless every controller knows its own plant."""
+    knows_each = belief_of(study, actuators) == "plant" and not is_alone(study, actuators)
+    if gains is None or knows_each:
+        return []
+    return list(filter(None, [note_on_plant(gains, study, believed_model(study, actuators))]))
 
 
 def _guarded(study: Study, actuators: Actuators, plant: Any, controller: AbstractController) -> AbstractController:

@@ -76,6 +76,7 @@ def summarise(job: ControlJob, outcome: Outcome) -> dict[str, Any]:
     """The content of `summary.json`; SI units, what counts from `settled` on."""
     return {
         "design": job.study.control.design,
+        "gains": {gain.name: gain.value for gain in job.gains},
         "belief": job.belief,
         "measures": [CHANNELS[channel] for channel in outcome.measures],
         "settled": job.study.control.settled,

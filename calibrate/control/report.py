@@ -9,7 +9,7 @@ from plotly.subplots import make_subplots
 from vgtjax.traces import STANDARD_ATMOSPHERE
 from vgtjax.tuning import ClosedLoops
 
-from ..output.figures import DUTY, MEASURED, SIMULATED, curve, points, styled
+from ..output.figures import DUTY, MEASURED, SIMULATED, curve, numbered, points, styled
 from ..output.page import render_page
 from .job import ControlJob
 from .outcome import Outcome, Row
@@ -24,6 +24,7 @@ def render(job: ControlJob, outcome: Outcome, rows: list[Row], summary: dict[str
         **job.heading(),
         summary=summary,
         rows=rows,
+        gains=job.gains,
         spread=_spread_figure(outcome),
         runs=[(str(group.labels[index]), _run_figure(group, index)) for group, index in _worst(outcome)],
     )
@@ -51,6 +52,7 @@ def _spread_figure(outcome: Outcome) -> go.Figure:
         shown = {"rms": "RMS", "peak": "peak"}[name]
         figure.add_trace(points(places, errors, shown, color, 6, symbol=symbol, hovertext=labels))
     figure.update_yaxes(type="log")
+    numbered(figure, len(loops))
     return styled(figure, 380, "closed loop, sorted by its RMS error", "error, um", hovermode="closest")
 
 

@@ -134,7 +134,7 @@ def _write(job: Job, unit: Unit, folder: pathlib.Path, outcome: Fitted | Simulat
     write_text(folder / REPORT, page)
     ProgressFile.remove_from(folder)
     who = "" if unit.name is None else f"{unit.name}: "
-    for part in last_words(outcome, table) if unit.name is None else [f"{who}{verdict(outcome, table)}"]:
+    for part in last_words(outcome, table) if unit.name is None else [f"{who}verdict: {verdict(outcome, table)}"]:
         say(part)
 
 
@@ -153,6 +153,7 @@ def _summary(fitted: Fitted, job: Job, unit: Unit, table: Sequence[Entry]) -> di
         "expected_relative_error_at_start": fitted.known_before.get("expected_relative_error", {}),
         "check": {name: fitted.known_before.get(name, []) for name in ("null", "nearly_null", "next", "sentences")},
         "friction_is_passive": passivity_note(calibration.model) is None,
+        "sentence": verdict(fitted, table),
         "found": [*found_besides(calibration), *filter(None, [passivity_note(calibration.model)])],
         "noise_by_windows": {"seconds": calibration.budget.window, "factor": finite(calibration.budget.excess)},
         "budget": {row.name: row.summary() for row in budget_rows(calibration)},

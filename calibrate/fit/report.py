@@ -14,7 +14,7 @@ from ..output import figures
 from ..output.page import render_page
 from ..output.sections import model_sections
 from ..resumable import Summaries
-from ..study.models import assumed_note, passivity_note
+from ..study.models import assumed_note, exact_note, passivity_note
 from ..study.parameter_file import Entry, by_entry, start_as_study
 from ..study.units import Job, Unit
 from .around import slices_figure
@@ -22,6 +22,7 @@ from .budget import budget_rows
 from .decisions import decisions
 from .outcome import Fitted
 from .posterior import rows
+from .terminal import verdict
 
 COLOURED = 1.5
 """Errors by windows over those by the noise as it was found, from which that deserves a word."""
@@ -42,6 +43,7 @@ def render(job: Job, unit: Unit, fitted: Fitted, table: list[Entry]) -> str:
         certificate=fitted.certificate,
         seconds=fitted.seconds,
         undetermined=fitted.undetermined,
+        sentence=verdict(fitted, table),
         before=fitted.known_before.get("sentences", []),
         table=table,
         start=start_as_study(calibration),
@@ -152,10 +154,7 @@ def found_besides(calibration: Calibration) -> list[str]:
             "no corrections were made for sensors and numerical errors, because the search did not converge, values "
             "ran away, or a simulation failed; errors don't count them"
         )
-    assumed = assumed_note(calibration.task)
-    if assumed is not None:
-        sentences.append(assumed)
-    return sentences
+    return [*sentences, *filter(None, (exact_note(calibration.task), assumed_note(calibration.task)))]
 
 
 def _edges_found(calibration: Calibration) -> list[str]:

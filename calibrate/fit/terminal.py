@@ -16,7 +16,7 @@ from .outcome import Fitted
 def last_words(fitted: Fitted, entries: Sequence[Entry]) -> list[rich.table.Table | str]:
     """Tables of traces and free parameters, and the verdict."""
     free = [entry for entry in entries if entry.free]
-    return [_traces(fitted.calibration), _parameters(free), verdict(fitted, entries)]
+    return [_traces(fitted.calibration), _parameters(free), f"verdict: {verdict(fitted, entries)}"]
 
 
 def _traces(calibration: Calibration) -> rich.table.Table:
@@ -63,12 +63,12 @@ def verdict(fitted: Fitted, entries: Sequence[Entry]) -> str:
     """One sentence: whether the values may be used, which ones, and how well the traces are met."""
     calibration = fitted.calibration
     if not fitted.certificate.passed:
-        return f"verdict: NOT to be used: {fitted.certificate.sentence}"
+        return f"NOT to be used: {fitted.certificate.sentence}"
     if not calibration.converged:
-        return f"verdict: NOT converged, so no value may be used: {calibration.verdict}"
+        return f"NOT converged, so no value may be used: {calibration.verdict}"
     free = [entry for entry in entries if entry.free]
     unknown = [entry.name for entry in free if not entry.identifiable]
-    said = f"verdict: converged; {len(free) - len(unknown)} of {len(free)} free parameters are determined"
+    said = f"converged; {len(free) - len(unknown)} of {len(free)} free parameters are determined"
     if unknown:
         said += f" (not {', '.join(unknown)})"
     (trace, channel), worst = max(noise_ratios(calibration).items(), key=lambda pair: pair[1])

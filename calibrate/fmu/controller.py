@@ -1,5 +1,7 @@
 """A controller as an FMU: its variables, and its C."""
 
+from collections.abc import Sequence
+
 from vgtjax.control import AbstractController
 from vgtjax.traces import SIGNALS
 
@@ -34,10 +36,31 @@ def controller_unit(controller: AbstractController, period: float) -> Unit:
             "start: the duty follows from the inputs at a sample, and is held to the next."
         ),
         variables=variables,
-        code=define(law.to_c(), sizes, [False] * len(law.inputs), variables, more, ("controller.c",)),
+        code=_legend(law, variables)
+        + define(law.to_c(), sizes, [False] * len(law.inputs), variables, more, ("controller.c",)),
         step=period,
         is_sampled=True,
     )
+
+
+def _legend(law: Law, variables: Sequence[Variable]) -> str:
+    """A comment in C on the order of the arrays, for whoever calls both functions without FMI."""
+    known = {each.name: each for each in variables}
+    sections = (
+        ("p: gains and beliefs", [*law.entries]),
+        ("u: inputs at a sample", [*law.inputs]),
+        ("out: outputs of a sample, and behind them what is remembered next", [*law.outputs]),
+        ("x: what is remembered", [f"memory.{name}" for name in law.memory]),
+    )
+    lines = []
+    for title, names in sections:
+        lines += ["", title, *(_place(i, known[name]) for i, name in enumerate(names))]
+    return "\n".join(["/* Order of the arrays, SI units but for a duty in %.", *lines, "*/", ""])
+
+
+def _place(number: int, variable: Variable) -> str:
+    start = "" if variable.start is None else f" = {variable.start!r}"
+    return f"  [{number}] {variable.name}{start}{'' if variable.unit in (None, '1') else f' {variable.unit}'}"
 
 
 def list_variables(law: Law) -> list[Variable]:

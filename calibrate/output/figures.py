@@ -66,6 +66,11 @@ def styled(figure: go.Figure, height: int, x: str = "", y: str = "", **layout: A
     return figure.update_layout(**layout)
 
 
+def numbered(figure: go.Figure, count: int) -> None:
+    """Ticks at whole numbers along an axis that counts so many things."""
+    figure.update_xaxes(tick0=0, dtick=max(1, round(count / 10)))
+
+
 def _shown(channel: str, values: np.ndarray, atmosphere: float) -> np.ndarray:
     return (values - (atmosphere if channel == "p_act" else 0.0)) * SCALE[channel]
 

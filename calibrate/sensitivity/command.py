@@ -30,6 +30,8 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
         with console.status("indices"):
             analysis = analyse_all(plan.job, design, store, gradients)
         summary = summarise(plan.job, design, analysis, seconds)
+        for note in summary["notes"]:
+            console.print(f"note: {note}")
         for line in lines(summary):
             console.print(line)
         write_json(out / SUMMARY, summary)

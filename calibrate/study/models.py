@@ -17,6 +17,9 @@ from .components import FullComponents, MechanicalComponents, ReducedComponents
 from .places import StudyError
 from .tables import Study
 
+NAMED = 6
+"""Values that a sentence names; of more it has the number."""
+
 
 def build_model(study: Study) -> vgtjax.AbstractModel:
     """The model that a study names, with printed parameters and its tables on the knots that the study states.
@@ -153,6 +156,27 @@ def passivity_note(model: Any) -> str | None:
     return (
         f"friction is not passive: friction.viscous_damping must be {-float(margin):.4g} N s/m larger for it never to "
         "give out energy; friction = 'lugre-passive' holds a fit to that"
+    )
+
+
+def exact_note(task: Task) -> str | None:
+    """A sentence on what errors take for exact because the study does not say how well it is known, or `None`."""
+    known = {entry.partition("[")[0] for entry in (*task.selection.entries, *task.deviations)}
+    plant, table = task.plant, parameter_table(task.plant)
+    held = [name for name in table if name not in known and not name.startswith("air.")]
+    held = [name for name in held if np.any(vgtjax.get_parameter(plant, name))]
+    held.sort(key=lambda name: not table[name].held)  # those first that no trace tells
+    gains = [channel for channel in task.channels if channel not in (*task.gains, *task.unknown.gain)]
+    if not held and not gains:
+        return None
+    more = f" and {len(held) - NAMED} more" if len(held) > NAMED else ""
+    what = [f"the values held of {', '.join(held[:NAMED])}{more}"] if held else []
+    what += [f"the gains of the sensors of {' and '.join(gains)}"] if gains else []
+    how = ["relative under [parameters]"] if held else []
+    how += ["relative_uncertainty under [[report.sensor]]"] if gains else []
+    return (
+        f"all errors take {' and '.join(what)} for exact: a value that is not measured is a start value; say how well "
+        f"these are known ({', '.join(how)})"
     )
 
 

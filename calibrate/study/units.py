@@ -12,6 +12,7 @@ from vgtjax.estimation import Unknown
 from vgtjax.parameters import Bounds
 from vgtjax.traces import STANDARD_ATMOSPHERE, TRAVEL
 
+from ..output.given import options_given
 from .channels import sources_of
 from .disturbances import Disturbance
 from .models import build_model, deviations_of, parameters_of, start_model, start_values
@@ -40,6 +41,7 @@ class StudyJob:
             "study": self.study,
             "study_text": self.text,
             "fingerprint": self.fingerprint,
+            "given": options_given(),
         }
 
     def account(self, seconds: float) -> dict[str, Any]:

@@ -46,6 +46,8 @@ def _compute(job: TuneJob, out: pathlib.Path) -> None:
     for what, loops in (("tuned on", outcome.true), ("unseen", outcome.unseen)):
         before, after = loops.costs
         console.print(f"cost of the loops {what}: {before:.4g} before, {after:.4g} after")
+    for remark in outcome.remarks:
+        console.print(f"warning: {remark}")
     console.print(least_margins(outcome.margins))
     entries = gain_entries(job, outcome.coordinates)
     if leads():

@@ -12,7 +12,7 @@ from vgtjax.control import AbstractController, check
 from vgtjax.parameters import entry_names, unknown_name
 
 from ..output.files import read_json
-from ..study.models import check_length
+from ..study.models import NAMED, check_length
 from ..study.parameter_file import Entry, tabulate, to_json
 from ..study.start_file import load_model, value_in
 from ..study.tables import Study
@@ -33,11 +33,31 @@ class TunedController:
 
 def gains_json(study: Study, entries: Sequence[Entry], believed: vgtjax.AbstractModel) -> dict[str, Any]:
     """The content of the file; a gain that was chosen has no standard error."""
-    control = study.control
-    plant = to_json(study, tabulate(believed, believed, {}, {}))["parameters"]
-    known = {name: {key: fields[key] for key in ("value", "unit")} for name, fields in plant.items()}
+    control, known = study.control, _known(study, believed)
     head = {"design": control.design, "period": control.period, "fallback": fallback_of(study)}
     return {**head, **to_json(study, list(entries), plant=known)}
+
+
+def _known(study: Study, believed: vgtjax.AbstractModel) -> dict[str, dict[str, Any]]:
+    """The parameters of a plant by name, each with its value and unit."""
+    plant = to_json(study, tabulate(believed, believed, {}, {}))["parameters"]
+    return {name: {key: fields[key] for key in ("value", "unit")} for name, fields in plant.items()}
+
+
+def note_on_plant(path: pathlib.Path, study: Study, believed: vgtjax.AbstractModel) -> str | None:
+    """A sentence where gains were tuned for another actuator than the one that their controller is told of here."""
+    path = path / NAME if path.is_dir() else path
+    plant, known = read_json(path).get("plant"), _known(study, believed)
+    if not isinstance(plant, dict):  # written by hand
+        return None
+    other = [name for name, fields in plant.items() if fields != known.get(name)]
+    if not other:
+        return None
+    return (
+        f"{path.name} was tuned for another actuator than the one that its controller believes in here: they differ in "
+        f"{', '.join(other[:NAMED])}{'' if len(other) <= NAMED else f' and {len(other) - NAMED} more'}; give the same "
+        "--parameters as to tune"
+    )
 
 
 def find_gains(place: pathlib.Path) -> pathlib.Path | None:

@@ -52,6 +52,18 @@ class Outcome:
     seconds: float
 
     @property
+    def remarks(self) -> list[str]:
+        """A sentence where gains are worse than the start's along what they were not tuned on."""
+        before, after = self.unseen.costs
+        if after <= before:
+            return []
+        return [
+            f"along what gains were not tuned on the cost rises from {before:.4g} to {after:.4g}: they are good for "
+            "what they were tuned on only; tune on references like those that they will meet, steps of nearly the "
+            "whole stroke among them, and on more plants and turbine pressures"
+        ]
+
+    @property
     def coordinates(self) -> np.ndarray:
         """Where tuning ended."""
         return np.asarray(self.progress.coordinates)
@@ -93,7 +105,7 @@ def summarise(
         "sample": None if sample is None else dataclasses.asdict(sample),
         "cases": {name: _rows(comparison) for name, comparison in comparisons.items()},
         "failed": [str(true.problem.cases.labels[i]) for i in np.flatnonzero(true.tuned.failed)],
-        "notes": list(job.notes),
+        "notes": [*job.notes, *outcome.remarks],
         **job.account(outcome.seconds),
     }
 

@@ -10,7 +10,7 @@ import vgtjax
 from vgtjax.control import ClosedLoop
 from vgtjax.tuning import TuningProblem, wanted_widths
 
-from ..output.figures import convergence_figure, curve, points, styled
+from ..output.figures import convergence_figure, curve, numbered, points, styled
 from ..output.page import render_page
 from ..study.parameter_file import Entry
 from .job import TuneJob
@@ -103,6 +103,7 @@ def _spread_figure(comparison: Comparison) -> go.Figure:
             error, label = 1e6 * values[order], f"{kind}, {name}"
             figure.add_trace(points(places, error, label, color, 6, symbol=symbol, hovertext=hovertext))
     figure.update_yaxes(type="log")
+    numbered(figure, len(order))
     return styled(figure, 380, "closed loop, sorted by its tuned RMS error", "error, um", hovermode="closest")
 
 

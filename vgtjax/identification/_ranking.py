@@ -139,7 +139,7 @@ def _doubt(
     """Why a duel does not decide, by its difference, the part of it that is no penalty, and its steadiness."""
     difference, by_fit, steadiness = found
     if not agreed:
-        return "which is best depends on whose noise weighs the traces"
+        return "which one is better changes with which of them tells the noise of the sensors"
     if difference <= needed[0]:
         return f"the criterion differs by {difference:.3g}, {needed[0]:g} would decide"
     if by_fit <= needed[0]:

@@ -14,6 +14,7 @@ from calibrate.population import Actuators
 from calibrate.study.references import PrintedReference, SineReference, cycle
 from calibrate.study.tables import AnyStudy
 from calibrate.tune.designs import DESIGNS
+from calibrate.tune.gains_file import gains_json
 from calibrate.tune.job import prepare_tuning
 from calibrate.tune.plants import BELIEFS, all_plants, belief_of
 from vgtjax.control import SIGNAL_1_PERIOD
@@ -115,6 +116,12 @@ def test_it_says_what_the_controller_knew(summary, outcome):
     assert "note: turbine pressure acts on nothing" in outcome.out
 
 
+def test_it_says_which_gains_ran(summary, folder):
+    controller = prepare_control(folder / "study.toml", None, None).controllers["sample 0"]
+    names = ("proportional_gain", "integral_gain", "tracking_time")
+    assert summary["gains"] == {name: float(getattr(controller, name)) for name in names}
+
+
 def test_traces_are_what_figures_were_made_of(summary, folder):
     for number, loop in enumerate(summary["loops"], 1):
         (path,) = (folder / "out" / "traces").glob(f"{number:03d}_*")
@@ -133,6 +140,7 @@ def test_a_report_carries_everything(summary, folder):
         BELIEFS["population"],
         "up &amp; down, 0 mbar",
         "settling, ms",
+        "<td><code>integral_gain</code></td>",
         "On the target",
     ):
         assert part in text
@@ -158,6 +166,19 @@ def test_gains_of_a_file_go_before_those_of_the_study(tmp_path):
         assert float(controller.proportional_gain) == 9000.0
         assert float(controller.integral_gain) == 1000.0
         assert float(controller.tracking_time) == np.inf
+
+
+def test_gains_for_another_actuator_are_named(tmp_path):
+    """`tune` writes what its controller believes in: a note where that differs from what is believed here."""
+    path = write(tmp_path)
+    job = prepare_control(path, None, None)
+    for change, notes in (({}, []), ({"diaphragm.stiffness": 11500.0}, ["diaphragm.stiffness"])):
+        believed = vgtjax.replace_parameters(job.controllers["sample 0"].base, change)
+        content = gains_json(job.study, list(job.gains), believed)
+        (tmp_path / "gains.json").write_text(json.dumps(content), encoding="utf-8")
+        found = [note for note in prepare_control(path, None, tmp_path).notes if "another actuator" in note]
+        assert len(found) == len(notes)
+        assert all(name in note for name, note in zip(notes, found, strict=True))
 
 
 @pytest.mark.parametrize(

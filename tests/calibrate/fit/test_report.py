@@ -87,7 +87,8 @@ def test_the_traces_shown_are_those_of_the_summary(page, fitted):
 
 def test_how_the_fit_ended_is_that_of_the_summary(page, fitted):
     summary = read(fitted.out / "summary.json")
-    figures = page.text("b").splitlines()
+    sentence, *figures = page.text("b").splitlines()
+    assert sentence == f"{summary['sentence'][0].upper()}{summary['sentence'][1:]}."
     assert float(figures[1]) == pytest.approx(summary["chi2_per_degree_of_freedom"], rel=5.1e-4)
     assert int(figures[2]) == summary["iterations"] > 0
     said = {row["statistic"]: row["value"] for row in page.table("statistic", "value")}
@@ -96,6 +97,14 @@ def test_how_the_fit_ended_is_that_of_the_summary(page, fitted):
     first, last = map(float, said["start and final chi²/N"].split(", "))
     assert last == pytest.approx(2 * summary["cost"], rel=5.1e-5)
     assert first > last
+
+
+def test_what_errors_take_for_exact_is_said(page, fitted):
+    """This study says nothing of held values and of sensors."""
+    (said,) = [sentence for sentence in read(fitted.out / "summary.json")["found"] if "for exact" in sentence]
+    assert "diaphragm.area" in said
+    assert "the gains of the sensors of x_d and p_act" in said
+    assert f"{said[0].upper()}{said[1:]}." in page.text("li").splitlines()
 
 
 def test_assumed_values_are_marked(page):

@@ -192,7 +192,7 @@ def test_all_other_numbers_stand_in_the_files_or_in_the_template(signed, page, s
     """Words, sentences and cards: what a fit says in words, its summary says with the same words."""
     static = "\n".join(re.sub(r"\{[{%#].*?[}%#]\}", " ", each.read_text()) for each in TEMPLATES.glob("*.jinja"))
     words = json.dumps({key: summary[key] for key in ("found", "verdict", "certificate", "report", "decisions")})
-    words += json.dumps(summary["check"]["sentences"])
+    words += json.dumps([summary["sentence"], *summary["check"]["sentences"]])
     windows = [shown(value, 2) for value in summary["noise_by_windows"].values()]
     counts = [*windows, summary["iterations"], len(summary["slices"]), *summary["evaluations"].values()]
     cards = [shown(summary["chi2_per_degree_of_freedom"], 4), shown(summary["wall_seconds"], 3), *map(str, counts)]

@@ -2,6 +2,7 @@
 
 import json
 import pathlib
+import re
 from collections.abc import Callable, Iterator
 
 import fmpy
@@ -13,6 +14,7 @@ from support import EXAMPLE
 
 import vgtjax
 from calibrate.fmu import package
+from calibrate.fmu.controller import controller_unit
 from calibrate.study.parameter_file import tabulate
 from calibrate.study.start_file import load_model, read_parameters
 from calibrate.study.tables import AnyStudy
@@ -48,6 +50,18 @@ def results(plant, controller, tmp_path_factory) -> pathlib.Path:
     content = gains_json(study, tabulate(controller, controller, {}, {}, names), plant)
     (folder / "gains.json").write_text(json.dumps(content))
     return folder
+
+
+def test_the_source_says_the_order_of_its_arrays(controller):
+    """For a target without FMI: every name at its place, with its value and unit."""
+    unit = controller_unit(controller, PERIOD)
+    legend, rest = unit.code.split("*/", 1)
+    said = re.findall(r"^  \[(\d+)\] ([\w.\[\]]+)", legend, re.MULTILINE)
+    assert [name for _, name in said] == [each.name for each in unit.variables]
+    assert [int(place) for place, name in said if name in ("x_d", GAIN, "pwm")].count(0) >= 2
+    assert f"{GAIN} = 9000.0 N/m" in legend
+    assert legend.index("u: inputs") < legend.index("x_d m") < legend.index("pwm %") < legend.index("memory.")
+    assert "vg_start" in rest
 
 
 @pytest.fixture(scope="module")

@@ -3,6 +3,7 @@
 import json
 import pathlib
 import re
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ import vgtjax
 from calibrate.study.references import PrintedReference, SineReference, TraceReference, build_references
 from calibrate.tune.gains_file import load_controller
 from calibrate.tune.job import EXAMPLE, prepare_tuning
+from calibrate.tune.outcome import Outcome
 from vgtjax.control import reference_at
 
 STUDY = """
@@ -62,6 +64,14 @@ def summary(done) -> dict:
 
 def test_a_run_writes_its_three_files_and_no_more(done):
     assert {path.name for path in done.iterdir()} == {".study.json", "gains.json", "summary.json", "report.html"}
+
+
+@pytest.mark.parametrize(("after", "warned"), [(5.0, False), (7.0, False), (7.5, True)])
+def test_gains_that_are_worse_along_what_they_were_not_tuned_on_are_said(after, warned):
+    unseen = mock.Mock(costs=(7.0, after))
+    remarks = Outcome(*[mock.Mock()] * 3, unseen, {}, 0.0).remarks
+    assert bool(remarks) is warned
+    assert all("from 7 to 7.5" in remark for remark in remarks)
 
 
 def test_gains_have_the_form_of_parameters(done):

@@ -1,0 +1,40 @@
+"""What a command was told beside its study, for a report that says how to repeat it."""
+
+import dataclasses
+import hashlib
+import pathlib
+
+import click
+
+NOT_REPEATED = ("study", "out", "process", "processes", "coordinator")
+"""What a repetition names otherwise, and what no result depends on."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Given:
+    """One option as it is written, without the folder of a file, which has a `name` and a SHA-256 of its own."""
+
+    words: str
+    name: str
+    sha256: str | None
+
+
+def options_given() -> list[Given]:
+    """All options of the command that runs, in its order; none where a library calls it."""
+    context = click.get_current_context(silent=True)
+    if context is None:
+        return []
+    stated = click.core.ParameterSource.COMMANDLINE
+    options = [option for option in context.command.params if isinstance(option, click.Option) and option.name]
+    return [
+        _given(option.opts[0], context.params[str(option.name)])
+        for option in options
+        if option.name not in NOT_REPEATED and context.get_parameter_source(str(option.name)) is stated
+    ]
+
+
+def _given(option: str, value: object) -> Given:
+    if not isinstance(value, pathlib.Path):
+        return Given(f"{option} {value}", "", None)
+    digest = hashlib.sha256(value.read_bytes()).hexdigest() if value.is_file() else None
+    return Given(f"{option} {value.name}", value.name, digest)
