@@ -60,7 +60,7 @@ def test_the_source_says_the_order_of_its_arrays(controller):
     assert [name for _, name in said] == [each.name for each in unit.variables]
     assert [int(place) for place, name in said if name in ("x_d", GAIN, "pwm")].count(0) >= 2
     assert f"{GAIN} = 9000.0 N/m" in legend
-    assert legend.index("u: inputs") < legend.index("x_d m") < legend.index("pwm %") < legend.index("memory.")
+    assert legend.index("u: inputs") < legend.index("x_d = 0.0 m") < legend.index("pwm %") < legend.index("memory.")
     assert "vg_start" in rest
 
 

@@ -29,6 +29,8 @@ LOADED = {"script": "src", "img": "src", "link": "href", "iframe": "src", "sourc
 NEEDED = ("vgtjax", "calibrate", "CONTRIBUTING.md", "zensical.toml")
 FIRST = 3
 """Results of a search that one looks at."""
+SETTLING = 0.2
+"""s after which results are no longer those of a text that was half typed: typing takes a twentieth of that."""
 TYPED = 10
 """Of so many numbers of equations one is typed: all of them take minutes."""
 OPENED = 4
@@ -225,8 +227,15 @@ class Search:
         box = self.root.find_element("css selector", "input")
         box.clear()
         box.send_keys(text)
-        waiting.WebDriverWait(self.window, PATIENCE, 0.02).until(lambda _: self.results(text))
-        return self.results(text)
+        shown = [self.results(text)]
+
+        def settled(_) -> bool:
+            """Whether there are some, and the same as before: those of what was half typed go away."""
+            shown.append(self.results(text))
+            return bool(shown[-1]) and shown[-1] == shown[-2]
+
+        waiting.WebDriverWait(self.window, PATIENCE, SETTLING).until(settled)
+        return shown[-1]
 
     def results(self, text: str) -> list[str]:
         """Those that have what was typed marked in their title; none while those of an earlier text are shown."""
