@@ -23,7 +23,7 @@ def render_page(template: str, **values: Any) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"number": _number, "figure": _Figures()}
+    environment.filters |= {"number": _number, "sentence": _sentence, "figure": _Figures()}
     return environment.get_template(template).render(
         date=datetime.datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z"),
         versions={name: importlib.metadata.version(name) for name in _PACKAGES},
@@ -48,3 +48,9 @@ class _Figures:
 
 def _number(value: float | None, digits: int = 5) -> str:
     return "" if value is None else f"{value:.{digits}g}"
+
+
+def _sentence(said: str) -> str:
+    """With a capital and a full stop; a parameter's name in front stays as it is written."""
+    first = said.partition(" ")[0]
+    return f"{said if '.' in first else said[0].upper() + said[1:]}."
