@@ -195,6 +195,11 @@ class Recovery:
         return _mean(np.where(np.isfinite(self.errors), held, np.nan))
 
     @property
+    def scores(self) -> Table:
+        """Errors of all estimates in their standard errors; NaN for what was not determined."""
+        return self._missed / self.errors
+
+    @property
     def bias(self) -> Float[np.ndarray, " entries"]:
         """Mean error in units of the table."""
         return self.scale * _mean(self._missed)

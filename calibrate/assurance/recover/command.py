@@ -106,7 +106,7 @@ def _write(job: Job, unit: Unit, folder: pathlib.Path, task: Task, refits: list[
 def summary(recovery: Recovery, campaigns: int) -> dict[str, Any]:
     """In the units of the parameter table; `None` for what no campaign determined."""
 
-    def by_entry(values: Any) -> dict[str, float | None]:
+    def by_entry(values: Any) -> dict[str, Any]:
         return dict(zip(recovery.entries, finite(values), strict=True))
 
     return {
@@ -118,5 +118,6 @@ def summary(recovery: Recovery, campaigns: int) -> dict[str, Any]:
         "spread": by_entry(recovery.spread),
         "claimed": by_entry(recovery.claimed),
         "determined": by_entry(recovery.known),
+        "scores": by_entry(recovery.scores.T),  # of each campaign that converged: its error in standard errors
         "sentences": recovery.sentences,
     }

@@ -42,10 +42,9 @@ def _cells(values: np.ndarray) -> list[float | None]:
 
 def errors_figure(recovery: Recovery) -> go.Figure:
     """Errors of all estimates in claimed standard errors, a column of points each entry."""
-    missed = (recovery.estimates - recovery.truth) / recovery.errors
     figure = go.Figure()
     for number, name in enumerate(recovery.entries):
-        points = missed[:, number]
+        points = recovery.scores[:, number]
         figure.add_trace(figures.points(np.full(len(points), number), points, name, figures.MEASURED, 4, opacity=0.5))
     for edge in (-1.96, 1.96):
         figure.add_hline(y=edge, line_dash="dash", line_color=figures.SIMULATED)

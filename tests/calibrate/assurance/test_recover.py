@@ -1,7 +1,11 @@
 """The command `recover` as a user runs it."""
 
+import hashlib
+
+import numpy as np
 import pytest
 from commands import read, run_command
+from pages import Page
 
 CAMPAIGNS = 3
 
@@ -29,6 +33,36 @@ def test_bias_coverage_and_spread_of_every_parameter(recovered):
     assert "this cannot show a wrong structure" in said["sentences"][-1]
     page = (out / "report.html").read_text()
     assert "this cannot show" in page
+
+
+def test_the_report_shows_the_summary(recovered):
+    out, _, _ = recovered
+    said, page = read(out / "summary.json"), Page((out / "report.html").read_text(encoding="utf-8"))
+    rows = page.table("parameter", "determined in")
+    assert [row["parameter"] for row in rows] == list(said["coverage"])
+    for row in rows:
+        bias, spread, claimed = (said[key][row["parameter"]] for key in ("bias", "spread", "claimed"))
+        assert row == {
+            "parameter": row["parameter"],
+            "determined in": f"{said['determined'][row['parameter']]:.0f}",
+            "hold the truth": f"{100 * said['coverage'][row['parameter']]:.3g} %",
+            "bias / claimed error": f"{bias / claimed:.2g}",
+            "true spread": f"{spread:.3g}",
+            "claimed error": f"{claimed:.3g}",
+            "ratio": f"{spread / claimed:.3g}",
+        }
+    assert page.texts["b"] == [f"{100 * said['coverage_of_all']:.3g} %", str(len(said["failed"]))]
+    assert page.texts["li"] == [f"{sentence}." for sentence in said["sentences"]]
+    for name, scores in said["scores"].items():
+        assert np.mean(np.abs(scores) <= 1.959964) == pytest.approx(said["coverage"][name])
+
+
+def test_the_options_of_the_command_stand_in_the_report(recovered, fitted):
+    page = Page((recovered[0] / "report.html").read_text(encoding="utf-8"))
+    digest = hashlib.sha256((fitted.out / "parameters.json").read_bytes()).hexdigest()
+    words = f"recover study.toml --parameters parameters.json --campaigns {CAMPAIGNS} --out DIR"
+    assert f"python -m calibrate {words}" in page.texts["code"]
+    assert digest[:16] in page.texts["code"]
 
 
 def test_values_that_were_not_fitted_are_refused(fitted, tmp_path):

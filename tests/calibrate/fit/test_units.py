@@ -2,8 +2,10 @@
 
 import json
 
+import numpy as np
 import pytest
-from commands import cut_example, read, run_command
+from commands import cut_example, entries_of, read, run_command
+from pages import Page
 
 import calibrate.fit.command
 
@@ -50,6 +52,33 @@ def test_every_unit_has_its_folder_and_the_whole_is_on_top(fleet):
     assert {path.name for path in out.iterdir()} == {".study.json", "summary.json", "report.html", "unit_01", "unit_02"}
     for unit in ("unit_01", "unit_02"):
         assert {path.name for path in (out / unit).iterdir()} == FILES
+
+
+def test_the_report_of_the_whole_shows_the_summaries(fleet):
+    out, _ = fleet
+    units, page = read(out / "summary.json")["units"], Page((out / "report.html").read_text(encoding="utf-8"))
+    rows = page.table("unit", "verdict")
+    assert [row["unit"] for row in rows] == list(units)
+    for row, said in zip(rows, units.values(), strict=True):
+        worst = {name: max(trace["rmse"][name] for trace in said["traces"].values()) for name in ("x_d", "p_act")}
+        assert row["verdict"] == "converged"
+        assert (row["steps"], row["seconds"]) == (str(said["iterations"]), f"{said['wall_seconds']:.3g}")
+        assert row["chi²/dof"] == f"{said['chi2_per_degree_of_freedom']:.4g}"
+        assert (row["x_d RMSE, um"], row["p_act RMSE, Pa"]) == (f"{1e6 * worst['x_d']:.3g}", f"{worst['p_act']:.3g}")
+    found = [entries_of(read(out / unit / "parameters.json")["parameters"]) for unit in units]
+    differ = page.table("name", "mean")
+    assert [row["name"] for row in differ] == [name for name, fields in found[0].items() if fields["free"]]
+    for row in differ:
+        values, errors = ([fields[row["name"]][key] for fields in found] for key in ("value", "std_error"))
+        assert row == {
+            "name": row["name"],
+            "mean": f"{np.mean(values):.5g}",
+            "deviation": f"{np.std(values, ddof=1):.3g}",
+            "standard error": f"{np.median(errors):.2g}",
+            "lowest": f"{min(values):.5g}",
+            "highest": f"{max(values):.5g}",
+            "unit": found[0][row["name"]]["unit"],
+        }
 
 
 def test_the_summary_of_the_whole_is_keyed_by_units(fleet):
