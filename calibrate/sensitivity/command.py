@@ -14,7 +14,7 @@ from ..processes import agree, leads, together
 from .analysis import analyse_all, chosen_outputs
 from .gradients import find_gradients
 from .report import render
-from .summary import summarise
+from .summary import sample_note, summarise
 from .terminal import lines
 
 
@@ -30,7 +30,7 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
         with console.status("indices"):
             analysis = analyse_all(plan.job, design, store, gradients)
         summary = summarise(plan.job, design, analysis, seconds)
-        for note in summary["notes"]:
+        for note in sample_note(analysis):
             console.print(f"note: {note}")
         for line in lines(summary):
             console.print(line)

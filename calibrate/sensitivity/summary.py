@@ -31,12 +31,13 @@ def summarise(job: PopulationJob, design: RadialDesign, analysis: Analysis, seco
         "over_time": {o.name: _over_time(analysis, o, table.threshold) for o in analysis.outputs if o.axis},
         "quantities": describe_quantities(job),
         "sample_correlation": analysis.sample_correlation,
-        "notes": [*job.notes, *_sample_note(analysis)],
+        "notes": [*job.notes, *sample_note(analysis)],
         **job.account(seconds),
     }
 
 
-def _sample_note(analysis: Analysis) -> list[str]:
+def sample_note(analysis: Analysis) -> list[str]:
+    """A sentence where two quantities are correlated in the sample by chance."""
     if analysis.sample_correlation < CORRELATED:
         return []
     return [

@@ -12,9 +12,9 @@ from vgtjax.estimation import Unknown
 from vgtjax.parameters import Bounds
 from vgtjax.traces import STANDARD_ATMOSPHERE, TRAVEL
 
-from ..output.given import options_given
 from .channels import sources_of
 from .disturbances import Disturbance
+from .given import options_given
 from .models import build_model, deviations_of, parameters_of, start_model, start_values
 from .places import StudyError, of_study
 from .read import EXAMPLE, TraceSource, expand_traces, fingerprint, hash_file, load_study

@@ -11,7 +11,7 @@ from vgtjax import InputError
 from vgtjax.control import AbstractController, check
 from vgtjax.parameters import entry_names, unknown_name
 
-from ..output.files import read_json
+from ..output.files import finite, read_json
 from ..study.models import NAMED, check_length
 from ..study.parameter_file import Entry, tabulate, to_json
 from ..study.start_file import load_model, value_in
@@ -47,7 +47,7 @@ def _known(study: Study, believed: vgtjax.AbstractModel) -> dict[str, dict[str, 
 def note_on_plant(path: pathlib.Path, study: Study, believed: vgtjax.AbstractModel) -> str | None:
     """A sentence where gains were tuned for another actuator than the one that their controller is told of here."""
     path = path / NAME if path.is_dir() else path
-    plant, known = read_json(path).get("plant"), _known(study, believed)
+    plant, known = read_json(path).get("plant"), finite(_known(study, believed))  # JSON has no infinity
     if not isinstance(plant, dict):  # written by hand
         return None
     other = [name for name, fields in plant.items() if fields != known.get(name)]
@@ -56,7 +56,7 @@ def note_on_plant(path: pathlib.Path, study: Study, believed: vgtjax.AbstractMod
     return (
         f"{path.name} was tuned for another actuator than the one that its controller believes in here: they differ in "
         f"{', '.join(other[:NAMED])}{'' if len(other) <= NAMED else f' and {len(other) - NAMED} more'}; give the same "
-        "--parameters as to tune"
+        "--parameters and [parameters] as to tune"
     )
 
 

@@ -10,11 +10,12 @@ from commands import Outcome, assert_refused, read, run_command
 
 import vgtjax
 from calibrate.control.job import prepare_control
+from calibrate.output.files import write_json
 from calibrate.population import Actuators
 from calibrate.study.references import PrintedReference, SineReference, cycle
 from calibrate.study.tables import AnyStudy
 from calibrate.tune.designs import DESIGNS
-from calibrate.tune.gains_file import gains_json
+from calibrate.tune.gains_file import gains_json, note_on_plant
 from calibrate.tune.job import prepare_tuning
 from calibrate.tune.plants import BELIEFS, all_plants, belief_of
 from vgtjax.control import SIGNAL_1_PERIOD
@@ -179,6 +180,15 @@ def test_gains_for_another_actuator_are_named(tmp_path):
         found = [note for note in prepare_control(path, None, tmp_path).notes if "another actuator" in note]
         assert len(found) == len(notes)
         assert all(name in note for name, note in zip(notes, found, strict=True))
+
+
+def test_a_value_without_an_end_is_no_other_one(tmp_path):
+    """JSON has no infinity."""
+    study = prepare_control(write(tmp_path), None, None).study
+    endless = vgtjax.replace_parameters(vgtjax.Actuator(), {"diaphragm.travel": np.inf})
+    write_json(tmp_path / "gains.json", gains_json(study, [], endless))
+    assert note_on_plant(tmp_path, study, endless) is None
+    assert "diaphragm.travel" in str(note_on_plant(tmp_path, study, vgtjax.Actuator()))
 
 
 @pytest.mark.parametrize(

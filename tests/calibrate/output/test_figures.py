@@ -1,10 +1,11 @@
 """Figures of traces whose channels have clocks of their own."""
 
 import numpy as np
+import plotly.graph_objects as go
 import pytest
 
 import vgtjax
-from calibrate.output.figures import autocorrelation_figure, loop_figure, trace_figure
+from calibrate.output.figures import autocorrelation_figure, loop_figure, numbered, trace_figure
 from calibrate.output.sections import trace_section
 from vgtjax.estimation import Comparison, TraceResult
 
@@ -53,3 +54,10 @@ def test_position_over_pressure_is_drawn_in_pairs(result):
     np.testing.assert_allclose(measured.y, pairs, atol=1e-6)  # mm
     np.testing.assert_allclose(measured.x, -1e2 * pairs, atol=0.21)  # mbar; 20 Pa
     np.testing.assert_allclose(simulated.x, -1e2 * simulated.y, atol=1e-4)
+
+
+@pytest.mark.parametrize(("count", "step"), [(1, 1), (4, 1), (12, 1), (120, 12)])
+def test_an_axis_that_counts_has_whole_numbers(count, step):
+    figure = go.Figure()
+    numbered(figure, count)
+    assert (figure.layout.xaxis.tick0, figure.layout.xaxis.dtick) == (0, step)

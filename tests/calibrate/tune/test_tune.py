@@ -1,6 +1,7 @@
 """The command `tune` as a user runs it, on one actuator and a PI."""
 
 import json
+import math
 import pathlib
 import re
 from unittest import mock
@@ -66,12 +67,12 @@ def test_a_run_writes_its_three_files_and_no_more(done):
     assert {path.name for path in done.iterdir()} == {".study.json", "gains.json", "summary.json", "report.html"}
 
 
-@pytest.mark.parametrize(("after", "warned"), [(5.0, False), (7.0, False), (7.5, True)])
+@pytest.mark.parametrize(("after", "warned"), [(5.0, False), (7.0, False), (7.5, True), (math.inf, True)])
 def test_gains_that_are_worse_along_what_they_were_not_tuned_on_are_said(after, warned):
     unseen = mock.Mock(costs=(7.0, after))
     remarks = Outcome(*[mock.Mock()] * 3, unseen, {}, 0.0).remarks
     assert bool(remarks) is warned
-    assert all("from 7 to 7.5" in remark for remark in remarks)
+    assert all(f"from 7 to {after:g}" in remark for remark in remarks)
 
 
 def test_gains_have_the_form_of_parameters(done):

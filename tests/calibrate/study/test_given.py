@@ -6,7 +6,7 @@ import pathlib
 import click
 import click.testing
 
-from calibrate.output.given import Given, options_given
+from calibrate.study.given import Given, options_given
 
 PATH = click.Path(path_type=pathlib.Path)
 
@@ -37,6 +37,10 @@ def test_files_have_a_digest_and_folders_none(tmp_path):
     assert given_to(*out, "--parameters", str(file)) == [
         Given("--parameters parameters.json", "parameters.json", digest)
     ]
+    spaced = tmp_path / "unit a.json"
+    spaced.write_bytes(b"{}")
+    assert given_to(*out, "--parameters", str(spaced))[0].words == "--parameters 'unit a.json'"
+    assert given_to(*out, "--parameters", str(tmp_path / "."))[0].name == tmp_path.name
     assert given_to(*out, "--parameters", str(tmp_path)) == [
         Given(f"--parameters {tmp_path.name}", tmp_path.name, None)
     ]

@@ -1,10 +1,12 @@
 """What a command was told beside its study, for a report that says how to repeat it."""
 
 import dataclasses
-import hashlib
 import pathlib
+import shlex
 
 import click
+
+from .read import hash_file
 
 NOT_REPEATED = ("study", "out", "process", "processes", "coordinator")
 """What a repetition names otherwise, and what no result depends on."""
@@ -36,5 +38,5 @@ def options_given() -> list[Given]:
 def _given(option: str, value: object) -> Given:
     if not isinstance(value, pathlib.Path):
         return Given(f"{option} {value}", "", None)
-    digest = hashlib.sha256(value.read_bytes()).hexdigest() if value.is_file() else None
-    return Given(f"{option} {value.name}", value.name, digest)
+    digest, name = hash_file(value) if value.is_file() else None, value.resolve().name
+    return Given(f"{option} {shlex.quote(name)}", name, digest)
