@@ -1,5 +1,6 @@
 """The site builds strictly, loads nothing from elsewhere, and no link in it is dead."""
 
+import contextlib
 import html.parser
 import json
 import os
@@ -18,6 +19,7 @@ pytest.importorskip("zensical", reason="the extra docs is not installed")
 pytest.importorskip("selenium", reason="the extra test is not installed")
 
 from browsers import DRIVER, NO_BROWSER
+from selenium.common import exceptions
 from selenium.webdriver.support import ui as waiting
 
 from calibrate.manual import look, reference
@@ -29,8 +31,6 @@ LOADED = {"script": "src", "img": "src", "link": "href", "iframe": "src", "sourc
 NEEDED = ("vgtjax", "calibrate", "CONTRIBUTING.md", "zensical.toml")
 FIRST = 3
 """Results of a search that one looks at."""
-SETTLING = 0.2
-"""s after which results are no longer those of a text that was half typed: typing takes a twentieth of that."""
 TYPED = 10
 """Of so many numbers of equations one is typed: all of them take minutes."""
 OPENED = 4
@@ -222,20 +222,20 @@ class Search:
         script = "return document.activeElement.shadowRoot"
         return window.execute_script(script)
 
-    def __call__(self, text: str) -> list[str]:
-        """Where the results lead, the best first."""
+    def __call__(self, text: str, page: str) -> list[str]:
+        """Where the first results lead, once one is on that page: until then they may be those of half of the text."""
         box = self.root.find_element("css selector", "input")
         box.clear()
         box.send_keys(text)
-        shown = [self.results(text)]
+        first: list[str] = []
 
-        def settled(_) -> bool:
-            """Whether there are some, and the same as before: those of what was half typed go away."""
-            shown.append(self.results(text))
-            return bool(shown[-1]) and shown[-1] == shown[-2]
+        def found(_) -> bool:
+            first[:] = self.results(text)[:FIRST]
+            return any(each.startswith(f"{page}#") for each in first)
 
-        waiting.WebDriverWait(self.window, PATIENCE, SETTLING).until(settled)
-        return shown[-1]
+        with contextlib.suppress(exceptions.TimeoutException):
+            waiting.WebDriverWait(self.window, PATIENCE, 0.02).until(found)
+        return first
 
     def results(self, text: str) -> list[str]:
         """Those that have what was typed marked in their title; none while those of an earlier text are shown."""
@@ -247,10 +247,6 @@ class Search:
 def test_the_search_finds_equations_in_a_browser(window, site):
     search = Search(window, site / "index.html")
     numbers = [number for row in equations() for number in row.numbers]
-    found = {number: search(number)[:FIRST] for number in numbers[::TYPED]}
-    missed = {
-        number: first
-        for number, first in found.items()
-        if not any(each.startswith("equations.html#") for each in first)
-    }
+    found = {number: search(number, "equations.html") for number in numbers[::TYPED]}
+    missed = {n: first for n, first in found.items() if not any(each.startswith("equations.html#") for each in first)}
     assert missed == {}
