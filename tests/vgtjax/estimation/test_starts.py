@@ -143,12 +143,13 @@ def test_many_starts_run_on_traces_that_tell_most_and_end_with_all(monkeypatch):
     task = planned(starts=3, traces=[resting, bench(0), bench(1)])
     search = start_calibration(task).minimiser
     assert most_telling(task, search) == [0, 1, 2]  # they are short
+    usual = _telling.COARSER
     monkeypatch.setattr(_telling, "FEW", 0)
     (chosen,) = most_telling(task, search)
     assert chosen in (1, 2)
     monkeypatch.setattr(_telling, "COARSER", 1.01)
     assert most_telling(task, search) == [1, 2]
-    monkeypatch.setattr(_telling, "COARSER", 3.0)
+    monkeypatch.setattr(_telling, "COARSER", usual)
     many, alone = calibrate(task), calibrate(dataclasses.replace(task, starts=1))
     np.testing.assert_allclose(many.values, alone.values, atol=0.02 * np.max(alone.std_errors), rtol=1e-4)
     costs = [cost for cost, _, _ in many.progress.waterfall]
