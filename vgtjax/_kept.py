@@ -69,23 +69,19 @@ class Kept(Generic[P, R]):
 
     def __call__(self, *args: P.args, **kwargs: P.kwargs) -> R:
         """The function's value: the same bits, whether its program was kept or not."""
-        leaves = jax.tree.leaves(eqx.filter(args, eqx.is_array))
+        leaves, structure = jax.tree.flatten(args)
         if FOLDER is None or kwargs or any(isinstance(leaf, jax.core.Tracer) for leaf in leaves):
             return self._compiled(*args, **kwargs)
-        program = self._program(FOLDER, args)
-        return self._compiled(*args) if program is None else program(leaves)
+        program = self._program(FOLDER, args, _key(leaves, structure))
+        return self._compiled(*args) if program is None else program([leaf for leaf in leaves if eqx.is_array(leaf)])
 
     def prepare(self, *args: P.args, **kwargs: P.kwargs) -> None:
         """Finds or makes the program for such arguments, which another thread may want meanwhile; runs nothing."""
         if FOLDER is not None and not kwargs:
-            self._program(FOLDER, args)
+            self._program(FOLDER, args, _key(*jax.tree.flatten(args)))
 
-    def _program(self, folder: pathlib.Path, args: tuple[Any, ...]) -> _Program | None:
+    def _program(self, folder: pathlib.Path, args: tuple[Any, ...], key: Hashable) -> _Program | None:
         """The program for such arguments, made once; none if it can't be named."""
-        arrays, rest = eqx.partition(args, eqx.is_array)
-        leaves, structure = jax.tree.flatten(arrays)
-        placed = tuple((leaf.shape, leaf.dtype, getattr(leaf, "sharding", None)) for leaf in leaves)
-        key = (structure, jax.tree.structure(rest), *jax.tree.leaves(rest), placed)
         with _FINDING:
             known = self._programs.get(key)
             program = self._programs.setdefault(key, Future())
@@ -127,6 +123,15 @@ class Kept(Generic[P, R]):
         if all(call.startswith(_KNOWN_CALLS) for call in calls):
             _save(file, compiled, (output[0], len(leaves), any(call.startswith("lapack") for call in calls)))
         return _Program(compiled, output[0])
+
+
+def _key(leaves: Sequence[Any], structure: Any) -> Hashable:
+    """What arguments of one program have alike: everything but the values of arrays."""
+    return (structure, *(_placed(leaf) if eqx.is_array(leaf) else leaf for leaf in leaves))
+
+
+def _placed(array: Any) -> Hashable:
+    return (array.shape, array.dtype, getattr(array, "sharding", None))
 
 
 def keep_compiled(function: Callable[P, R]) -> Kept[P, R]:
