@@ -8,8 +8,10 @@ from jaxtyping import Float
 
 from ..parameters import Transform, build_transform, parameter_table, replace_parameters
 from ._evidence import DELAY_SCALE, LONGEST_DELAY
+from ._measured import Sensors
 from ._point import Coordinates
 from ._progress import Progress
+from ._residuals import FitProblem, build_fit_problem
 from ._task import Task
 
 
@@ -29,6 +31,20 @@ def transform_of(task: Task, progress: Progress) -> Transform:
         return transform
     longest = LONGEST_DELAY if progress.late else 0.0
     return transform.extended(DELAY_SCALE, -longest, longest)
+
+
+def problem_of(task: Task, progress: Progress, sensors: Sensors | None = None) -> FitProblem:
+    """The problem of a search that knows so much of its sensors, or no more than that their noise is white."""
+    return build_fit_problem(
+        task.model,
+        task.selection,
+        transform_of(task, progress),
+        task.traces,
+        channels=task.channels,
+        sensors=sensors,
+        stepping=task.stepping,
+        prior=task.prior,
+    )
 
 
 def guess_of(task: Task) -> Float[np.ndarray, " entries"] | None:

@@ -10,7 +10,7 @@ from .._errors import InputError
 from ..parameters import Transform
 from ..parts import with_sharp_seat
 from ..simulation import model_dtype
-from ._beginning import first_progress, transform_of
+from ._beginning import first_progress, problem_of, transform_of
 from ._calibration import RUNAWAY, Calibration
 from ._corrections import correcting
 from ._duty_questions import asking_beside_edges, asking_of_duty
@@ -30,7 +30,7 @@ from ._measured import Sensors, white_sensors
 from ._point import Point
 from ._programs import WIDE, run_alone
 from ._progress import Progress, Report, quiet
-from ._residuals import FitProblem, build_fit_problem
+from ._residuals import FitProblem
 from ._search import LevenbergMarquardt
 from ._searches import beginning_again, from_second_guess, searching, searching_once
 from ._slopes import Slopes, places_around
@@ -177,7 +177,7 @@ def starting(
     delay = _delay_of(task, progress, progress.edges_seen) if progress.edges else 0.0
     task = dataclasses.replace(task, linear=progress.linear, edges=progress.edges, edges_delay=delay)
     sensors = white_sensors(task.traces, task.channels)
-    problem = _problem_of(task, progress, sensors)
+    problem = problem_of(task, progress, sensors)
     if progress.edges:
         edges = yield from edges_of(task, problem, progress.edges, np.array(progress.edges_seen), delay=progress.late)
         problem = problem.with_edges(edges)
@@ -194,23 +194,10 @@ def _delay_of(task: Task, progress: Progress, coordinates: Sequence[float]) -> f
     return float(transform_of(task, progress).scale[-1]) * coordinates[-1] if progress.late else 0.0
 
 
-def _problem_of(task: Task, progress: Progress, sensors: Sensors) -> FitProblem:
-    return build_fit_problem(
-        task.model,
-        task.selection,
-        transform_of(task, progress),
-        task.traces,
-        channels=task.channels,
-        sensors=sensors,
-        stepping=task.stepping,
-        prior=task.prior,
-    )
-
-
 def foreseen(task: Task) -> list[list[Evaluation]]:
     """What a fit asks soon after its start, and its gradient certificate in the end: the longest to compile last."""
     progress = first_progress(task)
-    problem = _problem_of(task, progress, white_sensors(task.traces, task.channels))
+    problem = problem_of(task, progress)
     here = np.array(progress.coordinates)
     plain, slopes = problem.evaluation(here), problem.evaluation(here, slopes=True)
     nothing = [np.zeros((*np.shape(each.values),)) for each in problem.measured]

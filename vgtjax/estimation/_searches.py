@@ -16,7 +16,7 @@ MOST_RESCUES = 4
 
 TRIED, FAR_ABOVE, MOST_TO_GO = 4, 1000.0, 20
 """A search may be given up after so many steps, if chi^2 is so much above its ceiling, and so many more steps like the
-last one would not bring it down to that."""
+last one would not bring it down to that; or at once, where without what ran away it is so many times its ceiling."""
 
 FAR_OFF = 50.0
 """Cost of an end that is tried again from the second guess of where it began: ten times the noise. What a simulation
@@ -87,14 +87,16 @@ def _got_stuck(calibrator: C) -> bool:
     return not (progress.corrections or smoothly or meets_noise(calibrator.minimiser))
 
 
-def searching_once(calibrator: C, report: Report) -> Steps[C]:
-    """A search to its end, on without what ran away."""
+def searching_once(calibrator: C, report: Report, rescues: int = MOST_RESCUES) -> Steps[C]:
+    """A search to its end, on without what ran away, so many times at most."""
     yield from _search(calibrator, report)
-    for _ in range(MOST_RESCUES):
+    for _ in range(rescues):
         onward = yield from _without_runaways(calibrator)
         if onward is calibrator:
             break
-        calibrator = onward
+        calibrator, progress = onward, onward.minimiser.progress
+        if progress.cost > FAR_ABOVE * calibrator.task.ceiling:
+            calibrator.minimiser.progress = dataclasses.replace(progress, given_up=True)
         yield from _search(calibrator, report)
     return calibrator
 

@@ -63,11 +63,15 @@ class Task:
     ceiling: float = np.inf
     second_guess: Callable[[AbstractModel, Sequence[Trace]], Mapping[str, Any]] | None = None
 
-    def of_traces(self, numbers: Sequence[int]) -> "Task":
-        """The same task with some of the traces to fit, in their order; not for one whose duty is read otherwise."""
+    def of_parts(self, samples: Mapping[int, int]) -> "Task":
+        """The same task with the first samples of some of the traces to fit, by number; not for one whose duty is read
+        otherwise."""
         assert not self.edges, "edges are by trace"
-        inputs = [self.inputs[number] for number in numbers] if self.inputs else self.inputs
-        return dataclasses.replace(self, fit=[self.fit[number] for number in numbers], inputs=inputs, validate=())
+        inputs = [self.inputs[number] for number in samples] if self.inputs else self.inputs
+        parts = [
+            self.fit[number].window(-np.inf, self.fit[number].time[count - 1]) for number, count in samples.items()
+        ]
+        return dataclasses.replace(self, fit=parts, inputs=inputs, validate=())
 
     @property
     def plant(self) -> AbstractModel:

@@ -12,13 +12,11 @@ from support import duty_trace
 import vgtjax
 from vgtjax import simulate
 from vgtjax.estimation import Progress, Unknown, _duty_questions, plan_task, start_calibration
-from vgtjax.estimation._beginning import first_progress
+from vgtjax.estimation._beginning import first_progress, problem_of
 from vgtjax.estimation._bundle import bundle_traces
-from vgtjax.estimation._calibrator import _problem_of
 from vgtjax.estimation._duties import as_recorded
 from vgtjax.estimation._edges import alike, edges_of, find_edges, possible, show_in, whole_samples
 from vgtjax.estimation._evaluation import Evaluation, ask
-from vgtjax.estimation._measured import white_sensors
 from vgtjax.estimation._point import misfit_at
 from vgtjax.estimation._programs import run_alone
 from vgtjax.estimation._progress import quiet
@@ -94,7 +92,7 @@ def test_a_delay_moves_placed_edges_by_what_they_move():
     late = recorded(1, late=3)
     task = dataclasses.replace(task_of(late), edges=as_recorded([late]), edges_delay=3e-3)
     progress = dataclasses.replace(first_progress(task), late=True)
-    problem = _problem_of(task, progress, white_sensors(task.traces, task.channels))
+    problem = problem_of(task, progress)
     here = np.array([*progress.coordinates[:-1], 3e-3 / float(problem.transform.scale[-1])])
     beyond = here + np.append(np.zeros(len(here) - 1), 1e-4 / float(problem.transform.scale[-1]))
     edges = run_alone(edges_of(task, problem, task.edges, here, delay=True))

@@ -13,6 +13,7 @@ from vgtjax.estimation import (
     LevenbergMarquardt,
     Progress,
     Reduced,
+    _searches,
     _telling,
     calibrate,
     estimate_uncertainty,
@@ -21,6 +22,9 @@ from vgtjax.estimation import (
     start_calibration,
     starting,
 )
+from vgtjax.estimation._beginning import first_progress
+from vgtjax.estimation._many_starts import _with_all_traces
+from vgtjax.estimation._progress import quiet
 from vgtjax.estimation._searches import FAR_OFF
 from vgtjax.estimation._starts import FACTOR, STATED, Ended, _hopeless, _Optimum, best_of, searching_from, starts_of
 from vgtjax.estimation._telling import most_telling
@@ -142,18 +146,58 @@ def test_many_starts_run_on_traces_that_tell_most_and_end_with_all(monkeypatch):
     resting = still.replace(x_d=0 * still.time, p_act=0 * still.time + still.atmosphere, name="still")
     task = planned(starts=3, traces=[resting, bench(0), bench(1)])
     search = start_calibration(task).minimiser
-    assert most_telling(task, search) == [0, 1, 2]  # they are short
+    whole = {number: len(trace.time) for number, trace in enumerate(task.fit)}
+    assert most_telling(task, search) == whole  # they are short
     usual = _telling.COARSER
     monkeypatch.setattr(_telling, "FEW", 0)
-    (chosen,) = most_telling(task, search)
+    ((chosen, samples),) = most_telling(task, search).items()
     assert chosen in (1, 2)
+    assert samples < whole[chosen]
     monkeypatch.setattr(_telling, "COARSER", 1.01)
-    assert most_telling(task, search) == [1, 2]
+    assert most_telling(task, search).keys() == {1, 2}
     monkeypatch.setattr(_telling, "COARSER", usual)
     many, alone = calibrate(task), calibrate(dataclasses.replace(task, starts=1))
     np.testing.assert_allclose(many.values, alone.values, atol=0.02 * np.max(alone.std_errors), rtol=1e-4)
     costs = [cost for cost, _, _ in many.progress.waterfall]
     assert 2 * many.count * np.ptp([*costs, alone.progress.searched]) < 0.02  # the search's own tolerance
+
+
+@pytest.mark.parametrize("coarser", [1.2, 3.0, 10.0])
+def test_parts_of_traces_leave_errors_as_large_as_allowed(coarser, monkeypatch):
+    """By the errors of a search on these parts alone; their noise, seen on fewer samples, is 5 % off at most."""
+    monkeypatch.setattr(_telling, "FEW", 0)
+    monkeypatch.setattr(_telling, "COARSER", coarser)
+    task = planned(traces=[bench(0), bench(1)])
+    search = start_calibration(task).minimiser
+    part = start_calibration(task.of_parts(most_telling(task, search))).minimiser
+    larger = part.uncertainty().std_errors / search.uncertainty().std_errors
+    assert np.max(larger) < 1.05 * coarser
+
+
+def test_an_end_on_parts_of_traces_that_all_traces_refute_is_hopeless():
+    task = planned(traces=[bench(0), bench(1)])
+    calibrator = start_calibration(task)
+    first, optimum = first_progress(task), calibrate(task).progress
+    # A chamber of a quarter of the volume, said to have left as little of parts as the optimum.
+    elsewhere = (*first.coordinates[:-1], first.coordinates[-1] - 1.4)
+    places = [optimum.coordinates, elsewhere, first.coordinates]
+    ended = [Ended(0.5, 3, "converged", places[0]), Ended(0.5, 3, "joined", elsewhere), Ended(9.0, 3, "stuck")]
+    followed, reached = run_alone(_with_all_traces(calibrator, first, ended))
+    assert [each.status for each in followed] == ["converged", "hopeless", "stuck"]
+    (end,) = reached
+    assert followed[0].steps == 3 + end.steps
+    assert end.cost == pytest.approx(optimum.searched, rel=1e-6)
+
+
+@pytest.mark.parametrize(("ceiling", "given_up"), [(1e-4, True), (np.inf, False)])
+def test_a_search_that_is_far_above_its_ceiling_without_what_ran_away_is_given_up(ceiling, given_up, monkeypatch):
+    task = dataclasses.replace(planned(), ceiling=ceiling)
+    start = start_calibration(task)
+    monkeypatch.setattr(_searches, "_without_runaways", lambda calibrator: start.at(first_progress(task)))
+    end = run_alone(_searches.searching_once(start_calibration(task), quiet, rescues=1)).minimiser.progress
+    assert end.given_up == given_up
+    assert end.converged != given_up
+    assert end.iteration == 0 or not given_up
 
 
 def test_an_end_far_above_the_noise_is_tried_again_from_a_second_guess():
@@ -202,4 +246,4 @@ def test_traces_that_tell_nothing_are_all_kept(monkeypatch):
     search = start_calibration(task).minimiser
     monkeypatch.setattr(_telling, "FEW", 0)
     search.point = dataclasses.replace(search.point, columns=0 * search.point.columns)
-    assert most_telling(task, search) == [0, 1]
+    assert most_telling(task, search) == {number: len(trace.time) for number, trace in enumerate(task.fit)}
