@@ -131,7 +131,7 @@ class Refit:
 
 def refitting(truth: Truth, number: int, seed: int) -> Steps[Refit]:
     """One campaign simulated and fitted, as a computation, from the truth on: so near an end that no search goes before
-    the full linear steps that end every fit. These take the derivatives of the truth, as those of any fit, up to two
+    the full linear steps that end every fit. These take the derivatives of the truth, as those of any fit, up to three
     standard errors away from where they are from."""
     calibrator = yield from starting(truth.campaign(number, seed), slopes=truth.slopes)
     if calibrator.task.unknown.anything:

@@ -24,8 +24,10 @@ LONGEST_STEP = 0.5
 
 MORE_AROUND = 5
 """Corrections beyond the most that there are else, which derivatives over all places may still ask for."""
-BEYOND = 2.0
-"""Standard errors from where derivatives over all places were taken, beyond which they are taken anew."""
+BEYOND = 3.0
+"""Standard errors from where derivatives over all places were taken, beyond which they are taken anew. With 2, of 26
+estimates one would be so far off by chance in half of all campaigns: 416 estimates of 16 moved by 0.01 standard errors
+in the mean, and by 0.26 at most."""
 
 C = TypeVar("C", bound=Any)
 """A calibrator, which corrects itself like this."""

@@ -1,7 +1,9 @@
 """Linear least squares in NumPy: the solution, its covariance, and which unknowns the equations determine."""
 
 import dataclasses
+import functools
 import math
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -21,6 +23,8 @@ NORMAL_95 = 1.959964
 VAGUE = math.log(10.0) / NORMAL_95
 """Standard error of a logarithm beyond which the 95 % interval goes farther than a factor of ten to either side: the
 traces don't tell such a value, and what a linear model says over such a distance is no word about them."""
+BLOCK = 2048
+"""Rows of a tall matrix that are worked on at a time: half a megabyte."""
 HUBER = 2.0
 """Standard deviations beyond which a residual counts by its size instead of its square."""
 
@@ -124,38 +128,50 @@ def estimate_uncertainty(residuals: Float[np.ndarray, " rows"], columns: Columns
 def reduce_rows(
     residuals: Float[np.ndarray, " rows"], columns: Columns
 ) -> tuple[Float[np.ndarray, " few"], Float[np.ndarray, "few unknowns"]]:
-    """The same least-squares problem in as many rows as there are unknowns, and one for what no unknown explains.
+    """The same least-squares problem in as many rows as there are unknowns, and one for what no unknown explains: the
+    triangle of a QR factorisation of the columns and, behind them, the residuals.
 
     A column that is not finite is of no use, and becomes zero.
+
+    By Cholesky's factors, twice, which is as exact as Householder's reflections while the columns, of unit length, have
+    a condition below 1e8 (Yamamoto et al., 2015), in a third of LAPACK's time; by reflections where it might not be.
     """
-    triangle = triangular_factor(np.column_stack([finite_columns(columns), residuals]))
+    try:
+        triangle = _cholesky_factor(residuals, columns)
+    except np.linalg.LinAlgError:
+        triangle = np.asarray(np.linalg.qr(np.column_stack([finite_columns(columns), residuals]), mode="r"))
     return triangle[:, -1], triangle[:, :-1]
 
 
-def triangular_factor(columns: Columns) -> Float[np.ndarray, "few unknowns"]:
-    """The triangle of a QR factorisation of many rows, which takes a third of LAPACK's time.
+def _cholesky_factor(residuals: Float[np.ndarray, " rows"], columns: Columns) -> Float[np.ndarray, "few all"]:
+    """The triangle of a QR factorisation.
 
-    By Cholesky's factors, twice, which is as exact as Householder's reflections while the columns, of unit length, have
-    a condition below 1e8 (Yamamoto et al., 2015); by reflections where it might not be.
+    **Raises:** `LinAlgError` where a column is not finite, or too near to others.
     """
-    try:
-        return _cholesky_factor(columns)
-    except np.linalg.LinAlgError:
-        return np.asarray(np.linalg.qr(columns, mode="r"))
-
-
-def _cholesky_factor(columns: Columns) -> Float[np.ndarray, "few unknowns"]:
     with np.errstate(over="ignore", invalid="ignore"):  # squares of a value that ran away
-        gram = columns.T @ columns
-        lengths = np.sqrt(np.diag(gram))
-        safe = np.where(lengths > 0, lengths, 1.0)
-        unused = np.diag(np.where(lengths > 0, 0.0, 1.0))
-        first = np.linalg.cholesky(gram / np.outer(safe, safe) + unused).T
+        gram = _gram(_blocks(residuals, columns))
+    if not np.all(np.isfinite(gram)):
+        raise np.linalg.LinAlgError
+    lengths = np.sqrt(np.diag(gram))
+    safe = np.where(lengths > 0, lengths, 1.0)
+    unused = np.diag(np.where(lengths > 0, 0.0, 1.0))
+    first = np.linalg.cholesky(gram / np.outer(safe, safe) + unused).T
     if not np.linalg.cond(first) < WORST_CONDITION:
         raise np.linalg.LinAlgError
-    nearly = columns @ (np.linalg.inv(first) / safe[:, None])
-    second = np.linalg.cholesky(nearly.T @ nearly + unused).T
-    return second @ first * lengths
+    nearly = np.linalg.inv(first) / safe[:, None]
+    again = _gram(block @ nearly for block in _blocks(residuals, columns))
+    return np.linalg.cholesky(again + unused).T @ first * lengths
+
+
+def _blocks(residuals: Float[np.ndarray, " rows"], columns: Columns) -> Iterator[Float[np.ndarray, "rows all"]]:
+    """Columns and, behind them, residuals, in so few rows at a time that they stay in a core's cache."""
+    for begin in range(0, len(residuals), BLOCK):
+        rows = slice(begin, begin + BLOCK)
+        yield np.column_stack([columns[rows], residuals[rows]])
+
+
+def _gram(blocks: Iterable[Float[np.ndarray, "rows all"]]) -> Float[np.ndarray, "all all"]:
+    return functools.reduce(np.add, (block.T @ block for block in blocks))
 
 
 def finite_columns(columns: Columns) -> Columns:

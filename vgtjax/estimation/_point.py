@@ -82,7 +82,7 @@ class Point:
             columns = np.concatenate([columns, np.diag(problem.prior.precision)])
         with np.errstate(over="ignore", invalid="ignore"):  # of a search that got lost
             held = np.asarray(problem.transform.pinned(here, residuals @ columns))
-        return Point(residuals, np.where(held, 0.0, columns))
+        return Point(residuals, np.where(held, 0.0, columns) if np.any(held) else columns)
 
     def holding(self, combinations: Float[np.ndarray, "directions coordinates"]) -> "Point":
         """The same problem with combinations of coordinates held where they are, by a row more for each."""

@@ -115,7 +115,9 @@ class FitProblem(eqx.Module):
         self, columns: Sequence[np.ndarray], at: Float[np.ndarray, " coordinates"]
     ) -> Float[np.ndarray, "residuals coordinates"]:
         """Derivatives of `residuals_of` with respect to the coordinates, from those of what is observed at `at`."""
-        return self.whitened(columns) * np.asarray(self.transform.slope(at))
+        found = self.whitened(columns)
+        found *= np.asarray(self.transform.slope(at))
+        return found
 
     def whitened(self, columns: Sequence[np.ndarray]) -> Float[np.ndarray, "residuals columns"]:
         """Derivatives of `residuals_of`, from those of what is observed, with respect to the same quantities."""

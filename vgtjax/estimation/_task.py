@@ -1,6 +1,7 @@
 """What to calibrate: which parameters, by which traces."""
 
 import dataclasses
+import functools
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -78,7 +79,7 @@ class Task:
         """The model without the sensors that may be off."""
         return bare(self.model)
 
-    @property
+    @functools.cached_property
     def traces(self) -> list[Trace]:
         """Traces to fit, with the duty as it is read."""
         return read_duties(self.fit, self.linear, self.edges, self.edges_delay)

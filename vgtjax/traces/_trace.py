@@ -250,17 +250,18 @@ class Trace:
         delay = delay if len(jumps) == len(edges) else 0.0
         farthest = FARTHEST_EDGE * float(np.median(np.diff(duty.time)))
         began = duty.time[edges] + np.clip(late, -farthest, farthest) + delay
-        return self._jumping(edges, beside(inside(began, duty.time), self.time)).replace(duty_late=delay)
+        return self._jumping(edges, beside(inside(began, duty.time), self.time), duty_late=delay)
 
-    def _jumping(self, samples: Int[np.ndarray, " moved"], moved: Samples) -> "Trace":
-        """The same trace with the jumps of its duty at some samples at other times in s, each a time of the trace."""
+    def _jumping(self, samples: Int[np.ndarray, " moved"], moved: Samples, **changes: float) -> "Trace":
+        """The same trace with the jumps of its duty at some samples at other times in s, each a time of the trace, and
+        with other arguments."""
         duty = self.channels["pwm"]
         time = np.union1d(self.time, moved)
         jumps = np.flatnonzero(np.diff(duty.value)) + 1
         times = np.append(duty.time[0], duty.time[jumps])
         times[1 + np.searchsorted(jumps, samples)] = moved
         held = Channel(times, duty.value[np.append(0, jumps)]).hold(time)
-        return self.replace(pwm=Channel(time, held))
+        return self.replace(pwm=Channel(time, held), **changes)
 
     def drive(self) -> Drive:
         """Inputs over the interval that each time begins; the last one has no length."""

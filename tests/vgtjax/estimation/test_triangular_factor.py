@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from vgtjax.estimation._least_squares import triangular_factor
+from vgtjax.estimation import _least_squares
+from vgtjax.estimation._least_squares import reduce_rows
 
 ROWS, UNKNOWNS = 500, 6
 
@@ -17,6 +18,11 @@ def columns(condition, rng):
 
 def of_positive_diagonal(triangle):
     return triangle * np.where(np.diag(triangle) < 0, -1.0, 1.0)[:, None]
+
+
+def triangular_factor(matrix):
+    last, others = reduce_rows(matrix[:, -1], matrix[:, :-1])
+    return np.column_stack([others, last])
 
 
 @pytest.mark.parametrize("condition", [1.0, 1e4, 1e6, 1e9, 1e15])
@@ -54,6 +60,22 @@ def test_few_rows(rows):
     np.testing.assert_allclose(
         (triangle / lengths).T @ (triangle / lengths), (matrix / lengths).T @ (matrix / lengths), atol=1e-14
     )
+
+
+def test_many_rows_are_worked_on_in_blocks(monkeypatch):
+    matrix = columns(1e4, np.random.default_rng(6))
+    whole = triangular_factor(matrix)
+    monkeypatch.setattr(_least_squares, "BLOCK", 64)  # the last block has fewer rows
+    np.testing.assert_allclose(triangular_factor(matrix), whole, rtol=1e-9)
+
+
+def test_a_column_that_is_not_finite_becomes_zeros():
+    matrix = columns(10.0, np.random.default_rng(7))
+    with_zeros = np.where(np.arange(UNKNOWNS) == 1, 0.0, matrix)
+    matrix[3, 1] = np.nan
+    for triangle in (triangular_factor(matrix), triangular_factor(with_zeros)):
+        assert not np.any(triangle[:, 1])
+        np.testing.assert_allclose(triangle.T @ triangle, with_zeros.T @ with_zeros, rtol=1e-12)
 
 
 def test_values_beyond_their_squares():
