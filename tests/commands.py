@@ -5,6 +5,7 @@ import dataclasses
 import io
 import json
 import pathlib
+import re
 from typing import Any
 from unittest import mock
 
@@ -38,6 +39,16 @@ def run_command(*arguments: str | pathlib.Path) -> Outcome:
 def read(path: pathlib.Path) -> Any:
     """The content of a JSON file."""
     return json.loads(path.read_text(encoding="utf-8"))
+
+
+def timeless(report: pathlib.Path) -> str:
+    """A report without its date, and without the seconds that its command took."""
+    text, summary = report.read_text(encoding="utf-8"), read(report.parent / "summary.json")
+    for each in (summary, *summary.get("units", {}).values()):
+        if "wall_seconds" in each:
+            text = text.replace(f"<td>{each['wall_seconds']:.3g}</td>", "<td>some</td>")
+    text = re.sub(r" in [\d.e+-]+ s\b", " in some s", text)
+    return re.sub(r"\d{4}-\d\d-\d\d \d\d:\d\d \w+", "date", text)
 
 
 def entries_of(parameters: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:

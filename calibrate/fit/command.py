@@ -13,7 +13,7 @@ from ..output.console import console, say
 from ..output.files import REPORT, SUMMARY, finite, read_json, write_json, write_text
 from ..output.sections import sensor_summary, trace_summary
 from ..resumable import Folders, ProgressFile, run_units
-from ..study.models import passivity_note
+from ..study.models import passivity_note, taken_for_exact
 from ..study.parameter_file import Entry, calibrated, covariance, nuisance, to_json
 from ..study.places import OF_A_MODEL, stated
 from ..study.units import Job, Unit, prepare
@@ -60,6 +60,8 @@ def _fit_units(job: Job, folders: Folders) -> None:
         for unit, folder in folders:
             _write(job, unit, folder, _outcome_alone(_fitting(job, unit, folder), foreseen(plan(job, unit))))
         return
+    for sentence in dict.fromkeys(each for unit, _ in folders for each in taken_for_exact(plan(job, unit))):
+        console.print(f"note: {sentence}")
     names = {unit.name: (unit, folder) for unit, folder in folders}
     fits = {name: _fitting(job, *place) for name, place in names.items()}
     with console.status(f"{len(fits)} fits side by side"):
@@ -107,7 +109,8 @@ def _fitting(job: Job, unit: Unit, folder: pathlib.Path) -> Steps[Fitted]:
         if job.study.fit.posterior:
             posterior = sample(End.of(calibrator), job.study.fit.posterior, folder, who)
             console.print(f"{who}found: posterior: {posterior.verdict}")
-    besides = (*found_besides(calibration), *certificate.remarks)
+    exact = taken_for_exact(calibration.task) if unit.name is None else []  # of all units it is said once
+    besides = (*found_besides(calibration), *exact, *certificate.remarks)
     for sentence in (*besides, *(() if around is None else around.sentences)):
         console.print(f"{who}found: {sentence}")
     return Fitted(calibration, certificate, around, posterior, saved.seconds, known)
@@ -154,7 +157,11 @@ def _summary(fitted: Fitted, job: Job, unit: Unit, table: Sequence[Entry]) -> di
         "check": {name: fitted.known_before.get(name, []) for name in ("null", "nearly_null", "next", "sentences")},
         "friction_is_passive": passivity_note(calibration.model) is None,
         "sentence": verdict(fitted, table),
-        "found": [*found_besides(calibration), *filter(None, [passivity_note(calibration.model)])],
+        "found": [
+            *found_besides(calibration),
+            *taken_for_exact(calibration.task),
+            *filter(None, [passivity_note(calibration.model)]),
+        ],
         "noise_by_windows": {"seconds": calibration.budget.window, "factor": finite(calibration.budget.excess)},
         "budget": {row.name: row.summary() for row in budget_rows(calibration)},
         "decisions": [each.summary() for each in decisions(fitted, table)],

@@ -14,7 +14,7 @@ from ..output import figures
 from ..output.page import render_page
 from ..output.sections import model_sections
 from ..resumable import Summaries
-from ..study.models import assumed_note, exact_note, passivity_note
+from ..study.models import passivity_note, taken_for_exact
 from ..study.parameter_file import Entry, by_entry, start_as_study
 from ..study.units import Job, Unit
 from .around import slices_figure
@@ -47,7 +47,7 @@ def render(job: Job, unit: Unit, fitted: Fitted, table: list[Entry]) -> str:
         before=fitted.known_before.get("sentences", []),
         table=table,
         start=start_as_study(calibration),
-        besides=found_besides(calibration),
+        besides=[*found_besides(calibration), *taken_for_exact(calibration.task)],
         budget=budget_rows(calibration),
         sources=sources,
         parts=[
@@ -154,7 +154,7 @@ def found_besides(calibration: Calibration) -> list[str]:
             "no corrections were made for sensors and numerical errors, because the search did not converge, values "
             "ran away, or a simulation failed; errors don't count them"
         )
-    return [*sentences, *filter(None, (exact_note(calibration.task), assumed_note(calibration.task)))]
+    return sentences
 
 
 def _edges_found(calibration: Calibration) -> list[str]:

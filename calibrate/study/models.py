@@ -159,7 +159,12 @@ def passivity_note(model: Any) -> str | None:
     )
 
 
-def exact_note(task: Task) -> str | None:
+def taken_for_exact(task: Task) -> list[str]:
+    """A sentence on each thing that errors take for exact."""
+    return [*filter(None, (_held_note(task), _assumed_note(task)))]
+
+
+def _held_note(task: Task) -> str | None:
     """A sentence on what errors take for exact because the study does not say how well it is known, or `None`."""
     known = {entry.partition("[")[0] for entry in (*task.selection.entries, *task.deviations)}
     plant, table = task.plant, parameter_table(task.plant)
@@ -180,7 +185,7 @@ def exact_note(task: Task) -> str | None:
     )
 
 
-def assumed_note(task: Task) -> str | None:
+def _assumed_note(task: Task) -> str | None:
     """A sentence on what is taken for granted where something of a turbine is free, or `None`."""
     plant: Any = task.plant
     if not isinstance(plant.vane_force, vgtjax.Turbine):

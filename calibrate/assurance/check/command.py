@@ -4,6 +4,7 @@ import dataclasses
 import functools
 import pathlib
 import time
+from collections.abc import Sequence
 from typing import Any
 
 from vgtjax import SimulationError
@@ -14,7 +15,7 @@ from ...fit.plan import plan
 from ...output.console import console, say_notes
 from ...output.files import REPORT, SUMMARY, write_json, write_text
 from ...resumable import Folders, run_units
-from ...study.models import assumed_note
+from ...study.models import taken_for_exact
 from ...study.units import Job, Unit, prepare
 from .report import render, render_overview
 
@@ -25,19 +26,19 @@ SHOWN = 5
 @dataclasses.dataclass(frozen=True, eq=False)
 class Checked:
     """What the traces of a unit can tell, and what the next run would bring; `error` says why nothing is known, and
-    `assumed` what is taken for granted."""
+    `exact` what errors take for exact."""
 
     known: Information | None
     gains: list[Gain]
     error: str | None = None
-    assumed: str | None = None
+    exact: Sequence[str] = ()
 
     @property
     def sentences(self) -> list[str]:
         """What they can't tell, and what would help."""
         if self.known is None:
             return [f"nothing is known: {self.error}"]
-        return [*self.known.sentences, *remedies(self.known, self.gains), *filter(None, [self.assumed])]
+        return [*self.known.sentences, *remedies(self.known, self.gains)]
 
     def summary(self) -> dict[str, Any]:
         """Relative errors, `None` for what is not determined."""
@@ -47,7 +48,7 @@ class Checked:
         return {
             **self.known.summary(),
             "next": [gain.summary() for gain in self.gains],
-            "sentences": self.sentences,
+            "sentences": [*self.sentences, *self.exact],
             **nothing,
         }
 
@@ -79,7 +80,8 @@ def _check_units(job: Job, folders: Folders) -> None:
     for name, checked in _check([unit for unit, _ in folders], job).items():
         seconds = time.monotonic() - began
         write_json(places[name] / SUMMARY, {**checked.summary(), **job.account(seconds)})
-        write_text(places[name] / REPORT, render(job, name, checked.known, checked.gains, checked.sentences, seconds))
+        said, exact = checked.sentences, checked.exact
+        write_text(places[name] / REPORT, render(job, name, checked.known, checked.gains, said, exact, seconds))
 
 
 def _check(units: list[Unit], job: Job) -> dict[str | None, Checked]:
@@ -105,12 +107,12 @@ def _check(units: list[Unit], job: Job) -> dict[str | None, Checked]:
 def _checking(job: Job, unit: Unit) -> Steps[Checked]:
     task = plan(job, unit)
     known = yield from examining(task)
-    return Checked(known, (yield from ranking(task, known)), assumed=assumed_note(task))
+    return Checked(known, (yield from ranking(task, known)), exact=taken_for_exact(task))
 
 
 def _say(name: str | None, checked: Checked) -> None:
     who = "" if name is None else f"{name}: "
-    for sentence in checked.sentences:
+    for sentence in (*checked.sentences, *checked.exact):
         console.print(f"{who}{sentence}")
     if checked.known is None:
         return

@@ -1,5 +1,7 @@
 """The report of a check: what traces can tell, in words, numbers and a picture."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import plotly.graph_objects as go
 
@@ -12,9 +14,15 @@ from ...study.units import Job
 
 
 def render(
-    job: Job, unit: str | None, known: Information | None, gains: list[Gain], sentences: list[str], seconds: float
+    job: Job,
+    unit: str | None,
+    known: Information | None,
+    gains: list[Gain],
+    sentences: Sequence[str],
+    exact: Sequence[str],
+    seconds: float,
 ) -> str:
-    """The report of one unit as HTML."""
+    """The report of one unit as HTML: what traces can't tell in `sentences`, and what errors take for `exact`."""
     errors = {} if known is None else known.errors
     return render_page(
         "check.html.jinja",
@@ -22,6 +30,7 @@ def render(
         seconds=seconds,
         known=known,
         sentences=sentences,
+        exact=exact,
         errors=sorted(errors.items(), key=lambda pair: -pair[1]),
         gains=gains,
         figure=errors_figure(errors) if errors else None,

@@ -1,7 +1,16 @@
 """The command `check` as a user runs it."""
 
 import pytest
-from commands import read, run_command
+from commands import read, run_command, timeless
+from pages import Page
+
+
+@pytest.fixture(scope="module")
+def checked(fitted, tmp_path_factory):
+    """The folder of a check of the small study."""
+    out = tmp_path_factory.mktemp("check") / "out"
+    assert run_command("check", fitted.study, "--out", out).status == 0
+    return out
 
 
 def test_it_says_what_is_known_and_what_would_help(small):
@@ -19,9 +28,37 @@ def test_it_says_what_is_known_and_what_would_help(small):
     assert min(gains) >= 1
     first = said["next"][0]["lowers"]
     assert all(each["factor"] == pytest.approx(each["from"] / each["to"]) for each in first.values())
+    (exact,) = [sentence for sentence in said["sentences"] if "for exact" in sentence]
+    assert "the gains of the sensors of x_d and p_act" in exact
+    assert exact in outcome.out
     page = (small.parent / "out" / "report.html").read_text()
     assert "What to record next" in page
     assert run_command("check", small, "--out", small.parent / "out").out.startswith("nothing to do")
+
+
+def test_the_report_shows_the_summary(checked):
+    said, page = read(checked / "summary.json"), Page((checked / "report.html").read_text(encoding="utf-8"))
+    rows = page.table("run", "length, s")
+    assert len(rows) == len(said["next"]) > 0
+    for row, run in zip(rows, said["next"], strict=True):
+        lowers = [f"{name} {100 * each['from']:.2g} to {100 * each['to']:.2g}" for name, each in run["lowers"].items()]
+        assert row == {
+            "run": run["run"],
+            "length, s": f"{run['seconds']:.3g}",
+            "rate, Hz": f"{run['rate']:.4g}",
+            "turbine, mbar": f"{run['turbine_pressure'] / 100:.4g}",
+            "factor": f"{run['gain']:.3g}",
+            "relative error, % before and after": "; ".join(lowers),
+        }
+    words = [f"{sentence}." for sentence in said["sentences"]]
+    assert [text for text in [*page.texts.get("li", []), *page.texts["p"]] if text in words] == words
+
+
+def test_two_reports_are_the_same_but_for_date_and_time(small):
+    first, second = (small.parent / name for name in ("first", "second"))
+    for out in (first, second):
+        assert run_command("check", small, "--out", out).status == 0
+    assert timeless(first / "report.html") == timeless(second / "report.html")
 
 
 def test_without_a_folder_it_only_says(small):

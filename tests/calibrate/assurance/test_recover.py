@@ -4,7 +4,7 @@ import hashlib
 
 import numpy as np
 import pytest
-from commands import read, run_command
+from commands import read, run_command, timeless
 from pages import Page
 
 CAMPAIGNS = 3
@@ -102,3 +102,4 @@ def test_an_interrupted_recovery_keeps_its_campaigns(recovered, fitted, tmp_path
     assert "resuming after step 2" in again.out
     expected, found = read(out / "summary.json"), read(tmp_path / "out" / "summary.json")
     assert {**found, "wall_seconds": 0} == {**expected, "wall_seconds": 0}
+    assert timeless(out / "report.html") == timeless(tmp_path / "out" / "report.html")

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from commands import cut_example, entries_of, read, run_command
+from commands import cut_example, entries_of, read, run_command, timeless
 from pages import Page
 
 import calibrate.fit.command
@@ -52,6 +52,21 @@ def test_every_unit_has_its_folder_and_the_whole_is_on_top(fleet):
     assert {path.name for path in out.iterdir()} == {".study.json", "summary.json", "report.html", "unit_01", "unit_02"}
     for unit in ("unit_01", "unit_02"):
         assert {path.name for path in (out / unit).iterdir()} == FILES
+
+
+def test_what_errors_take_for_exact_is_said_once_for_all_units(fleet):
+    out, outcome = fleet
+    (said,) = [line for line in outcome.out.splitlines() if "for exact" in line]
+    for unit in ("unit_01", "unit_02"):
+        (found,) = [each for each in read(out / unit / "summary.json")["found"] if "for exact" in each]
+        assert said == f"note: {found}"
+
+
+def test_reports_can_be_made_again_but_for_date_and_time(fleet, study):
+    out, again = fleet[0], study.parent / "again"
+    assert run_command("fit", study, "--out", again).status == 0
+    for place in (".", "unit_01", "unit_02"):
+        assert timeless(out / place / "report.html") == timeless(again / place / "report.html")
 
 
 def test_the_report_of_the_whole_shows_the_summaries(fleet):
