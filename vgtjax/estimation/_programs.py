@@ -30,9 +30,9 @@ WIDE = 4
 others run beside it. They fill vector units, and each takes 0.37 of the time that it takes by itself (four traces of a
 unit, 185 s). One with derivatives fills them anyway. Rounding depends on the width, so it must not depend on what
 others ask at the same time."""
-LONG = 40.0
-"""s of all traces of all that is asked for together from which that is worth a program of its own, which compiles in
-seconds: four simulations of 10 s, or those of many short searches side by side."""
+LONG, MANY = 10.0, 100.0
+"""s of all traces together from which that is worth a program of its own, which compiles in seconds; or s of all that
+is asked for together, as by many short searches side by side."""
 WAVES = 4
 """Programs that all fits under way fill: with fewer, the last ones run half empty more often."""
 
@@ -121,7 +121,8 @@ def _wide(question: Question) -> bool:
     plain = [each for each in question if each.selection is None]
     if len(plain) < WIDE:
         return False
-    return sum(float(np.sum(bundle.drive.duration)) for each in plain for bundle in each.bundles) >= LONG
+    seconds = sum(float(np.sum(bundle.drive.duration)) for bundle in plain[0].bundles)
+    return seconds >= LONG or len(plain) * seconds >= MANY
 
 
 def _fits_of_a_program() -> int:

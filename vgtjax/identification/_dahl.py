@@ -38,7 +38,7 @@ def identify_dahl(model: AbstractModel, traces: Sequence[Trace]) -> Identified:
         values["friction.coulomb_force"] = np.asarray(coulomb)
         errors["friction.coulomb_force"] = np.asarray(uncertain * coulomb)
     else:
-        limitations.append("friction.coulomb_force: the rod does not slide both ways; record it moving out and back")
+        limitations.append(f"friction.coulomb_force: {_why_no_level(found, half)}")
     if "friction.bristle_stiffness" in parameter_table(half):
         error = float(np.hypot(uncertain, found.relative_error("deflection")))
         if error < limits.ERROR and coulomb > 0:
@@ -54,6 +54,17 @@ def identify_dahl(model: AbstractModel, traces: Sequence[Trace]) -> Identified:
         limitations=tuple(limitations),
         figures=(friction_over_position(found),),
         samples=found.samples,
+    )
+
+
+def _why_no_level(found: Bristles, half: MechanicalActuator) -> str:
+    """What to do about a level of friction that is not determined."""
+    level = found.values["coulomb"]
+    if level <= 0 or not found.relative_error("coulomb") < limits.ERROR:
+        return "the rod does not slide both ways; record it moving out and back"
+    return (
+        f"Dahl's law has one level, here {level:.3g} N, where the model has a static force that is "
+        f"{2 * _stiction(half):.3g} N above it; identify friction that has both"
     )
 
 

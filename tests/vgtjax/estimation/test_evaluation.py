@@ -32,6 +32,7 @@ def assert_same(found, expected):
 def test_many_at_once_are_as_each_alone(questions, alone, monkeypatch, longest):
     """More than fill a program, in a program for many or one after the other."""
     monkeypatch.setattr(_programs, "LONG", longest)
+    monkeypatch.setattr(_programs, "MANY", longest)
     assert_same(run_alone(side_by_side([ask(each) for each in questions])), alone)
 
 

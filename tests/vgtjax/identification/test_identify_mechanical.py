@@ -183,6 +183,14 @@ def test_dahl_friction():
 # -- what is not determined --------------------------------------------------------------------------------------------
 
 
+def test_dahls_one_level_is_none_of_two(levels):
+    far_apart = {"friction.coulomb_force": 2.0, "friction.static_force": 12.0}
+    result = identify_dahl(vgtjax.replace_parameters(vgtjax.Actuator(), far_apart), [levels])
+    assert "friction.coulomb_force" not in result.values
+    (said,) = [each for each in result.limitations if each.startswith("friction.coulomb_force")]
+    assert "has a static force that is 10 N above it; identify friction that has both" in said
+
+
 def test_slow_motion_does_not_determine_what_needs_other_motion(slow):
     result = mechanical_fit(vgtjax.Actuator(), [slow])
     assert "diaphragm.mass: not determined by these traces; record duty steps at 1 kHz" in result.limitations
