@@ -84,7 +84,8 @@ def _with_all_traces(calibrator: C, first: Progress, ended: Sequence[Ended]) -> 
     good = [place for place, each in zip(places, chi2, strict=True) if each < FAR * min(chi2)]
     found = yield from side_by_side([_gone_on(calibrator, first, place, rescues=0) for place in good], AT_ONCE)
     least = min((each.cost for each in found if each.status in REACHED), default=np.inf)
-    beside = dataclasses.replace(calibrator, task=dataclasses.replace(calibrator.task, ceiling=least))
+    task = dataclasses.replace(calibrator.task, ceiling=min(calibrator.task.ceiling, least))
+    beside = dataclasses.replace(calibrator, task=task)
     found = yield from side_by_side([_rescued(beside, first, each) for each in found], AT_ONCE)
     reached = dict(zip(good, found, strict=True))
     return [_followed(each, reached.get(each.coordinates)) for each in ended], found
