@@ -71,7 +71,8 @@ class Truth:
         clean = [seen[read.rows_at(trace.time)] for trace, read, seen in pairs]
         sensors = learn_sensors(task.fit, task.channels, clean, clean, task.unknown)
         _check_fitted(task, sensors)
-        began = _begun((yield from starting(task)))
+        calibrator = yield from starting(task)
+        began = yield from _begun(calibrator, calibrator.sensors)
         placed = (yield from began.correcting()) or began
         slopes = (yield from placed.linearised_around()).minimiser.slopes
         return Truth(task, clean, sensors, slopes)
@@ -132,10 +133,12 @@ class Refit:
 def refitting(truth: Truth, number: int, seed: int) -> Steps[Refit]:
     """One campaign simulated and fitted, as a computation, from the truth on: so near an end that no search goes before
     the full linear steps that end every fit. These take the derivatives of the truth, as those of any fit, up to three
-    standard errors away from where they are from."""
-    calibrator = yield from starting(truth.campaign(number, seed), slopes=truth.slopes)
-    if calibrator.task.unknown.anything:
-        calibrator = _begun(calibrator)
+    standard errors away from where they are from. Sensors are known as the fit of the traces left them until the first
+    step has learned them again: noise behind a filter would else look like a model that lacks something."""
+    task = truth.campaign(number, seed)
+    calibrator = yield from starting(task, slopes=truth.slopes)
+    if task.unknown.anything:
+        calibrator = yield from _begun(calibrator, _known_sensors(task, truth.sensors))
     calibration = yield from calibrator.steps()
     count = len(calibration.values)
     errors = [error if np.isfinite(error) else None for error in calibration.uncertainty.std_errors.tolist()]
@@ -143,12 +146,25 @@ def refitting(truth: Truth, number: int, seed: int) -> Steps[Refit]:
     return Refit(number, calibration.converged, calibration.verdict, coordinates, tuple(errors))
 
 
-def _begun(calibrator: Calibrator) -> Calibrator:
-    """Where a search would have ended: what follows are full linear steps, with the derivatives that are known."""
-    search = calibrator.minimiser
+def _begun(calibrator: Calibrator, sensors: Sensors) -> Steps[Calibrator]:
+    """Where a search by these sensors would have ended: what follows are full linear steps, with the derivatives that
+    are known."""
+    search, task = calibrator.minimiser, calibrator.task
     progress = dataclasses.replace(search.progress, converged=True).linearised_around(search.slopes.around)
-    began = LevenbergMarquardt(search.problem, progress, search.slopes, search.point, search.corrected_later)
-    return dataclasses.replace(calibrator, minimiser=began)
+    problem = search.problem.with_sensors(task.traces, sensors)
+    began = yield from LevenbergMarquardt.begin(problem, progress, search.corrected_later, search.slopes)
+    return dataclasses.replace(calibrator, sensors=sensors, minimiser=began)
+
+
+def _known_sensors(task: Task, known: Sensors) -> Sensors:
+    """Sensors of new traces with the noise that is known of them, and no outlier."""
+    return [
+        {
+            name: dataclasses.replace(white, deviation=sensors[name].deviation, memory=sensors[name].memory)
+            for name, white in plain.items()
+        }
+        for plain, sensors in zip(white_sensors(task.traces, task.channels), known, strict=True)
+    ]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
