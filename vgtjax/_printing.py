@@ -1,4 +1,4 @@
-"""How results print themselves: a title and tables, of text in a terminal and of HTML in a notebook."""
+"""How results print themselves: a title, tables and sentences, of text in a terminal and of HTML in a notebook."""
 
 import abc
 import html
@@ -18,11 +18,16 @@ class Printed(abc.ABC):
     def _tables(self) -> Sequence[Cells]:
         """Tables of cells, the header of each first."""
 
+    def _sentences(self) -> Sequence[str]:
+        """What stands below the tables."""
+        return ()
+
     def __repr__(self) -> str:
-        return "\n".join([self._title(), *map(text_table, self._tables())])
+        return "\n".join([self._title(), *map(text_table, self._tables()), *self._sentences()])
 
     def _repr_html_(self) -> str:
-        return f"<p>{html.escape(self._title())}</p>{''.join(map(html_table, self._tables()))}"
+        below = [f"<p>{html.escape(each)}</p>" for each in self._sentences()]
+        return "".join([f"<p>{html.escape(self._title())}</p>", *map(html_table, self._tables()), *below])
 
 
 def text_table(rows: Cells) -> str:

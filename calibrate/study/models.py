@@ -8,17 +8,14 @@ import equinox as eqx
 import numpy as np
 
 import vgtjax
-from vgtjax.estimation import Task
-from vgtjax.parameters import Bounds, check_bounds, entry_names, match_entries, parameter_table
+from vgtjax import estimation
+from vgtjax.parameters import Bounds, check_bounds, entry_names, match_entries
 from vgtjax.plants import on_given_knots, require_physical
 
 from .base import StartValue
 from .components import FullComponents, MechanicalComponents, ReducedComponents
 from .places import StudyError
 from .tables import Study
-
-NAMED = 6
-"""Values that a sentence names; of more it has the number."""
 
 
 def build_model(study: Study) -> vgtjax.AbstractModel:
@@ -159,43 +156,8 @@ def passivity_note(model: Any) -> str | None:
     )
 
 
-def taken_for_exact(task: Task) -> list[str]:
-    """A sentence on each thing that errors take for exact."""
-    return [*filter(None, (_held_note(task), _assumed_note(task)))]
-
-
-def _held_note(task: Task) -> str | None:
-    """A sentence on what errors take for exact because the study does not say how well it is known, or `None`."""
-    known = {entry.partition("[")[0] for entry in (*task.selection.entries, *task.deviations)}
-    plant, table = task.plant, parameter_table(task.plant)
-    held = [name for name in table if name not in known and not name.startswith("air.")]
-    held = [name for name in held if np.any(vgtjax.get_parameter(plant, name))]
-    held.sort(key=lambda name: not table[name].held)  # those first that no trace tells
-    gains = [channel for channel in task.channels if channel not in (*task.gains, *task.unknown.gain)]
-    if not held and not gains:
-        return None
-    more = f" and {len(held) - NAMED} more" if len(held) > NAMED else ""
-    what = [f"the values held of {', '.join(held[:NAMED])}{more}"] if held else []
-    what += [f"the gains of the sensors of {' and '.join(gains)}"] if gains else []
-    how = ["relative under [parameters]"] if held else []
-    how += ["relative_uncertainty under [[report.sensor]]"] if gains else []
-    return (
-        f"all errors take {' and '.join(what)} for exact: a value that is not measured is a start value; say how well "
-        f"these are known ({', '.join(how)})"
-    )
-
-
-def _assumed_note(task: Task) -> str | None:
-    """A sentence on what is taken for granted where something of a turbine is free, or `None`."""
-    plant: Any = task.plant
-    if not isinstance(plant.vane_force, vgtjax.Turbine):
-        return None
-    mine = {name: row for name, row in parameter_table(plant).items() if name.startswith("vane_force.")}
-    free = [name for name in mine if name in task.selection.entries]
-    exact = [name for name, row in mine.items() if row.assumed and name not in (*free, *task.deviations)]
-    if not free or not exact:
-        return None
-    return (
-        f"errors of {', '.join(free)} take {len(exact)} assumed values of the turbine for exact, which no measured "
-        "vane force validates: state in [parameters] how well they are known, or free them"
+def taken_for_exact(task: estimation.Task) -> list[str]:
+    """A sentence on each thing that errors take for exact, and where a study says how well that is known."""
+    return estimation.taken_for_exact(
+        task, deviations="relative under [parameters]", gains="relative_uncertainty under [[report.sensor]]"
     )

@@ -17,6 +17,7 @@ from ..estimation import (
     Slopes,
     Steps,
     Task,
+    first_progress,
     learn_sensors,
     observe_traces,
     sharp_bundles,
@@ -56,12 +57,15 @@ class Truth:
     slopes: Slopes
     """Derivatives over all places that the errors of the traces leave possible around the truth, where every fit
     begins."""
+    delay: float = 0.0
+    """s by which the duty is late in all traces."""
 
     @staticmethod
-    def of(task: Task, applied: Sequence[Trace]) -> Steps["Truth"]:
+    def of(task: Task, applied: Sequence[Trace], delay: float = 0.0) -> Steps["Truth"]:
         """As a computation: the model of a task as the truth of its traces.
 
-        **Arguments:** `applied`: the traces of the task, with the duty that reached the valve.
+        **Arguments:** `applied`: the traces of the task, with the duty that reached the valve; `delay`: the s by which
+        it was late in all of them.
 
         **Raises:** `InputError` where a model is so far from the traces that it was not fitted to them.
         """
@@ -71,11 +75,11 @@ class Truth:
         clean = [seen[read.rows_at(trace.time)] for trace, read, seen in pairs]
         sensors = learn_sensors(task.fit, task.channels, clean, clean, task.unknown)
         _check_fitted(task, sensors)
-        calibrator = yield from starting(task)
+        calibrator = yield from starting(task, first_progress(task, delay))
         began = yield from _begun(calibrator, calibrator.sensors)
         placed = (yield from began.correcting()) or began
         slopes = (yield from placed.linearised_around()).minimiser.slopes
-        return Truth(task, clean, sensors, slopes)
+        return Truth(task, clean, sensors, slopes, delay)
 
     def campaign(self, number: int, seed: int) -> Task:
         """The same task with new noise on what the truth gives, and on a pressure that drives it."""
@@ -134,11 +138,14 @@ def refitting(truth: Truth, number: int, seed: int) -> Steps[Refit]:
     """One campaign simulated and fitted, as a computation, from the truth on: so near an end that no search goes before
     the full linear steps that end every fit. These take the derivatives of the truth, as those of any fit, up to three
     standard errors away from where they are from. Sensors are known as the fit of the traces left them until the first
-    step has learned them again: noise behind a filter would else look like a model that lacks something."""
+    step has learned them again: noise behind a filter would else look like a model that lacks something. A duty that was
+    found to be late is so here from the first step on, and nothing else is asked of it."""
     task = truth.campaign(number, seed)
-    calibrator = yield from starting(task, slopes=truth.slopes)
+    calibrator = yield from starting(task, first_progress(task, truth.delay), slopes=truth.slopes)
     if task.unknown.anything:
         calibrator = yield from _begun(calibrator, _known_sensors(task, truth.sensors))
+        if truth.delay:
+            calibrator = (yield from calibrator.correcting()) or calibrator
     calibration = yield from calibrator.steps()
     count = len(calibration.values)
     errors = [error if np.isfinite(error) else None for error in calibration.uncertainty.std_errors.tolist()]

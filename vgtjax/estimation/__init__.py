@@ -1,6 +1,7 @@
 """Estimation: exact Jacobians, weighted residuals, Levenberg-Marquardt, and what the data can tell."""
 
 from ._bands import spread_along as spread_along
+from ._beginning import first_progress as first_progress
 from ._budget import Budget as Budget
 from ._bundle import CHANNELS as CHANNELS, Bundle as Bundle, bundle_traces as bundle_traces
 from ._calibration import (
@@ -31,6 +32,7 @@ from ._evidence import (
     observe_traces as observe_traces,
     sharp_bundles as sharp_bundles,
 )
+from ._exact import taken_for_exact as taken_for_exact
 from ._layout import SEGMENT as SEGMENT
 from ._least_squares import (
     NORMAL_95 as NORMAL_95,

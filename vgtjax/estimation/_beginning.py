@@ -15,10 +15,13 @@ from ._residuals import FitProblem, build_fit_problem
 from ._task import Task
 
 
-def first_progress(task: Task) -> Progress:
-    """A search at its start; the delay of the duty is free if the traces need not tell of it first."""
-    progress = Progress((), late=task.late_duty and task.unknown.duty_delay is True)
-    start = np.asarray(transform_of(task, progress).to_coordinates(task.first_guess))
+def first_progress(task: Task, delay: float = 0.0) -> Progress:
+    """A search at its start, with a duty that is `delay` s late; the delay is free if there is one, or the traces need
+    not tell of it first."""
+    late = task.late_duty and (bool(delay) or task.unknown.duty_delay is True)
+    progress, guess = Progress((), late=late), np.array(task.first_guess)
+    guess[-1] += delay if late else 0.0
+    start = np.asarray(transform_of(task, progress).to_coordinates(guess))
     return dataclasses.replace(progress, coordinates=tuple(start.tolist()))
 
 

@@ -16,6 +16,7 @@ from ._bundle import CHANNELS, Bundle, bundle_traces
 from ._duties import in_seconds, read_duties
 from ._evaluation import Steps
 from ._evidence import observe_traces
+from ._exact import taken_for_exact
 from ._holds import sample_interval
 from ._inputs import InputSensor
 from ._least_squares import NORMAL_95, LeastSquares
@@ -102,7 +103,8 @@ class TraceResult:
 class Calibration(Printed):
     """A finished calibration; vectors are in the order of `selection.entries` and in the units of the table.
 
-    It prints itself as a table. `notes` say what the fit did with its start.
+    It prints itself as tables, and below them `notes`, which say what the fit did with its start, and what its errors
+    take for exact.
     """
 
     model: AbstractModel
@@ -132,6 +134,9 @@ class Calibration(Printed):
 
     def _tables(self) -> list[Cells]:
         return [self._estimates(), self._comparisons()]
+
+    def _sentences(self) -> list[str]:
+        return [*self.notes, *taken_for_exact(self.task)]
 
     def _estimates(self) -> Cells:
         table, rows = parameter_table(self.task.model), [("parameter", "value", "std. error", "unit", "")]

@@ -53,6 +53,7 @@ class Calibrator:
     sensors: Sensors
     minimiser: LevenbergMarquardt
     notes: tuple[str, ...] = ()
+    _first_correction: "tuple[Progress, Calibrator | None] | None" = dataclasses.field(default=None, init=False)
 
     @property
     def transform(self) -> Transform:
@@ -121,8 +122,15 @@ class Calibrator:
         return run_alone(self.correcting())
 
     def correcting(self) -> "Steps[Calibrator | None]":
-        """`correct` as a computation."""
-        return (yield from correcting(self))
+        """`correct` as a computation; the first correction, which moves nothing, is asked for by several questions and
+        made once."""
+        progress = self.minimiser.progress
+        if progress.corrections:
+            return (yield from correcting(self))
+        if self._first_correction is None or self._first_correction[0] is not progress:
+            object.__setattr__(self, "_first_correction", (progress, (yield from correcting(self))))
+        assert self._first_correction is not None, "it has just been made"
+        return self._first_correction[1]
 
     def away(self) -> Bool[np.ndarray, " coordinates"]:
         """Which coordinates the search has carried to where nothing is known of them."""

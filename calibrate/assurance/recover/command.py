@@ -3,11 +3,12 @@
 import dataclasses
 import functools
 import pathlib
+from collections.abc import Sequence
 from typing import Any
 
 import rich.progress
 
-from vgtjax import SimulationError
+from vgtjax import SimulationError, Trace
 from vgtjax.assurance import Recovery, Refit, Truth, refitting
 from vgtjax.estimation import Task, run_alone, run_together
 
@@ -59,16 +60,23 @@ def _recover_units(job: Job, campaigns: int, folders: Folders) -> None:
     for unit, folder in folders:
         task = plan(job, unit)
         try:
-            truth = run_alone(Truth.of(task, [_applied(unit, trace) for trace in task.fit]))
+            applied = [_applied(unit, trace) for trace in task.fit]
+            truth = run_alone(Truth.of(task, applied, _common_delay(unit, task.fit)))
         except SimulationError as error:
             write_json(folder / SUMMARY, {"error": str(error), **job.account(0.0)})
             continue
         _write(job, unit, folder, task, *_recover(unit, truth, campaigns, folder))
 
 
-def _applied(unit: Unit, trace: Any) -> Any:
+def _applied(unit: Unit, trace: Trace) -> Trace:
     duty = unit.duties.get(trace.name)
     return trace if duty is None else duty.applied(trace)
+
+
+def _common_delay(unit: Unit, traces: Sequence[Trace]) -> float:
+    """s by which the duty was found to be late beyond what its record says, in all traces; none where that differs."""
+    found = [unit.duties[trace.name].delay - trace.duty_late for trace in traces if trace.name in unit.duties]
+    return found[0] if len(found) == len(traces) and len(set(found)) == 1 else 0.0
 
 
 def _recover(unit: Unit, truth: Truth, campaigns: int, folder: pathlib.Path) -> tuple[list[Refit], float]:

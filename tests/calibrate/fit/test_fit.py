@@ -134,10 +134,12 @@ def test_one_call_from_python_gives_the_same_answer(calibration, parameters, sum
 
 
 def test_a_calibration_prints_itself_as_a_table(calibration, parameters):
-    head, *lines = repr(calibration).splitlines()
+    head, *lines, exact = repr(calibration).splitlines()
     assert head == (
         f"Calibration: converged after {calibration.progress.iteration} steps; {calibration.progress.verdict}"
     )
+    assert exact.startswith("all errors take the values held of converter.plunger_mass, converter.actuator_area, ")
+    assert exact.endswith("say how well these are known (deviations, gains)")
     rows = {line.split()[0]: line.split()[1:] for line in lines}
     stiffness = parameters["diaphragm.stiffness"]
     assert rows["diaphragm.stiffness"] == [f"{stiffness['value']:.6g}", f"{stiffness['std_error']:.2g}", "N/m", "free"]
@@ -148,9 +150,10 @@ def test_a_calibration_prints_itself_as_a_table(calibration, parameters):
 
 
 def test_a_notebook_shows_the_same_table(calibration):
-    cells = re.findall(r"<t[dh]>(.*?)</t[dh]>", calibration._repr_html_())
-    words = repr(calibration).partition("\n")[2].split()
-    assert " ".join(cells).split() == words
+    title, *shown = re.findall(r"<(?:td|th|p)>(.*?)</(?:td|th|p)>", calibration._repr_html_())
+    words = repr(calibration).partition("\n")
+    assert title == words[0]
+    assert " ".join(shown).split() == words[2].split()
 
 
 def _failed(result):
