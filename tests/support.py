@@ -3,6 +3,7 @@
 import contextlib
 import pathlib
 from collections.abc import Iterator
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -78,3 +79,12 @@ def forward_mode(function, theta) -> np.ndarray:
 def rms(values: np.ndarray) -> float:
     """Root mean square."""
     return float(np.sqrt(np.mean(np.square(values))))
+
+
+def assert_recovered(result: Any, truth: dict[str, float], worst: dict[str, float]) -> None:
+    """What was identified is these values to within four of its errors, which are no larger relatively than `worst`."""
+    assert set(result.values) == set(truth)
+    for name, true in truth.items():
+        value, error = float(result.values[name]), float(result.std_errors[name])
+        assert abs(value - true) < 4 * error, f"{name}: {value} +- {error}, not {true}"
+        assert error < worst[name] * abs(true), f"{name}: {value} +- {error}"

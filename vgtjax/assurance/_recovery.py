@@ -138,8 +138,8 @@ def refitting(truth: Truth, number: int, seed: int) -> Steps[Refit]:
     """One campaign simulated and fitted, as a computation, from the truth on: so near an end that no search goes before
     the full linear steps that end every fit. These take the derivatives of the truth, as those of any fit, up to three
     standard errors away from where they are from. Sensors are known as the fit of the traces left them until the first
-    step has learned them again: noise behind a filter would else look like a model that lacks something. A duty that was
-    found to be late is so here from the first step on, and nothing else is asked of it."""
+    step has learned them again: noise behind a filter would else look like a model that lacks something. A duty that
+    was found to be late is so here from the first step on, and nothing else is asked of it."""
     task = truth.campaign(number, seed)
     calibrator = yield from starting(task, first_progress(task, truth.delay), slopes=truth.slopes)
     if task.unknown.anything:

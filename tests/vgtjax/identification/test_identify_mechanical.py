@@ -5,15 +5,13 @@ import re
 
 import numpy as np
 import pytest
+import support
 from support import duty_trace, rms
 
 import vgtjax
 from vgtjax.identification import (
     NO_DERIVATIVES,
-    TraceEquations,
     apply,
-    bristle_force,
-    filter_motion,
     fit_response,
     identify_axis,
     identify_dahl,
@@ -22,11 +20,7 @@ from vgtjax.identification import (
     identify_spring,
     mechanical_fit,
     mechanical_half,
-    moves_at_start,
-    read_motion,
     read_motions,
-    regress_traces,
-    remove_noise,
 )
 
 TRUTH = {
@@ -100,11 +94,7 @@ def found(levels):
 
 
 def assert_recovered(result, names, truth=TRUTH, worst=WORST):
-    assert set(result.values) == set(names)
-    for name in names:
-        value, error = float(result.values[name]), float(result.std_errors[name])
-        assert abs(value - truth[name]) < 4 * error, f"{name}: {value} +- {error}, not {truth[name]}"
-        assert error < worst[name] * abs(truth[name]), f"{name}: {value} +- {error}"
+    support.assert_recovered(result, {name: truth[name] for name in names}, worst)
 
 
 # -- each test on a simulated run whose parameters are known -----------------------------------------------------------
@@ -288,119 +278,3 @@ def test_a_short_trace_tells_nothing(levels, samples):
 def test_other_friction_has_no_lugre_parameters(levels):
     result = identify_lugre(vgtjax.Actuator(friction=vgtjax.Coulomb()), [levels])
     assert result.limitations == ("the model's friction is not LuGre's; choose a model with LuGre friction",)
-
-
-# -- an axis that a force drives ---------------------------------------------------------------------------------------
-
-AXIS = {
-    "diaphragm.mass": 1.8,
-    "diaphragm.preload": -1.2,
-    "friction.coulomb_force": 2.5,
-    "friction.viscous_damping": 9.0,
-}
-
-
-def axis(friction, **diaphragm):
-    values = {"stiffness": 0.0, "travel": np.inf, **diaphragm}
-    return vgtjax.replace_parameters(
-        vgtjax.MechanicalActuator(friction=friction), {f"diaphragm.{name}": value for name, value in values.items()}
-    )
-
-
-def sweep(seed, **values):
-    """Record of an axis under a sum of sines about its constant force, at 1 kHz for 6 s."""
-    time = np.arange(0, 6, 1e-3)
-    random = np.random.default_rng(seed)
-    lines = zip((0.5, 1.3, 2.9, 4.7), (6.0, 8.0, 8.0, 6.0), random.uniform(0, 2 * np.pi, 4), strict=True)
-    force = -1.2 + sum(a * (np.sin(2 * np.pi * f * time + p) - np.sin(p)) for f, a, p in lines)
-    trace = vgtjax.Trace(time=time, f_drive=force, x_d=np.zeros_like(time))
-    real = vgtjax.replace_parameters(axis(vgtjax.Coulomb(), **values), AXIS)
-    return trace.replace(x_d=np.asarray(vgtjax.simulate(real, trace).x_d) + random.normal(0, 8e-6, len(time)))
-
-
-def test_a_driven_axis_is_determined_by_force_and_position_alone():
-    record = sweep(5)
-    assert np.min(record.x_d) < -0.02
-    result = identify_axis(axis(vgtjax.Coulomb()), [record])
-    assert_recovered(result, AXIS, AXIS, dict.fromkeys(AXIS, 0.02))
-    assert result.limitations == ()
-
-
-def test_a_record_that_begins_in_motion_is_noticed():
-    record = sweep(5)
-    assert moves_at_start(record) is None
-    speed = np.gradient(record.x_d, record.time)
-    begin = int(np.argmax(np.abs(np.convolve(speed, np.ones(20) / 20, "same"))))
-    moving = moves_at_start(record.window(record.time[begin], 6.0))
-    assert moving is not None
-    assert moving[0] == pytest.approx(abs(np.mean(speed[begin : begin + 20])), rel=0.1)
-    assert record.time[begin] < moving[1] < 6.0
-
-
-def test_a_push_from_rest_is_no_motion():
-    time = np.arange(0, 1, 1e-3)
-    noise = np.random.default_rng(9).normal(0, 8e-6, len(time))
-    pushed = vgtjax.Trace(time=time, f_drive=np.full_like(time, 60.0), x_d=15 * time**2 + noise)
-    assert moves_at_start(pushed) is None
-
-
-# -- parts -------------------------------------------------------------------------------------------------------------
-
-
-def test_noise_goes_and_corners_stay():
-    time = np.arange(0, 2, 1e-3)
-    pressure = 1e5 - 4e4 * np.where(time > 0.5, 1 - np.exp(-(time - 0.5) / 0.3), 0.0)
-    noise = np.random.default_rng(6).normal(0, 60, len(time))
-    left = remove_noise(pressure + noise, 60.0) - pressure
-    assert rms(left) < 15
-    assert np.max(np.abs(left[450:550])) < 200  # at the corner, where a window of 20 ms is off by 330
-
-
-def test_what_has_no_noise_is_left_alone():
-    samples = np.sin(np.arange(100.0))
-    np.testing.assert_array_equal(remove_noise(samples, 0.0), samples)
-    np.testing.assert_array_equal(remove_noise(samples[:6], 1.0), samples[:6])
-
-
-def test_kernels_are_exact_on_parabolas_far_from_zero():
-    time = np.arange(0, 1, 1e-3)
-    trace = vgtjax.Trace(time=time, f_drive=3 * time, x_d=0.7 + 0.2 * time - 1.5 * time**2)
-    seen = filter_motion(read_motion(axis(vgtjax.Coulomb()), trace), 0.03)
-    np.testing.assert_allclose(seen.velocity[seen.valid], (0.2 - 3 * time)[seen.valid], atol=1e-9)
-    np.testing.assert_allclose(seen.acceleration[seen.valid], -3.0, rtol=1e-6)
-    np.testing.assert_allclose(seen.force[seen.valid], 3 * time[seen.valid], atol=1e-9)
-
-
-def test_bristles_turn_as_dahl_says():
-    """After a turn, `F = F_c (1 - 2 exp(-sigma dx / F_c))` [section 3.3.2.2]."""
-    deflection = 7e-5
-    out, back = np.linspace(0, 2e-3, 300), np.linspace(2e-3, 1e-3, 300)
-    force = bristle_force(np.concatenate([out, back]), np.ones(600), deflection)
-    np.testing.assert_allclose(force[:300], 1 - np.exp(-out / deflection), atol=1e-12)
-    np.testing.assert_allclose(force[300:], -(1 - 2 * np.exp(-(2e-3 - back) / deflection)), atol=1e-9)
-
-
-def test_errors_of_a_regression_know_of_correlated_noise_and_of_constants():
-    """Monte Carlo: noise that lasts 20 rows, and an unknown constant of each trace."""
-    random, time = np.random.default_rng(7), np.arange(0, 20, 1e-2)
-    drift, scores = np.ones(20) / 20, []
-    for _ in range(60):
-        blocks = []
-        for _ in range(3):
-            matrix = np.stack([np.ones_like(time), np.sin(time)], axis=1)
-            noise = np.convolve(random.normal(size=len(time) + 19), drift, "valid") + random.normal(0, 0.3)
-            blocks.append(TraceEquations(matrix, matrix @ [2.0, 5.0] + noise, time, 20, 0.3))
-        solution = regress_traces(blocks)
-        scores.append((solution.values - [2.0, 5.0]) / solution.std_errors)
-    assert np.all(np.sqrt(np.mean(np.square(scores), axis=0)) < 1.5)
-    assert np.all(np.sqrt(np.mean(np.square(scores), axis=0)) > 0.5)
-
-
-def test_a_regression_says_which_unknowns_it_can_not_tell_apart():
-    time = np.arange(0, 5, 1e-2)
-    matrix = np.stack([np.ones_like(time), np.sin(time), np.full_like(time, 2.0)], axis=1)
-    solution = regress_traces(
-        [TraceEquations(matrix, np.sin(time) + np.random.default_rng(8).normal(0, 0.1, len(time)), time, 1, 0.0)]
-    )
-    assert np.isnan(solution.values[[0, 2]]).all()
-    assert solution.values[1] == pytest.approx(1.0, abs=0.05)
