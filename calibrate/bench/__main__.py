@@ -22,6 +22,7 @@ _CASES = (
     "random-nozzles",
     "scaling",
     "cold-start",
+    "first-answer",
     "population",
     "tuning",
     "opponents",
