@@ -12,9 +12,9 @@ from vgtjax.control import AbstractController, check
 from vgtjax.parameters import entry_names, unknown_name
 
 from ..output.files import finite, read_json
-from ..study.models import NAMED, check_length
+from ..study.models import check_length
 from ..study.parameter_file import Entry, tabulate, to_json
-from ..study.start_file import load_model, value_in
+from ..study.start_file import NAMED, load_model, value_in
 from ..study.tables import Study
 from .designs import DESIGNS
 from .fallback import FALLBACK, fallback_of, with_fallback

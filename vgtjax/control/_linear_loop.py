@@ -43,9 +43,13 @@ class LinearLoop(eqx.Module):
     @property
     def spectral_radius(self) -> float:
         """Largest absolute eigenvalue of the closed loop, whose deviations die away where it is below one; infinite
-        about a run that left the finite numbers."""
+        about a run that left the finite numbers. What is remembered for good and never changes, as where the stop is,
+        is left out: a deviation of it stays, and does not grow."""
         closed = np.asarray(self.transition) + np.outer(self.entry, self.exit)
-        return float(np.max(np.abs(np.linalg.eigvals(closed)))) if np.all(np.isfinite(closed)) else np.inf
+        if not np.all(np.isfinite(closed)):
+            return np.inf
+        moves = np.any(closed != np.eye(len(closed)), axis=1)
+        return float(np.max(np.abs(np.linalg.eigvals(closed[np.ix_(moves, moves)])), initial=0.0))
 
 
 def linearise_loop(

@@ -91,7 +91,7 @@ class LoadBackstepping(AbstractController):
         `level`, the `pressure_deviation` in Pa, and the `wanted_pressure` in Pa absolute of the flow map.
         """
         near = jnp.clip(jnp.minimum(state.duty, FULL_DUTY - state.duty) / NEAR_LIMIT, 0.0, 1.0)
-        expected = near * self.observer.free(state.estimate.position) * reference.acceleration
+        expected = near * self.observer.free(state.estimate) * reference.acceleration
         position, ambient = measurement.position, measurement.ambient
         memory, slow = self.differentiator.update(state.differentiator, position, period, expected)
         estimate = self.observer.step(state.estimate, position, slow, ambient, state.duty, period)

@@ -19,6 +19,8 @@ Covariance = Float[Array, "5 5"]
 
 AT_REST = (1e-4, 1.0)
 """m/s and Pa; deviation of velocity and pressure of a rod at rest on its stop, with the chamber at atmosphere."""
+NOTICED = 3.0
+"""Deviations of the sensor above zero from which it is off at rest; gradually, from twice of it on altogether."""
 HELD = np.array([True, True, False, True, False])
 """Of the mean: what a stop that takes up all force holds, or hides."""
 
@@ -36,6 +38,8 @@ class LoadEstimate(eqx.Module):
     """m/s"""
     duty: Scalar
     """Percent, as far as the plunger has followed it."""
+    stop: Scalar
+    """m; what the sensor shows where the rod leaves its open stop."""
 
     @property
     def position(self) -> Scalar:
@@ -92,6 +96,8 @@ class LoadObserver(AbstractDesign):
     plunger_time: Scalar = parameter(8e-3, symbol="T_p", unit="s", source="2.7, B.1", lower=0.0, held=True)
     stop_width: Scalar = parameter(3e-5, symbol="x_c", unit="m", source="assumed", held=True)
     """From the open stop to twice of this, the rod gradually counts as free."""
+    largest_zero_error: Scalar = parameter(5e-4, symbol="x_0", unit="m", source="assumed", lower=0.0, held=True)
+    """Of the sensor: up to this what it shows at the start is the open stop, beyond it a rod that is off its stop."""
     stop_time: Scalar = parameter(0.01, symbol="T_c", unit="s", source="assumed", held=True)
     """Of the filter of the position on the stop."""
 
@@ -112,15 +118,24 @@ class LoadObserver(AbstractDesign):
         """At rest with relaxed bristles, with the chamber at atmosphere, and as uncertain as is known beforehand."""
         nothing = jnp.zeros_like(position)
         mean = jnp.stack([position, nothing, ambient + nothing, nothing, nothing])
-        return LoadEstimate(mean, jnp.diag(jnp.square(self._deviations(nothing))), nothing, nothing, nothing)
+        covariance = jnp.diag(jnp.square(self._deviations(nothing)))
+        return LoadEstimate(mean, covariance, nothing, nothing, nothing, self._stop_shown(position))
+
+    def _stop_shown(self, position: Scalar) -> Scalar:
+        """Where a sensor that shows this at rest shows that the rod leaves its stop, into which the preload presses it:
+        at zero, unless the sensor is off by more than noise explains."""
+        body = self.model.diaphragm
+        sunk = jnp.clip(body.preload / jnp.maximum(body.stop_stiffness, 1.0), 0.0, self.largest_zero_error)
+        biased = jnp.clip(position / (NOTICED * self.position_noise) - 1, 0.0, 1.0)
+        return jnp.where(position <= self.largest_zero_error, biased * (position + sunk), 0.0)
 
     def observed_pressure(self, estimate: LoadEstimate, share: Scalar) -> Scalar:
         """Chamber pressure in Pa absolute, when a share of the load is an error of the flow map in truth."""
         return estimate.pressure + share * estimate.load / self.model.diaphragm.area
 
-    def free(self, position: Scalar) -> Scalar:
+    def free(self, estimate: LoadEstimate) -> Scalar:
         """How far the rod is off its open stop, from 0 to 1."""
-        return jnp.clip(position / self.stop_width - 1, 0.0, 1.0)
+        return jnp.clip((estimate.position - estimate.stop) / self.stop_width - 1, 0.0, 1.0)
 
     def step(
         self, state: LoadEstimate, position: Scalar, slow: Scalar, ambient: Scalar, duty: Scalar, period: float
@@ -133,9 +148,8 @@ class LoadObserver(AbstractDesign):
         relaxed = 1 + period * self.model.relaxation_rate(slow)
         deflection = (state.deflection + period * slow) / relaxed
         lagged = (self.plunger_time * state.duty + period * duty) / (self.plunger_time + period)
-        driven = LoadEstimate(
-            state.mean, state.covariance, deflection, (deflection - state.deflection) / period, lagged
-        )
+        rate = (deflection - state.deflection) / period
+        driven = LoadEstimate(state.mean, state.covariance, deflection, rate, lagged, state.stop)
         return self._correct(state, self._predict(driven, ambient, period), position, period)
 
     def _predict(self, state: LoadEstimate, ambient: Scalar, period: float) -> LoadEstimate:
@@ -197,13 +211,14 @@ class LoadObserver(AbstractDesign):
         mean = now.mean + gain * (position - now.position)
         covariance = now.covariance - jnp.outer(gain, across)
         resting, unsure = self._resting(before, now, position, period)
-        free = self.free(before.position)
+        free = self.free(before)
         return LoadEstimate(
             self._project(resting + free * (mean - resting)),
             unsure + free * (0.5 * (covariance + covariance.T) - unsure),
             free * now.deflection,
             free * now.deflection_rate,
             now.duty,
+            now.stop,
         )
 
     def _resting(

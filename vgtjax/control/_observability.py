@@ -53,7 +53,7 @@ def observability(
     def onward(matrix: Array, inputs: tuple[LoadEstimate, Array]) -> tuple[Array, Array]:
         state, ambient = inputs
         matrix = transition(observer, state, ambient, period) @ matrix
-        return matrix, observer.free(state.position) * matrix[0]
+        return matrix, observer.free(state) * matrix[0]
 
     def window(inputs: tuple[LoadEstimate, Array]) -> Array:
         rows = jax.lax.scan(onward, jnp.diag(deviations), inputs)[1] / observer.position_noise
