@@ -18,7 +18,8 @@ EXAMPLE = pathlib.Path(__file__).parents[1] / "calibrate" / "example"
 
 
 def reference(name: str) -> dict[str, np.ndarray]:
-    """Noise-free states of an independent plant (RK4 at 10 us, hard switching) with the printed parameters."""
+    """What other programs have computed: noise-free states of a plant (RK4 at 10 us, hard switching) with the printed
+    parameters, and steady gas flows (`gas_flow`)."""
     return dict(np.load(DATA / f"reference_{name}.npz"))
 
 

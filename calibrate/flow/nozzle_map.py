@@ -92,7 +92,7 @@ def solve_map(stage: Stage) -> NozzleMap:
     values, found = _solve(stage, jnp.asarray(pressures), jnp.asarray(angles))
     if not np.all(found):
         column, row = np.argwhere(~found)[0]
-        raise no_steady_flow(pressures[row], angles[column])
+        raise no_steady_flow(stage, pressures[row], angles[column])
     tables = {name: table.T for name, table in zip(QUANTITIES, values, strict=True)}
     return NozzleMap(stage, pressures, angles, tables)
 

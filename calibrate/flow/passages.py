@@ -86,7 +86,7 @@ def along_passage(stage: Stage) -> list[Along]:
     for angle in CRANK_ANGLES:
         passage, flow, _ = solve_point(stage, jnp.asarray(pressure), jnp.asarray(angle))
         if not bool(flow.converged):
-            raise no_steady_flow(pressure, angle)
+            raise no_steady_flow(stage, pressure, angle)
         found.append(Along(stage, pressure, angle, passage, flow))
     return found
 

@@ -4,8 +4,9 @@ from typing import Any, Protocol, runtime_checkable
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 
-from .._errors import InputError, require_positive
+from .._errors import InputError, is_traced, require_positive
 from .._types import Scalar, Values
 from ..parameters import as_float_array
 from ..parts import flow_between
@@ -18,6 +19,8 @@ class TurbineFlow(Protocol):
 
     total_temperature: Scalar
     """K at the inlet, for which `mass_flow` holds."""
+    outlet_pressure: Scalar
+    """Pa absolute behind it, for which `mass_flow` holds."""
 
     def mass_flow(self, total_pressure: Values, crank_angle: Values) -> Values:
         """Flow in kg/s from a total pressure in Pa absolute, with the vanes' crank at an angle in deg."""
@@ -43,8 +46,8 @@ class OperatingPoint(eqx.Module):
     Exactly one of `effective_area` and `turbine` says how the manifold empties; a turbine also needs the `crank_angle`
     of its vanes.
 
-    **Raises:** `InputError` for a quantity that is not positive, for both ways out of the manifold or none, and for a
-    turbine without an angle or the other way round.
+    **Raises:** `InputError` for a quantity that is not positive, for both ways out of the manifold or none, for a
+    turbine without an angle or the other way round, and for one with another pressure behind it.
     """
 
     engine_speed: Values = eqx.field(converter=as_float_array)
@@ -79,8 +82,19 @@ class OperatingPoint(eqx.Module):
             )
         if self.turbine is not None and not isinstance(self.turbine, TurbineFlow):
             raise InputError(
-                "a turbine must have mass_flow(total_pressure, crank_angle) and total_temperature, but "
-                f"{type(self.turbine).__name__} has not; give e.g. a vane force of a turbine"
+                "a turbine must have mass_flow(total_pressure, crank_angle), total_temperature and outlet_pressure, "
+                f"but {type(self.turbine).__name__} has not; give e.g. a vane force of a turbine"
+            )
+        if self.turbine is not None:
+            self._require_one_outlet(self.turbine)
+
+    def _require_one_outlet(self, turbine: TurbineFlow) -> None:
+        here, there = self.outlet_pressure, turbine.outlet_pressure
+        if not is_traced(here, there) and not np.allclose(here, there, rtol=1e-6):
+            raise InputError(
+                f"the pressure behind the turbine must be the {np.mean(there):.6g} Pa of its flow, but outlet_pressure "
+                f"is {np.mean(here):.6g} Pa; give one of them to both",
+                "outlet_pressure",
             )
 
     def leaving(self, gas: ExhaustGas, pressure: Values, temperature: Values) -> Values:

@@ -12,6 +12,7 @@ from ._losses import (
     energy_loss as energy_loss,
 )
 from ._march import march as march
+from ._newton import Ending as Ending
 from ._nozzle import VANES as VANES, WHEEL as WHEEL, Losses as Losses, Nozzle as Nozzle
 from ._passage import Inlet as Inlet, Passage as Passage
 from ._riemann import States as States

@@ -17,7 +17,7 @@ class Gas(Part):
 
     gamma: Scalar = parameter(1.34, symbol="gamma", unit="-", source="exhaust gas at 900 K, assumed", held=True)
     """Ratio of the heat capacities."""
-    constant: Scalar = parameter(287.0, symbol="r", unit="J/(kg K)", source="3.40", held=True)
+    constant: Scalar = parameter(287.0, symbol="r", unit="J/(kg K)", source="3.40, value assumed", held=True)
     """Specific gas constant; the print calls it the universal one (erratum E6)."""
 
     def __check_init__(self) -> None:

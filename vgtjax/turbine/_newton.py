@@ -51,24 +51,35 @@ class AbstractProblem(eqx.Module):
         """Where to look for the states of an easier problem, when this one's are looked for at `start`."""
 
 
-def solve(
-    problem: AbstractProblem, start: States, first_cfl: float, careful_cfl: float
-) -> tuple[States, Bool[Array, ""]]:
-    """States that solve a problem, and whether they were found: from the start, or else by continuation.
+class Ending(eqx.Module):
+    """How a search for a flow ended."""
+
+    reached: Values
+    """Share of the problem whose states were found: 1 for the whole."""
+    imbalance: Values
+    """Largest imbalance of a cell at the end of the last search, over what gas at rest would carry at its speed of
+    sound; not finite where the states were not."""
+
+    @property
+    def converged(self) -> Bool[Array, "..."]:
+        """Whether the whole problem is solved."""
+        return self.reached >= 1
+
+
+def solve(problem: AbstractProblem, start: States, first_cfl: float, careful_cfl: float) -> tuple[States, Ending]:
+    """States that solve a problem, and how the search ended: from the start, or else by continuation.
 
     Differentiable in both modes with respect to what is in the problem.
 
     **Arguments:** lengths of the first step in pseudo-time, in transits of a cell by sound, from the start and on the
     way that continuation goes.
     """
-    states, converged = jax.lax.stop_gradient(
-        _continue(*jax.lax.stop_gradient((problem, start)), first_cfl, careful_cfl)
-    )
+    states, ending = jax.lax.stop_gradient(_continue(*jax.lax.stop_gradient((problem, start)), first_cfl, careful_cfl))
     # One more step, whose right side carries all derivatives.
     band = jax.lax.stop_gradient(_band(jax.lax.stop_gradient(problem), states, LAST_CFL))
     move, most = -solve_band(band, problem(states)), LAST_MOVE * jax.lax.stop_gradient(problem.balance.scale[None])
     too_far = jax.lax.stop_gradient(move - jnp.clip(move, -most, most))
-    return jnp.where(converged, states + move - too_far, states), converged
+    return jnp.where(ending.converged, states + move - too_far, states), ending
 
 
 def imbalance_of(problem: AbstractProblem, states: States) -> Values:
@@ -93,17 +104,17 @@ def _is_good(imbalance: Values, states: States) -> Bool[Array, ""]:
 
 
 class _Way(eqx.Module):
-    """Where continuation stands: the share of the problem whose states are known, and how much more is tried next."""
+    """Where continuation stands: the share of the problem whose states are known, the imbalance that the last search
+    left, and how much more is tried next."""
 
     states: States
     known: Values
+    imbalance: Values
     advance: Values
     attempts: Array
 
 
-def _continue(
-    problem: AbstractProblem, start: States, first_cfl: float, careful_cfl: float
-) -> tuple[States, Bool[Array, ""]]:
+def _continue(problem: AbstractProblem, start: States, first_cfl: float, careful_cfl: float) -> tuple[States, Ending]:
     """States of the whole problem at once, or of ever larger shares of it, each searched from those of the last."""
 
     def unfinished(at: _Way) -> Array:
@@ -116,11 +127,12 @@ def _continue(
         states, imbalance = _search(problem.eased(share), near, cfl)
         found = _is_good(imbalance, start)
         advance = at.advance * jnp.where(found, 2.0, 0.5)
-        return _Way(jnp.where(found, states, at.states), jnp.where(found, share, at.known), advance, at.attempts + 1)
+        states, known = jnp.where(found, states, at.states), jnp.where(found, share, at.known)
+        return _Way(states, known, imbalance, advance, at.attempts + 1)
 
     zero, one = jnp.zeros((), start.dtype), jnp.ones((), start.dtype)
-    end = jax.lax.while_loop(unfinished, onward, _Way(start, zero, one, jnp.zeros((), int)))
-    return end.states, end.known >= 1
+    end = jax.lax.while_loop(unfinished, onward, _Way(start, zero, zero, one, jnp.zeros((), int)))
+    return end.states, Ending(end.known, end.imbalance)
 
 
 def _search(problem: AbstractProblem, start: States, first_cfl: Values) -> tuple[States, Values]:

@@ -1,5 +1,6 @@
 """Steady flow: the states in which all cells balance, and what they mean."""
 
+import dataclasses
 from typing import Any
 
 import equinox as eqx
@@ -11,7 +12,7 @@ from .._errors import require_positive
 from .._types import Scalar, Values
 from ._balance import Balance, balance_from
 from ._gas import Gas
-from ._newton import AbstractProblem, solve
+from ._newton import AbstractProblem, Ending, solve
 from ._passage import Inlet, Passage
 from ._riemann import States, pack, unpack
 
@@ -43,13 +44,15 @@ class Flow(eqx.Module):
     """Circumferential force of the blades on the gas of each cell, in N."""
     converged: Bool[Array, "..."]
     """Whether all balances hold."""
+    ending: Ending | None = None
+    """How the search for a steady flow ended."""
 
 
 def steady(passage: Passage, inlet: Inlet, outlet_pressure: Scalar, gas: Gas) -> Flow:
     """Steady flow through a passage, subsonic, choked or with a shock.
 
     Differentiable in both modes by the implicit function theorem. Where `converged` is false no other value means
-    anything, nor does a derivative.
+    anything, nor does a derivative; `ending` then says how far the search came from gas at rest.
 
     **Arguments:** `outlet_pressure` in Pa absolute.
 
@@ -78,8 +81,9 @@ def _steady_from(
 ) -> tuple[Flow, States]:
     """One program for all passages of as many cells."""
     problem = _Steady(passage, inlet, outlet_pressure, gas)
-    states, converged = solve(problem, start, first_cfl, CAREFUL_CFL)
-    return flow_of(problem.balance, states, converged), jax.lax.stop_gradient(states)
+    states, ending = solve(problem, start, first_cfl, CAREFUL_CFL)
+    flow = dataclasses.replace(flow_of(problem.balance, states, ending.converged), ending=ending)
+    return flow, jax.lax.stop_gradient(states)
 
 
 def as_plain_arrays(tree: Any) -> Any:

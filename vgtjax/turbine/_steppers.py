@@ -49,11 +49,11 @@ class Implicit(AbstractStepper):
 
         def stage(carry: tuple[States, Array], at: Array) -> tuple[tuple[States, Array], Bool[Array, ""]]:
             near, before = carry
-            after, found = solve(
+            after, ending = solve(
                 _Stage(balance.between(begin.towards(end, at)), before, share), near, FIRST_CFL, CAREFUL_CFL
             )
             gained = (balance.stored(after) - here) * (1 - DIAGONAL) / DIAGONAL
-            return (after, here + gained), found
+            return (after, here + gained), ending.converged
 
         # A loop, as two searches take twice as long to compile.
         (after, _), found = jax.lax.scan(stage, (states, here), jnp.asarray([DIAGONAL, 1.0], states.dtype))

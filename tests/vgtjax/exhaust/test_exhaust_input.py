@@ -5,7 +5,7 @@ import re
 import jax
 import pytest
 
-from vgtjax import InputError, SimulationError, parameter_table
+from vgtjax import InputError, SimulationError, Turbine, parameter_table
 from vgtjax.exhaust import Engine, OperatingPoint, Valve, pulsation, steady_cycle
 from vgtjax.simulation import RESULTS
 
@@ -54,8 +54,13 @@ POINT = {
         ),
         (
             {"effective_area": None, "turbine": object(), "crank_angle": 6.7},
-            "a turbine must have mass_flow(total_pressure, crank_angle) and total_temperature, but object has not; "
-            "give e.g. a vane force of a turbine",
+            "a turbine must have mass_flow(total_pressure, crank_angle), total_temperature and outlet_pressure, but "
+            "object has not; give e.g. a vane force of a turbine",
+        ),
+        (
+            {"effective_area": None, "turbine": Turbine(outlet_pressure=1.2e5), "crank_angle": 6.7},
+            "the pressure behind the turbine must be the 120000 Pa of its flow, but outlet_pressure is 103000 Pa; give "
+            "one of them to both",
         ),
     ],
     ids=lambda value: "-".join(value) if isinstance(value, dict) else "",

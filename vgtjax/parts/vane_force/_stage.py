@@ -151,9 +151,15 @@ def flow_at(
     return flow, jnp.stack([stage.force(moment), flow.mass_flow]), states
 
 
-def no_steady_flow(total_pressure: float, crank_angle: float) -> SimulationError:
-    """The error of a point without a steady state; Pa absolute and deg."""
+def no_steady_flow(stage: Stage, total_pressure: float, crank_angle: float) -> SimulationError:
+    """The error of a point without a steady state, which is searched once more to say how; Pa absolute and deg."""
+    ending = flow_at(stage, jnp.asarray(total_pressure), jnp.asarray(crank_angle), CELLS)[0].ending
+    assert ending is not None, "a search has an end"
+    imbalance = float(ending.imbalance)
+    left = f"left an imbalance of {imbalance:.1g}" if np.isfinite(imbalance) else "left the finite numbers"
     return SimulationError(
         f"no steady flow through the nozzle was found at {total_pressure / 1e5:.4g} bar absolute and a crank angle of "
-        f"{crank_angle:.4g} deg; check the nozzle's geometry, or give it less swirl or speed there"
+        f"{crank_angle:.4g} deg: from gas at rest the search came to {float(ending.reached):.0%} of the pressure "
+        f"difference, with a wheel as much slower, and {left} beyond; check the nozzle's geometry, or give it less "
+        "swirl or speed there"
     )

@@ -217,7 +217,7 @@ def _remembered(values: tuple[float, ...], dtype: str, shape: Any) -> ForceTable
         row, column = np.argwhere(~np.asarray(found))[0]
         outlet = float(stage.outlet_pressure)
         pressure = outlet + (HIGHEST_PRESSURE - outlet) * row / (PRESSURES - 1)
-        raise no_steady_flow(pressure, np.linspace(*CRANK_RANGE, ANGLES)[column])
+        raise no_steady_flow(stage, pressure, np.linspace(*CRANK_RANGE, ANGLES)[column])
     return table
 
 

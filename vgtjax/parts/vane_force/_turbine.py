@@ -142,7 +142,7 @@ class Turbine(AbstractVaneForce, AbstractTabulated):
         # Where nothing flows another state is solved for, whose force is not taken.
         flow, values, _ = flow_at(self.stage, jnp.where(flowing, pressure, 2 * self.outlet_pressure), angle)
         if not is_traced(flow.converged) and not bool(flow.converged):
-            raise no_steady_flow(float(pressure), float(angle))
+            raise no_steady_flow(self.stage, float(pressure), float(angle))
         return jnp.where(flow.converged, jnp.where(flowing, values[0], 0.0), jnp.nan)
 
     def _checked(self, total_pressure: Scalar, crank_angle: Scalar) -> tuple[Array, Array]:
