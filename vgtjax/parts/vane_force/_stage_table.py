@@ -29,6 +29,8 @@ Knots = Float[Array, "pressures angles"]
 """One of the two."""
 ALL = np.ones(PRESSURES, bool)
 """Rows of a whole table."""
+ROUNDED = 1e-3
+"""Of the first interval of pressures; a mass flow is linear below it, so that its slope is finite where none flows."""
 MARGIN = 1e-3
 """Of an interval between two pressures, for rounding of what is read there."""
 
@@ -70,8 +72,13 @@ class StageTable(AbstractVaneForce, AbstractTable):
         return jnp.any(jnp.isnan(self.forces))
 
     def mass_flow(self, total_pressure: Values, crank_angle: Values) -> Values:
-        """In kg/s at Pa absolute and deg, of gas at `total_temperature`."""
-        return self.read(self.flows, total_pressure, crank_angle)
+        """In kg/s at Pa absolute and deg, of gas at `total_temperature`.
+
+        Below the first pressure of the table it goes with the root of the pressure difference, as through an orifice.
+        """
+        passed = jnp.clip((PRESSURES - 1) * _share(total_pressure, self.outlet_pressure), 0.0, 1.0)
+        beyond_linear = jnp.sqrt((1 + ROUNDED) / (passed + ROUNDED))
+        return beyond_linear * self.read(self.flows, total_pressure, crank_angle)
 
     def __call__(self, vanes: Vanes, velocity: Values, state: None) -> tuple[Values, None]:
         """Force in N, the same in both directions: it follows the pressure within a tenth of a millisecond."""
