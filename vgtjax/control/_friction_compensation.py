@@ -18,9 +18,6 @@ from ._differentiator import AbstractDifferentiator, LevantDifferentiator
 
 ABOVE_BOUND = 1.5
 """Least derivative gain of a design for a plant, in parts of the bound of [5.9]."""
-FARTHEST = 3.0
-"""Deflections of the largest friction that are observed at most: with one, Signal 1 is followed within 53 um, with
-three or more within 19."""
 
 
 class ObserverState(eqx.Module):
@@ -117,16 +114,10 @@ class FrictionCompensation(AbstractController):
         return ObserverState(deflection, vanes, memory), duty, log
 
     def _observe(self, deflection: Scalar, velocity: Scalar, error: Scalar, period: float) -> tuple[Scalar, Scalar]:
-        """One implicit Euler step, as fast sliding relaxes within less than a sample; and the friction force in N.
-
-        Bristles never deflect by more than the largest friction asks for. What is observed makes up for other errors of
-        the model too, so it may be `FARTHEST` times that; a rod at rest far from its reference would else wind it up.
-        """
+        """One implicit Euler step, as fast sliding relaxes within less than a sample; and the friction force in N."""
         model = self.friction
         relaxation = model.bristle_stiffness * jnp.abs(velocity) / model.stribeck(velocity)
-        driven = (deflection + period * (velocity - self.observer_gain * error)) / (1 + period * relaxation)
-        farthest = FARTHEST * jnp.maximum(model.static_force, model.coulomb_force) / model.bristle_stiffness
-        onward = jnp.clip(driven, -farthest, farthest)
+        onward = (deflection + period * (velocity - self.observer_gain * error)) / (1 + period * relaxation)
         rate = (onward - deflection) / period
         elastic = model.bristle_stiffness * onward + model.bristle_damping * rate
         return onward, self.load * (elastic + model.viscous_damping * velocity)
