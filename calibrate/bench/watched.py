@@ -56,7 +56,7 @@ def _watch(thread: int, stop: threading.Event, spent: dict[str, float]) -> None:
 
 
 def kind_of(frame: types.FrameType | None) -> str:
-    """What a thread is at by its innermost frame."""
+    """What a thread is at, by the stack that ends in a frame."""
     stack = []
     while frame is not None:
         stack.append((frame.f_code.co_filename, frame.f_code.co_name))

@@ -74,9 +74,14 @@ def _applied(unit: Unit, trace: Trace) -> Trace:
 
 
 def _common_delay(unit: Unit, traces: Sequence[Trace]) -> float:
-    """s by which the duty was found to be late beyond what its record says, in all traces; none where that differs."""
-    found = [unit.duties[trace.name].delay - trace.duty_late for trace in traces if trace.name in unit.duties]
-    return found[0] if len(found) == len(traces) and len(set(found)) == 1 else 0.0
+    """s by which the duty was found to be late beyond what its record says, in all traces; none where that differs, or
+    where it was read otherwise as well, which a fit has to find beside it."""
+    duties = [unit.duties.get(trace.name) for trace in traces]
+    delays = {
+        duty.delay - trace.duty_late if duty is not None and not (duty.edges or duty.linear) else 0.0
+        for duty, trace in zip(duties, traces, strict=True)
+    }
+    return delays.pop() if len(delays) == 1 else 0.0
 
 
 def _recover(unit: Unit, truth: Truth, campaigns: int, folder: pathlib.Path) -> tuple[list[Refit], float]:

@@ -1,11 +1,15 @@
 """The command `recover` as a user runs it."""
 
 import hashlib
+import types
 
 import numpy as np
 import pytest
 from commands import read, run_command, timeless
 from pages import Page
+
+from calibrate.assurance.recover.command import _common_delay
+from calibrate.study.start_file import FoundDuty
 
 CAMPAIGNS = 3
 
@@ -103,3 +107,20 @@ def test_an_interrupted_recovery_keeps_its_campaigns(recovered, fitted, tmp_path
     expected, found = read(out / "summary.json"), read(tmp_path / "out" / "summary.json")
     assert {**found, "wall_seconds": 0} == {**expected, "wall_seconds": 0}
     assert timeless(out / "report.html") == timeless(tmp_path / "out" / "report.html")
+
+
+@pytest.mark.parametrize(
+    ("found", "delay"),
+    [
+        ({"a": FoundDuty(0.004, False), "b": FoundDuty(0.004, False)}, 0.004),
+        ({"a": FoundDuty(0.004, False), "b": FoundDuty(0.003, False)}, 0.0),
+        ({"a": FoundDuty(0.004, False)}, 0.0),
+        ({"a": FoundDuty(0.004, False, (-1e-3,)), "b": FoundDuty(0.004, False)}, 0.0),
+        ({"a": FoundDuty(0.004, True), "b": FoundDuty(0.004, True)}, 0.0),
+    ],
+    ids=["late", "differs", "not of all", "edges beside it", "linear"],
+)
+def test_campaigns_begin_late_where_nothing_but_one_delay_was_found(found, delay):
+    """What else a fit has found of a duty, campaigns have to find again: they begin as that fit did."""
+    traces = [types.SimpleNamespace(name=name, duty_late=0.0) for name in "ab"]
+    assert _common_delay(types.SimpleNamespace(duties=found), traces) == delay

@@ -67,6 +67,7 @@ def test_a_point_that_is_not_found_is_named(study, solved, tmp_path, command):
     outcome = run_command(command, study("total_temperature", 950.0), "--out", tmp_path / "out")
     assert outcome.status == 1
     sentence = (
-        "failed: no steady flow through the nozzle was found at 2.775 bar absolute and a crank angle of 12.25 deg"
+        "failed: no steady flow through the nozzle was found at 2.775 bar absolute and a crank angle of 12.25 deg: the "
+        "search from the flow beside it failed; check"  # of the table alone, which is made up
     )
     assert outcome.err.startswith(sentence)

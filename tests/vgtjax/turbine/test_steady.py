@@ -118,6 +118,18 @@ def test_a_choked_exit_does_not_feel_the_outlet():
     assert float(jax.jit(jax.grad(passed))(6e4)) == 0.0
 
 
+def test_a_search_that_fails_says_how_far_it_came():
+    """A duct that would take away more heat than the gas brings along."""
+    flow = solve(duct(heat=-1e9), plenum(), 1.5e5, GAS)
+    assert not bool(flow.converged)
+    assert 0 <= float(flow.ending.reached) < 1
+    assert not float(flow.ending.imbalance) < 1e-11  # large, or no number
+    # Easier ones are found.
+    easier = solve(duct(heat=-6e7), plenum(), 1.5e5, GAS)
+    assert float(easier.ending.reached) == 1.0
+    assert float(easier.ending.imbalance) < 1e-11
+
+
 def test_bad_passages():
     good = duct()
     with pytest.raises(vgtjax.InputError, match=r"passage\.area must be areas in m2 above zero, but entry 0 is -1"):

@@ -157,9 +157,13 @@ def no_steady_flow(stage: Stage, total_pressure: float, crank_angle: float) -> S
     assert ending is not None, "a search has an end"
     imbalance = float(ending.imbalance)
     left = f"left an imbalance of {imbalance:.1g}" if np.isfinite(imbalance) else "left the finite numbers"
+    how = (
+        f"from gas at rest the search came to {float(ending.reached):.0%} of the pressure difference, with a wheel as "
+        f"much slower, and {left} beyond"
+    )
+    if bool(ending.converged):
+        how = "the search from the flow beside it failed"
     return SimulationError(
         f"no steady flow through the nozzle was found at {total_pressure / 1e5:.4g} bar absolute and a crank angle of "
-        f"{crank_angle:.4g} deg: from gas at rest the search came to {float(ending.reached):.0%} of the pressure "
-        f"difference, with a wheel as much slower, and {left} beyond; check the nozzle's geometry, or give it less "
-        "swirl or speed there"
+        f"{crank_angle:.4g} deg: {how}; check the nozzle's geometry, or give it less swirl or speed there"
     )
