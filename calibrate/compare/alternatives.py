@@ -10,7 +10,7 @@ import numpy as np
 import vgtjax
 from vgtjax import InputError, PassivityWarning
 from vgtjax.estimation import Task
-from vgtjax.identification import GASLESS, gauge_pressures, plan_fit
+from vgtjax.identification import has_gas, plan_fit
 from vgtjax.parameters import entry_names, match_entries, parameter_table, select
 from vgtjax.plants import on_given_knots
 
@@ -39,14 +39,9 @@ WIDER = {
     "karnopp": ("coulomb",),
 }
 """Which variants contain which others as a limit."""
-NO_GAS = "the turbine pressure is zero in all traces"
+STILL = "the turbine pressure is zero in all traces"
 _FILTERING = threading.Lock()
 """Filters of warnings belong to the process, and the fits of structures to several threads."""
-
-
-def has_gas(unit: Unit) -> bool:
-    """Whether exhaust gas does anything in the traces to fit."""
-    return any(pressure > GASLESS for pressure in gauge_pressures(unit.used("fit")).values())
 
 
 def own_structure(study: Study) -> dict[str, str]:
@@ -60,7 +55,7 @@ def options(study: Study, unit: Unit) -> dict[str, list[str]]:
     """The variants of every component that the traces of a unit may tell apart, its own among them."""
     own = own_structure(study)
     every = {"vane_force": VANE_FORCE, "friction": FRICTION, "line": LINE, "chamber": CHAMBER}
-    if not has_gas(unit):
+    if not any(map(has_gas, unit.used("fit"))):
         del every["vane_force"]
     if own["friction"] == "lugre-passive":
         every["friction"] = FRICTION[1:]

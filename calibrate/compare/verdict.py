@@ -9,7 +9,7 @@ from vgtjax.identification import Compared, Ranking, Row, worst_verdict
 
 from ..study.tables import Study
 from ..study.units import Unit
-from .alternatives import EXPONENTS, NO_GAS, options, own_structure
+from .alternatives import EXPONENTS, STILL, options, own_structure
 
 UNSETTLED = "every sweep through the components changed another one"
 ALONE = "there is nothing to compare it with"
@@ -55,7 +55,7 @@ def judge(study: Study, unit: Unit, compared: Compared) -> Verdict:
     choices: dict[str, Choice] = {}
     for component, value in own_structure(study).items():
         if component not in options(study, unit):
-            choices[component] = Choice(value, False, NO_GAS)
+            choices[component] = Choice(value, False, STILL)
         elif component == "friction":
             choices |= _friction(compared.rankings[component], compared.structure[component])
         else:

@@ -25,14 +25,14 @@ def run(
 ) -> None:
     """Writes `summary.json`, `report.html`, and a CSV for every closed loop under `traces/`.
 
-    **Raises:** `SimulationError` after everything is written, when a closed loop left the finite numbers.
+    **Raises:** `SimulationError` after everything is written, when a closed loop failed.
     """
     job = prepare_control(study, parameters, gains)
     run_once(out, "control", job.fingerprint, lambda: _compute(job, out))
-    failed = read_json(out / SUMMARY)["failed"]
-    if failed:
+    summary = read_json(out / SUMMARY)
+    if failed := summary["failed"]:
         raise SimulationError(
-            f"{len(failed)} closed loops leave the finite numbers, the first of them '{failed[0]}'; lower its gains"
+            f"{len(failed)} closed loops fail, the first of them '{failed[0]}'; lower its gains. {summary['failure']}"
         )
 
 

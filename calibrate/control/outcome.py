@@ -86,6 +86,7 @@ def summarise(job: ControlJob, outcome: Outcome) -> dict[str, Any]:
         "loops": [_numbers(group, index) for group, index in outcome.loops],
         "margins": list_margins(outcome.margins),
         "failed": [str(group.labels[index]) for group, index in outcome.loops if group.failed[index]],
+        "failure": next((group.failure for group in outcome.groups if group.failure), None),
         "notes": list(job.notes),
         **job.account(outcome.seconds),
     }

@@ -31,16 +31,15 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
                 continue
             duty = unit.duties.get(trace.name)
             applied = trace if duty is None else duty.applied(trace)
-            solution = vgtjax.simulate(unit.model, applied, throw=False)
-            if solution.result != vgtjax.RESULTS.successful:
-                failed.append(trace.name)
+            try:
+                solution = vgtjax.simulate(unit.model, applied)
+            except SimulationError as error:
+                failed.append(str(error))
                 continue
             write_text(path, to_csv(trace, solution, applied.rows_at(trace.time)))
             console.print(f"wrote {path}")
     if failed:
-        raise SimulationError(
-            f"the simulation of {', '.join(failed)} left the finite numbers; check that the parameters are physical"
-        )
+        raise SimulationError(" ".join(failed))
 
 
 def to_csv(trace: vgtjax.Trace, solution: vgtjax.Solution, rows: np.ndarray) -> str:

@@ -151,7 +151,7 @@ def load_source(
         atmosphere=STANDARD_ATMOSPHERE if source.atmosphere is None else source.atmosphere,
         travel=max(TRAVEL, travel, bounds.get("diaphragm.travel", (None, None))[1] or 0.0),
         needs=needs,
-        ignore=() if isinstance(model, vgtjax.MechanicalActuator) else ("f_drive",),
+        ignore=("f_drive",) if "p_act" in model.sensed else (),
         name=source.name,
     )
     with of_study():

@@ -102,8 +102,8 @@ def _show(tuner: Tuner, seconds: float) -> None:
 def _verdict(summary: dict) -> None:
     if summary["failed"]:
         raise SimulationError(
-            f"with the tuned gains {len(summary['failed'])} closed loops leave the finite numbers, the first of them "
-            f"'{summary['failed'][0]}'; raise worst under [control.cost], or tune on more plants"
+            f"with the tuned gains {len(summary['failed'])} closed loops fail, the first of them "
+            f"'{summary['failed'][0]}'; raise worst under [control.cost], or tune on more plants. {summary['failure']}"
         )
     if not summary["converged"]:
         raise SimulationError(f"tuning ended early: {summary['verdict']}")

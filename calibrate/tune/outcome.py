@@ -105,6 +105,7 @@ def summarise(
         "sample": None if sample is None else dataclasses.asdict(sample),
         "cases": {name: _rows(comparison) for name, comparison in comparisons.items()},
         "failed": [str(true.problem.cases.labels[i]) for i in np.flatnonzero(true.tuned.failed)],
+        "failure": true.tuned.failure or None,
         "notes": [*job.notes, *outcome.remarks],
         **job.account(outcome.seconds),
     }

@@ -88,7 +88,7 @@ def _columns(task: Task, known: Information, runs: Sequence[StandardRun]) -> Ste
     bundles = bundle_traces(model, traces, task.stepping, like=recorded)
     evaluated = yield from ask(Evaluation(model, bundles, None, task.selection))
     if evaluated.failed:
-        raise SimulationError("a standard run can't be simulated with these values; check that they are physical")
+        raise SimulationError(f"a standard run can't be simulated with these values. {evaluated.failure}")
     slope, noise, order = _slope(task, known), _noise(task), list(whole)
     parts = [[each * slope for each in evaluated.columns], [by_gains(task, each) for each in evaluated.observed]]
     if task.tolerances:

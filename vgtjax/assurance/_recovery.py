@@ -71,7 +71,7 @@ class Truth:
         **Raises:** `InputError` where a model is so far from the traces that it was not fitted to them.
         """
         sharp = sharp_bundles(task.model, applied, task.stepping)
-        observed = yield from observe_traces(with_sharp_seat(task.model), sharp)
+        observed = yield from observe_traces(with_sharp_seat(task.model), sharp, task.fit)
         pairs = zip(task.fit, applied, observed, strict=True)
         clean = [seen[read.rows_at(trace.time)] for trace, read, seen in pairs]
         sensors = learn_sensors(task.fit, task.channels, clean, clean, task.unknown)

@@ -36,6 +36,7 @@ from ._exact import taken_for_exact as taken_for_exact
 from ._layout import SEGMENT as SEGMENT
 from ._least_squares import (
     NORMAL_95 as NORMAL_95,
+    NULL as NULL,
     VAGUE as VAGUE,
     LeastSquares as LeastSquares,
     clustered_errors as clustered_errors,

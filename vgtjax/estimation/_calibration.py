@@ -14,8 +14,8 @@ from ..traces import SIGNALS, Trace
 from ._budget import Budget
 from ._bundle import CHANNELS, Bundle, bundle_traces
 from ._duties import in_seconds, read_duties
-from ._evaluation import Steps
-from ._evidence import observe_traces
+from ._evaluation import Evaluation, Steps, ask
+from ._evidence import by_trace
 from ._exact import taken_for_exact
 from ._holds import sample_interval
 from ._inputs import InputSensor
@@ -70,13 +70,15 @@ class Comparison:
 class TraceResult:
     """How a fitted model meets one trace.
 
-    `simulated` has each observed signal at the trace's `time`; `channels` compares those that were measured.
+    `simulated` has each observed signal at the trace's `time`; `channels` compares those that were measured. `failure`
+    says why its simulation failed, and what helps.
     """
 
     trace: Trace
     use: str
     simulated: dict[str, np.ndarray]
     channels: dict[str, Comparison]
+    failure: str = ""
 
     @property
     def rmse(self) -> dict[str, float]:
@@ -95,8 +97,8 @@ class TraceResult:
 
     @property
     def failed(self) -> bool:
-        """Whether the simulation left the finite numbers."""
-        return not all(map(np.isfinite, self.rmse.values()))
+        """Whether the simulation failed."""
+        return bool(self.failure)
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -199,9 +201,9 @@ class Calibration(Printed):
     def troubles(self) -> tuple[str, ...]:
         """A sentence on each thing that is wrong with the values, however the search ended."""
         troubles = []
-        if failed := [result.trace.name for result in self.traces if result.failed]:
-            names = ", ".join(failed)
-            troubles.append(f"the simulation of {names} with the fitted values left the finite numbers")
+        if failed := {result.trace.name: result.failure for result in self.traces if result.failed}:
+            why = " ".join(dict.fromkeys(failed.values())).removesuffix(".")
+            troubles.append(f"the simulation of {', '.join(failed)} with the fitted values failed: {why}")
         if self.progress.lost:
             names = ", ".join(self.task.selection.entries[number] for number in self.progress.held)
             troubles.append(
@@ -293,13 +295,16 @@ def comparing(
     for use, traces, edges in (("fit", task.fit, task.edges), ("validate", task.validate, ())):
         read = read_duties(traces, task.linear, edges, delay)
         bundles = bundle_traces(model, read, task.stepping, bundles)
-        observed = yield from observe_traces(model, bundles, delay if task.late_duty else None)
+        evaluated = yield from ask(Evaluation(model, bundles, delay if task.late_duty else None))
+        observed, failures = by_trace(bundles, evaluated), evaluated.failures(bundles)
         known = sensors if use == "fit" and sensors is not None else white_sensors(traces, task.channels)
         of_errors = task.traces if use == "fit" else read
-        for trace, applied, before, seen, each in zip(traces, read, of_errors, observed, known, strict=True):
+        of_each = zip(traces, read, of_errors, observed, known, failures, strict=True)
+        for trace, applied, before, seen, each, failure in of_each:
             error = next(left)
             error = None if error is None else error[before.rows_at(trace.time)]
-            results.append(_compare_one(trace, use, seen[applied.rows_at(trace.time)], each, error))
+            compared = _compare_one(trace, use, seen[applied.rows_at(trace.time)], each, error)
+            results.append(dataclasses.replace(compared, failure=failure))
     return results
 
 

@@ -22,6 +22,7 @@ from ._evidence import (
     learn_sensors,
     observe_traces,
     sharp_bundles,
+    simulated,
 )
 from ._finish import finishing
 from ._least_squares import LeastSquares
@@ -223,7 +224,7 @@ def corrected_calibration(
     here = np.array(progress.coordinates)
     problem = dataclasses.replace(problem, transform=transform_of(task, progress))
     asked = problem.evaluation(here)
-    placed = yield from ask(asked)
+    placed = simulated((yield from ask(asked)), problem.bundles, task.traces)
     smooth = problem.beside_edges(placed, here)
     observed = by_trace(problem.bundles, smooth)
     exact = observed
@@ -251,7 +252,7 @@ def corrected_calibration(
 def _sharp(task: Task, asked: Evaluation) -> Steps[list[Float[np.ndarray, "time channel"]]]:
     """What would be observed of every trace without a smooth seat and long steps."""
     bundles = sharp_bundles(task.model, task.traces, task.stepping)
-    return (yield from observe_traces(with_sharp_seat(asked.model), bundles, asked.delay))
+    return (yield from observe_traces(with_sharp_seat(asked.model), bundles, task.traces, asked.delay))
 
 
 def calibrate(task: Task, report: Report = quiet) -> Calibration:

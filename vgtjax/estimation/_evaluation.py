@@ -9,13 +9,18 @@ from collections import deque
 from collections.abc import Generator, Sequence
 from typing import Any, TypeVar
 
+import jax
 import numpy as np
 
 from ..parameters import Selection
 from ..plants import AbstractModel, tabulated_along
+from ..simulation import RESULTS, first_failure
 from ._bundle import Bundle
 
 T = TypeVar("T")
+
+NO_NUMBER = "What the sensors would see left the finite numbers: check what is known of them."
+"""Of a simulation that did not fail itself."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -48,16 +53,32 @@ class Evaluation:
 class Evaluated:
     """The answer by bundle: what the sensors would see `(lanes, sample, channel)` in m and Pa, and its derivatives
     `(lanes, sample, channel, parameters)` in units of the table if they were asked for; or else those of its product
-    with a cotangent, `(parameters,)`, and nothing observed."""
+    with a cotangent, `(parameters,)`, and nothing observed. `ended` says how the simulation of each trace did."""
 
     observed: list[np.ndarray]
     columns: list[np.ndarray]
+    ended: Sequence[RESULTS] = ()
 
     @property
     def failed(self) -> bool:
-        """Whether a simulation left the finite numbers."""
+        """Whether a simulation failed, or a sensor would not see a number."""
+        return bool(self.failure)
+
+    @property
+    def failure(self) -> str:
+        """Why the first simulation failed, and what helps; empty where none did."""
         # One bad number makes a sum bad, and a sum is the cheapest look at many.
-        return not all(np.isfinite(np.sum(observed)) for observed in self.observed)
+        seen = all(np.isfinite(np.sum(observed)) for observed in self.observed)
+        return next(filter(None, map(first_failure, self.ended)), "" if seen else NO_NUMBER)
+
+    def failures(self, bundles: Sequence[Bundle]) -> list[str]:
+        """The same of every trace of the bundles by itself."""
+        found: dict[int, str] = {}
+        for bundle, lanes, ended in zip(bundles, self.observed, self.ended, strict=True):
+            for place, (index, seen) in enumerate(zip(bundle.indices, bundle.from_lanes(lanes), strict=True)):
+                advice = first_failure(jax.tree.map(lambda end, place=place: end[place], ended))
+                found[index] = advice or ("" if np.isfinite(np.sum(seen)) else NO_NUMBER)
+        return [found[index] for index in range(len(found))]
 
 
 Steps = Generator[Sequence[Evaluation], Sequence[Evaluated] | None, T]

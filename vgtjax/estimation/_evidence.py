@@ -98,14 +98,29 @@ def turns(wanted: Float[np.ndarray, "steps coordinates"]) -> Int[np.ndarray, " t
     return np.flatnonzero(np.sum(wanted[1:] * wanted[:-1], axis=1) < 0) + 1
 
 
+def simulated(evaluated: Evaluated, bundles: Sequence[Bundle], traces: Sequence[Trace]) -> Evaluated:
+    """The answer for some traces.
+
+    **Raises:** `SimulationError` naming the first of them whose simulation failed.
+    """
+    for trace, failure in zip(traces, evaluated.failures(bundles), strict=True):
+        if failure:
+            raise SimulationError(
+                f"the simulation of trace '{trace.name}' failed; check its inputs and the start values. {failure}"
+            )
+    return evaluated
+
+
 def observe_traces(
-    model: AbstractModel, bundles: Sequence[Bundle], delay: float | None = None
+    model: AbstractModel, bundles: Sequence[Bundle], traces: Sequence[Trace], delay: float | None = None
 ) -> Steps[list[Float[np.ndarray, "time channel"]]]:
     """What the sensors would see of every trace at its `time`: position in m, pressure in Pa absolute.
 
     **Arguments:** `bundles` of the traces; `delay` in s with which the duty reaches the valve.
+
+    **Raises:** as [`simulated`][].
     """
-    evaluated = yield from ask(Evaluation(model, bundles, delay))
+    evaluated = simulated((yield from ask(Evaluation(model, bundles, delay))), bundles, traces)
     return by_trace(bundles, evaluated)
 
 
@@ -132,15 +147,7 @@ def learn_sensors(
     """What a fit that ended at a smooth simulation tells of the sensors, and its sharp one of numerical errors.
 
     **Arguments:** `smooth`, `sharp`: what is observed of every trace, `(time, channel)`.
-
-    **Raises:** `SimulationError` where either left the finite numbers.
     """
-    for trace, *observed in zip(traces, smooth, sharp, strict=True):
-        if not all(np.all(np.isfinite(each)) for each in observed):
-            raise SimulationError(
-                f"the simulation of trace '{trace.name}' with corrected values left the finite numbers; check its "
-                "inputs and the start values"
-            )
     sensors = white_sensors(traces, channels)
 
     def learn(index: int, channel: str, sensor: Sensor) -> Sensor:

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool
 
-from ..plants import AbstractModel, MechanicalActuator
+from ..plants import AbstractModel
 from ..traces import START_WINDOW, Trace, noise_level, remove_noise
 from ._evidence import Unknown
 
@@ -50,7 +50,7 @@ def input_sensor(model: AbstractModel, trace: Trace, unknown: Unknown) -> InputS
 
     An offset that is free is not read from rest.
     """
-    if not (unknown.input_noise and isinstance(model, MechanicalActuator)) or trace.f_drive is not None:
+    if not unknown.input_noise or "p_act" in model.sensed or trace.f_drive is not None:
         return None
     pressure = trace.channels.get("p_act")
     if pressure is None or not _is_even(pressure.time):

@@ -10,7 +10,7 @@ import numpy as np
 from .._errors import InputError
 from ..parameters import Selection, select
 from ..parts import IsothermalChamber
-from ..plants import AbstractModel, Actuator, Initial, Instrumented, MechanicalActuator
+from ..plants import AbstractModel, Actuator, Initial, Instrumented
 from ..traces import Trace
 from ._evidence import Unknown
 
@@ -75,20 +75,20 @@ def _starting(model: AbstractModel, traces: Sequence[Trace], unknown: Unknown) -
     """
     if not unknown.start_state or (unknown.start_state == "evidence" and "pwm" not in model.needs):
         return []
-    seen = [trace for trace in traces if any(channel in trace.channels for channel in _seen(model))]
+    seen = [trace for trace in traces if any(channel in trace.channels for channel in model.sensed)]
     return [trace for trace in seen if not trace.start().at_rest or unknown.start_state is True]
 
 
 def _free_states(model: AbstractModel, trace: Trace) -> list[str]:
     """What of a start state is free: what sensors see, and the temperature of gas that has one."""
-    seen = [channel for channel in _seen(model) if channel in trace.channels]
+    seen = [channel for channel in model.sensed if channel in trace.channels]
     warm = isinstance(model, Actuator) and not isinstance(model.air_path.chamber, IsothermalChamber)
     return [*seen, "T_act"] if warm else seen
 
 
 def _numbered(model: AbstractModel, trace: Trace, number: int) -> Trace:
     """A trace that knows its start state, without what its sensors show before everything else has settled."""
-    seen = {channel: trace.channels[channel] for channel in _seen(model) if channel in trace.channels}
+    seen = {channel: trace.channels[channel] for channel in model.sensed if channel in trace.channels}
     later = {channel: each.time >= trace.time[0] + SETTLING for channel, each in seen.items()}
     kept = {
         channel: dataclasses.replace(each, time=each.time[later[channel]], value=each.value[later[channel]])
@@ -98,14 +98,9 @@ def _numbered(model: AbstractModel, trace: Trace, number: int) -> Trace:
     return trace.replace(start_number=number, **kept)
 
 
-def _seen(model: AbstractModel) -> tuple[str, ...]:
-    """Channels that say where a trace begins, and do not drive the model."""
-    return ("x_d",) if isinstance(model, MechanicalActuator) else ("x_d", "p_act")
-
-
 def _inputs(model: AbstractModel, traces: Sequence[Trace]) -> tuple[str, ...]:
     """Channels by which a model is driven, but for the duty."""
-    if not isinstance(model, MechanicalActuator):
+    if "p_act" in model.sensed:
         return ("p_res", "p_trb")
     driven = any("f_drive" in trace.channels for trace in traces)
     return ("f_drive" if driven else "p_act", "p_trb")

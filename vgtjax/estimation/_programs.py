@@ -15,6 +15,7 @@ from .._errors import SimulationError
 from .._kept import preparing
 from .._lanes import fill_devices, map_rows, share_out
 from ..parts import has_tables
+from ..simulation import RESULTS
 from ._evaluation import Evaluated, Evaluation, Steps
 from ._sensitivities import observe, observe_backwards, observe_together, observe_with_jacobian, prepare
 
@@ -136,11 +137,12 @@ def _width_together() -> int:
 def _evaluate(asked: Evaluation) -> Evaluated:
     parts = asked.parts()
     if asked.selection is None:
-        return Evaluated([np.asarray(observe(model, bundle, delay)) for model, _, bundle, delay, _ in parts], [])
+        seen = [observe(model, bundle, delay) for model, _, bundle, delay, _ in parts]
+        return Evaluated([np.asarray(observed) for observed, _ in seen], [], [ended for _, ended in seen])
     if asked.cotangent is not None:
         return Evaluated([], [np.asarray(observe_backwards(*part)) for part in parts])
-    found = [observe_with_jacobian(*part[:-1]) for part in parts]
-    return Evaluated([np.asarray(observed) for observed, _ in found], [np.asarray(columns) for _, columns in found])
+    observed, columns, ended = zip(*(observe_with_jacobian(*part[:-1]) for part in parts), strict=True)
+    return Evaluated([*map(np.asarray, observed)], [*map(np.asarray, columns)], ended)
 
 
 def _prepare_alone(question: Question) -> None:
@@ -213,6 +215,10 @@ class _Part(NamedTuple):
         return _Part(belongs, arrays, rest, np.asarray(substeps), shape, lanes, work)
 
 
+_Found = tuple[np.ndarray | None, np.ndarray | None, RESULTS | None]
+"""What is observed of a simulation, its derivatives, and how it ended."""
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class _Board(Generic[Name]):
     """Simulations that computations wait for, by the program that they share, and what came of those that ran.
@@ -223,9 +229,7 @@ class _Board(Generic[Name]):
     wide: int
     waiting: dict[Hashable, list[_Part]] = dataclasses.field(default_factory=dict)
     asked: dict[Name, Question] = dataclasses.field(default_factory=dict)
-    found: dict[tuple[Hashable, int, int], tuple[np.ndarray | None, np.ndarray | None]] = dataclasses.field(
-        default_factory=dict
-    )
+    found: dict[tuple[Hashable, int, int], _Found] = dataclasses.field(default_factory=dict)
 
     def ask(self, name: Name, question: Question) -> None:
         """Notes what a computation wants to know."""
@@ -265,14 +269,13 @@ class _Board(Generic[Name]):
         found, question = {each: self.found.pop(each) for each in places}, self.asked.pop(name)
         answers = []
         for which, evaluation in enumerate(question):
-            parts = [found[name, which, place] for place in range(len(evaluation.bundles))]
-            observed = [observed for observed, _ in parts if observed is not None]
-            answers.append(Evaluated(observed, [columns for _, columns in parts if columns is not None]))
+            parts = zip(*(found[name, which, place] for place in range(len(evaluation.bundles))), strict=True)
+            answers.append(Evaluated(*([each for each in part if each is not None] for part in parts)))
         return answers
 
 
-def _simulate(group: Sequence[_Part]) -> list[tuple[np.ndarray | None, np.ndarray | None]]:
-    """What is observed of each simulation, or derivatives, or both, as they were asked for."""
+def _simulate(group: Sequence[_Part]) -> list[_Found]:
+    """What is found of each simulation, as it was asked for."""
 
     def rows(places: np.ndarray) -> Any:
         return jax.tree.map(lambda *leaves: np.stack(leaves), *[group[place].arrays for place in places])

@@ -15,7 +15,7 @@ from .._lanes import replicate
 from .._types import Scalar, Vector
 from ..parameters import Selection, Transform
 from ..plants import AbstractModel
-from ..simulation import FixedStep
+from ..simulation import RESULTS, FixedStep
 from ..traces import Trace
 from ._bundle import CHANNELS, Bundle, bundle_traces
 from ._edge_times import Edges, covariance_root, from_mean
@@ -91,7 +91,7 @@ class FitProblem(eqx.Module):
             return evaluated
         observed = [np.asarray(each) for each in edges.moved(evaluated.observed, delay)]
         columns = edges.moving(evaluated.columns) if evaluated.columns else []
-        return Evaluated(observed, [np.asarray(each) for each in columns])
+        return Evaluated(observed, [np.asarray(each) for each in columns], evaluated.ended)
 
     def pulled_edges(self, cotangent: Sequence[np.ndarray], count: int) -> Float[np.ndarray, " coordinates"]:
         """The same of an answer in reverse mode: what it adds to so many derivatives."""
@@ -191,10 +191,10 @@ class FitProblem(eqx.Module):
         model, delay = self.at(coordinates)
         slope = jax.jvp(self.transform.to_physical, (coordinates,), (jnp.ones_like(coordinates),))[1]
         found = [observe_with_jacobian(model, self.selection, bundle, delay) for bundle in self.bundles]
-        observed, derivatives = ([each[part] for each in found] for part in (0, 1))
+        observed, derivatives = [seen for seen, _, _ in found], [columns for _, columns, _ in found]
         if self.placed_edges is not None and delay is not None:
             observed, derivatives = self.placed_edges.moved(observed, delay), self.placed_edges.moving(derivatives)
-        blocks = [residual_block(*pair) for pair in zip(self.measured, observed, strict=True)]
+        blocks = _finite_blocks(self.measured, observed, [ended for _, _, ended in found])
         columns = [jacobian_block(*pair) for pair in zip(self.measured, derivatives, strict=True)]
         scale = 1 / np.sqrt(self.count)
         residuals, jacobian = jnp.concatenate(blocks) * scale, jnp.concatenate(columns) * (scale * slope)[None, :]
@@ -213,11 +213,18 @@ def _at(
 @eqx.filter_custom_jvp
 def _residuals(coordinates: Vector, problem: FitProblem) -> Array:
     model, delay = problem.at(coordinates)
-    observed = [observe(model, bundle, delay) for bundle in problem.bundles]
+    observed, ended = map(list, zip(*(observe(model, bundle, delay) for bundle in problem.bundles), strict=True))
     if problem.placed_edges is not None and delay is not None:
         observed = problem.placed_edges.moved(observed, delay)
-    blocks = [residual_block(*pair) for pair in zip(problem.measured, observed, strict=True)]
-    return jnp.concatenate(blocks) / np.sqrt(problem.count)
+    return jnp.concatenate(_finite_blocks(problem.measured, observed, ended)) / np.sqrt(problem.count)
+
+
+def _finite_blocks(measured: list[Measured], observed: Sequence[Array], ended: Sequence[RESULTS]) -> list[Array]:
+    """Residuals of every bundle; infinite where a simulation of it failed."""
+    return [
+        jnp.where(jnp.all(end == RESULTS.successful), residual_block(known, seen), jnp.inf)
+        for known, seen, end in zip(measured, observed, ended, strict=True)
+    ]
 
 
 @_residuals.def_jvp

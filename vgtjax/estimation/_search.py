@@ -87,7 +87,7 @@ class LevenbergMarquardt:
         if slopes.evaluated.failed:
             raise SimulationError(
                 "the simulation with the start values fails, so there is nothing to fit from; check the start "
-                "values and the inputs of the traces"
+                f"values and the inputs of the traces. {slopes.evaluated.failure}"
             )
         point = Point.of(problem, here, slopes.evaluated, slopes)
         # A search that goes on elsewhere than where it was has another cost there.

@@ -19,7 +19,7 @@ from .._types import Scalar
 from ..parameters import Selection, select
 from ..parts import with_tables
 from ..plants import AbstractModel, State, rows_along, tabulated_along
-from ..simulation import CountedMarch, FixedStep, march
+from ..simulation import RESULTS, CountedMarch, FixedStep, check_result, march
 from ..traces import Drive, Trace
 from ._adjoint import pull_back
 from ._bundle import CHANNELS, Bundle, Slope, bundle_traces
@@ -54,28 +54,30 @@ def jacobian(
     The last axis is in the order of `select(model, free, fixed).entries`. With several JAX devices (also of one
     CPU, see [`configure`][]) the segments are spread over them.
 
-    **Raises:** `InputError` for a name that matches nothing; `SimulationError` when a simulation leaves the finite
-    numbers.
+    **Raises:** `InputError` for a name that matches nothing; `SimulationError` when a simulation fails, or its
+    derivatives leave the finite numbers.
     """
     selection = select(model, free, fixed)
     found: dict[int, TraceJacobian] = {}
     for bundle in bundle_traces(model, traces, stepping):
-        observed, derivatives = observe_with_jacobian(model, selection, bundle)
-        per_trace = zip(
-            bundle.indices,
-            bundle.from_lanes(np.asarray(observed)),
-            bundle.from_lanes(np.asarray(derivatives)),
-            strict=True,
-        )
-        for index, values, columns in per_trace:
-            # One bad number makes a sum bad, and a sum is the cheapest look at millions of them.
-            if not np.isfinite(np.sum(values) + np.sum(columns)):
-                raise SimulationError(
-                    f"the simulation of trace '{traces[index].name}' left the finite numbers, so it has no "
-                    "derivatives; check that the parameters are physical, then lower max_step"
-                )
-            found[index] = columns if traces[index].has_common_clock else _by_channel(traces[index], columns)
+        observed, derivatives, ended = observe_with_jacobian(model, selection, bundle)
+        ends = [jax.tree.map(lambda end, at=at: end[at], ended) for at in range(len(bundle.indices))]
+        lanes = (bundle.from_lanes(np.asarray(each)) for each in (observed, derivatives))
+        for index, *parts in zip(bundle.indices, ends, *lanes, strict=True):
+            found[index] = _of_trace(traces[index], *parts)
     return [found[index] for index in range(len(traces))]
+
+
+def _of_trace(trace: Trace, end: RESULTS, values: np.ndarray, columns: np.ndarray) -> TraceJacobian:
+    """Its derivatives, if they may be used."""
+    check_result(columns, end, f"the simulation of trace '{trace.name}'")
+    # One bad number makes a sum bad, and a sum is the cheapest look at millions of them.
+    if not np.isfinite(np.sum(values) + np.sum(columns)):
+        raise SimulationError(
+            f"derivatives of trace '{trace.name}' left the finite numbers; check that the parameters are physical, "
+            "then lower max_step"
+        )
+    return columns if trace.has_common_clock else _by_channel(trace, columns)
 
 
 def _by_channel(trace: Trace, columns: Float[np.ndarray, "time channel parameters"]) -> dict[str, np.ndarray]:
@@ -88,19 +90,21 @@ def _by_channel(trace: Trace, columns: Float[np.ndarray, "time channel parameter
 
 
 @keep_compiled
-def observe(model: AbstractModel, bundle: Bundle, delay: Scalar | None = None) -> Lanes:
-    """What the sensors would see along every trace of a bundle: position in m, pressure in Pa absolute.
+def observe(model: AbstractModel, bundle: Bundle, delay: Scalar | None = None) -> tuple[Lanes, RESULTS]:
+    """What the sensors would see along every trace of a bundle, position in m and pressure in Pa absolute, and how the
+    simulation of each trace ended.
 
     **Arguments:** `delay` in s with which the duty reaches the valve.
     """
     bundle = bundle if delay is None else bundle.with_late_duty(delay)[0]
-    return replicate(_nominal(model, bundle)[1])
+    return replicate(_nominal(model, bundle)[1:])
 
 
 def observe_with_jacobian(
     model: AbstractModel, selection: Selection, bundle: Bundle, delay: Scalar | None = None
-) -> tuple[Lanes, LaneJacobian]:
-    """`observe`, and its derivatives with respect to the selected parameters in the units of the table.
+) -> tuple[Lanes, LaneJacobian, RESULTS]:
+    """What `observe` sees, its derivatives with respect to the selected parameters in the units of the table, and how
+    each simulation ended.
 
     With a `delay` in s of the duty, the derivative with respect to it comes last.
     """
@@ -135,7 +139,7 @@ def prepare(
 @keep_compiled
 def _spread_jacobian(
     model: AbstractModel, selection: Selection, bundle: Bundle, delay: Scalar | None, values: Pushed | None
-) -> tuple[Lanes, LaneJacobian]:
+) -> tuple[Lanes, LaneJacobian, RESULTS]:
     return _linearise(model, selection, bundle, delay, spread, values)
 
 
@@ -154,24 +158,25 @@ def _pulled_back(
 @keep_compiled
 def observe_together(
     dynamic: tuple[Any, ...], static: tuple[Any, ...], substeps: Int[np.ndarray, ""] | Int[Array, ""]
-) -> tuple[Float[Array, "fits lanes sample channel"] | None, Float[Array, "fits ..."] | None]:
-    """`observe` of many fits, or `observe_with_jacobian` where there is a selection, or `observe_backwards` where there
-    is a cotangent, each on one device.
+) -> tuple[Float[Array, "fits lanes sample channel"] | None, Float[Array, "fits ..."] | None, RESULTS | None]:
+    """What is observed of many fits, their derivatives and ends, each on one device: `observe` of each, or
+    `observe_with_jacobian` where there is a selection, or `observe_backwards` where there is a cotangent.
 
     **Arguments:** the arrays of `(model, selection, bundle, delay, cotangent)` with a leading axis of fits, the rest of
     it, and the steps an interval of all of them: those of its own would make every fit wait for the others.
     """
 
-    def one(leaves: tuple[Any, ...]) -> tuple[Array | None, Array | None]:
+    def one(leaves: tuple[Any, ...]) -> tuple[Array | None, Array | None, RESULTS | None]:
         model, selection, bundle, delay, cotangent = eqx.combine(leaves, static)
         if isinstance(bundle.plan, CountedMarch):
             bundle = eqx.tree_at(lambda bundle: bundle.plan.substeps, bundle, substeps)
         if cotangent is not None:
-            return None, _backwards(model, selection, bundle, delay, cotangent)
+            return None, _backwards(model, selection, bundle, delay, cotangent), None
         if selection is not None:
             return _linearise(model, selection, bundle, delay, lambda tree: tree)
         bundle = bundle if delay is None else bundle.with_late_duty(delay)[0]
-        return _nominal(model, bundle)[1], None
+        _, observed, ended = _nominal(model, bundle)
+        return observed, None, ended
 
     return jax.vmap(one)(dynamic)
 
@@ -196,9 +201,9 @@ def _linearise(
     delay: Scalar | None,
     place: Callable[[Any], Any],
     values: Pushed | None = None,
-) -> tuple[Lanes, LaneJacobian]:
-    """What is observed and its derivatives; `place` says on which devices the lanes are, `values` are those that
-    `push_values` gives."""
+) -> tuple[Lanes, LaneJacobian, RESULTS]:
+    """What is observed, its derivatives and how the simulations ended; `place` says on which devices the lanes are,
+    `values` are those that `push_values` gives."""
     slope = None
     if delay is not None:
         bundle, slope = bundle.with_late_duty(delay)
@@ -206,7 +211,7 @@ def _linearise(
     values = push_values(model, selection, rows_along(model, bundle.drive)) if values is None else values
 
     choose = chooser(model, selection)
-    first, observed = _nominal(with_tables(model, values[0][1]), bundle)
+    first, observed, ended = _nominal(with_tables(model, values[0][1]), bundle)
     first, inputs = place((first, (bundle.lane_drive, slope)))
 
     ends, by_start, by_parameter = _push_lanes(choose, values, first, inputs, bundle)
@@ -215,21 +220,21 @@ def _linearise(
     total = by_parameter
     for state in range(at_start.shape[1]):
         total = total + by_start[:, state, None] * at_start[:, state].T[None, :, None]
-    return observed, jnp.transpose(total, (3, 0, 2, 1))
+    return observed, jnp.transpose(total, (3, 0, 2, 1)), ended
 
 
-def _nominal(model: AbstractModel, bundle: Bundle) -> tuple[State, Lanes]:
-    """States at the start of every lane, and what is observed along it."""
+def _nominal(model: AbstractModel, bundle: Bundle) -> tuple[State, Lanes, RESULTS]:
+    """States at the start of every lane, what is observed along it, and how the simulation of each trace ended."""
     model = tabulated_along(model, bundle.drive)
 
     def one(drive, start):
-        states, _ = march(model, drive, start, bundle.plan)
-        return states, jnp.stack(jax.vmap(model.observe)(states, drive), axis=-1)
+        states, end = march(model, drive, start, bundle.plan)
+        return states, jnp.stack(jax.vmap(model.observe)(states, drive), axis=-1), end
 
-    states, observed = jax.vmap(one, in_axes=(1, 0), out_axes=1)(bundle.drive, bundle.start)
+    states, observed, ended = jax.vmap(one, in_axes=(1, 0), out_axes=(1, 1, 0))(bundle.drive, bundle.start)
     first = jax.tree.map(lambda leaf: leaf[::SEGMENT][bundle.lane_segment, bundle.lane_trace], states)
     by_segment = observed.reshape(-1, SEGMENT, *observed.shape[1:])
-    return first, by_segment[bundle.lane_segment, :, bundle.lane_trace]
+    return first, by_segment[bundle.lane_segment, :, bundle.lane_trace], ended
 
 
 def _push_lanes(

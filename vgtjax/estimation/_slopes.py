@@ -57,7 +57,7 @@ class Slopes:
         """The same derivatives of other traces."""
         evaluated = yield from _derivatives(problem, bundles, self.at)
         columns = yield from self.mean(problem, bundles, evaluated.columns)
-        return Evaluated(evaluated.observed, columns)
+        return dataclasses.replace(evaluated, columns=columns)
 
     def held(self, problem: FitProblem, entries: Sequence[str]) -> Steps[Columns]:
         """Derivatives of the same places with respect to entries that are held, in units of the table."""

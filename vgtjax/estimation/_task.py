@@ -18,10 +18,11 @@ from ..parameters import (
     parameter_table,
     replace_parameters,
     select,
+    unknown_name,
 )
-from ..plants import AbstractModel, MechanicalActuator, bare
+from ..plants import AbstractModel, bare
 from ..simulation import FixedStep
-from ..traces import Trace
+from ..traces import SIGNALS, Trace
 from ._bundle import CHANNELS
 from ._duties import Late, read_duties
 from ._evidence import NOTHING, Unknown
@@ -140,22 +141,21 @@ def plan_task(
     - `unknown`: what the fit finds out besides the parameters; nothing by default.
     - `deviations`: standard deviations of start values by name or entry, in the units of the table: of what is free a
       Gaussian prior (of its logarithm, if it is positive), of what is held a tolerance that goes into every error.
-
     - `starts`: from how many places a search begins: the start values, and others around them.
     - `gains`: relative standard uncertainty of the gain of each sensor, by channel: of one that `unknown` frees what is
       known beforehand, and else, of one that is fitted, a part of every error. Those of inputs that are not freed are
       not looked at.
     - `offsets`: the same of the offset of inputs, in their unit, where `unknown` frees them.
 
-    **Raises:** `InputError` for unknown names, a deviation that is not positive, a sensor that can't be free, and when
-    no trace is to be fitted.
+    **Raises:** `InputError` for unknown names, a deviation or uncertainty that is not positive, a sensor that can't be
+    free, a search from no place, and when no trace is to be fitted.
     """
-    if not fit:
-        raise InputError("a fit needs at least one trace, but there is none; give one", "traces")
     model = replace_parameters(model, values or {})
-    if channels is None:
-        channels = ("x_d",) if isinstance(model, MechanicalActuator) else CHANNELS
+    channels = model.sensed if channels is None else channels
     _check_channels(channels, fit)
+    _check_sensors(gains or {}, "gains", "number", "use its relative standard uncertainty")
+    _check_sensors(offsets or {}, "offsets", "number", "use its standard uncertainty in the unit of its channel")
+    require_positive("starts", starts, "number of places", "use 1 for the start values alone")
     fit, inputs = read_inputs(model, fit, unknown)
     validate, _ = read_inputs(model, validate, unknown)
     selection, known, gains = select(model, free, fixed), _by_entry(model, deviations or {}), dict(gains or {})
@@ -179,6 +179,8 @@ def plan_task(
 
 
 def _check_channels(channels: Sequence[str], fit: Sequence[Trace]) -> None:
+    if not fit:
+        raise InputError("a fit needs at least one trace, but there is none; give one", "traces")
     known = [channels] if isinstance(channels, str) else list(channels)
     if isinstance(channels, str) or not known or not set(known) <= set(CHANNELS):
         raise InputError(
@@ -186,6 +188,13 @@ def _check_channels(channels: Sequence[str], fit: Sequence[Trace]) -> None:
         )
     if not any(name in trace.channels for trace in fit for name in known):
         raise InputError(f"a fit needs a trace with {' or '.join(known)}, but there is none; record it", "traces")
+
+
+def _check_sensors(stated: Mapping[str, float], argument: str, what: str, remedy: str) -> None:
+    for channel, size in stated.items():
+        if channel not in SIGNALS:
+            raise unknown_name(f"channel of {argument}", channel, SIGNALS, argument)
+        require_positive(f"what {argument} has of {channel}", size, what, remedy)
 
 
 def _by_entry(model: AbstractModel, deviations: Mapping[str, float]) -> dict[str, float]:

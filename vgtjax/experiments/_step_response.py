@@ -7,10 +7,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._errors import InputError, SimulationError
+from .._errors import InputError
 from .._types import Scalar
 from ..plants import AbstractModel
-from ..simulation import simulate
+from ..simulation import check_result, simulate
 from ..traces import Trace
 from ._base import LONGEST, AbstractExperiment, Output, Readings, first_reach
 from ._loops import LIFT
@@ -116,15 +116,13 @@ class StepResponse(AbstractExperiment):
 def nominal_target(model: AbstractModel, response: StepResponse) -> StepResponse:
     """`response` with the final positions of a nominal actuator as targets.
 
-    **Raises:** `SimulationError` when one of the steps leaves the finite numbers.
+    **Raises:** `SimulationError` when one of the steps fails.
     """
-    ends = [simulate(model, trace, throw=False).x_d[_sample(REST + response.hold)] for trace in response.traces]
-    for duty, end in zip(response.duties, ends, strict=True):
-        if not np.isfinite(end):
-            raise SimulationError(
-                f"the nominal actuator's step to {duty:g} % left the finite numbers; check that its parameters are "
-                "physical"
-            )
+    ends = []
+    for duty, trace in zip(response.duties, response.traces, strict=True):
+        run = simulate(model, trace, throw=False)
+        run = check_result(run, run.result, f"the nominal actuator's step to {duty:g} %")
+        ends.append(run.x_d[_sample(REST + response.hold)])
     return dataclasses.replace(response, target=jnp.stack(ends))
 
 

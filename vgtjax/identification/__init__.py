@@ -5,15 +5,14 @@ from ._axis_regression import regress_axis as regress_axis
 from ._bristles import bristle_force as bristle_force
 from ._chamber_flow import read_chamber as read_chamber
 from ._dahl import identify_dahl as identify_dahl
-from ._filters import holds as holds, sensor_offset as sensor_offset, slow_blocks as slow_blocks, smooth as smooth
-from ._fit import (
-    GASLESS as GASLESS,
-    fit as fit,
-    gauge_pressures as gauge_pressures,
-    plan_fit as plan_fit,
-    start_fit as start_fit,
-    starting_fit as starting_fit,
+from ._filters import (
+    has_gas as has_gas,
+    holds as holds,
+    sensor_offset as sensor_offset,
+    slow_blocks as slow_blocks,
+    smooth as smooth,
 )
+from ._fit import fit as fit, plan_fit as plan_fit, start_fit as start_fit, starting_fit as starting_fit
 from ._flow_areas import identify_flow_areas as identify_flow_areas, plunger_lift as plunger_lift
 from ._flow_map import fit_measured_flow as fit_measured_flow, measured_flow as measured_flow
 from ._limits import LIMITS as LIMITS, Limit as Limit

@@ -7,7 +7,7 @@ import numpy as np
 import scipy
 from jaxtyping import Bool
 
-from ..estimation import least_squares
+from ..estimation import NULL, least_squares
 from ..parts import DryFriction
 from ..plants import MechanicalActuator
 from ..traces import remove_noise
@@ -25,8 +25,6 @@ ENDS = {"deflection": (1e-7, 1e-2), "ratio": (0.7, 5.0), "stribeck": (1e-5, 0.1)
 """Deflection of a sliding bristle in m, static over Coulomb force, Stribeck velocity in m/s: far beyond any bearing."""
 STEP = 1e-3
 """Relative step of finite differences; rounding is 1e-8 of it."""
-NULL = 1e-9
-"""Singular values of columns of unit length below this part of the largest are rounding."""
 USUAL_STIFFNESS = 4e4
 """N/m; where a search begins for friction that has no bristles."""
 

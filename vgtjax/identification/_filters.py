@@ -89,6 +89,16 @@ class Offset:
 UNKNOWN = Offset(0.0, np.inf)
 
 
+def gas_pressure(trace: Trace) -> float:
+    """The largest turbine pressure in Pa gauge, zero where none was recorded."""
+    return 0.0 if trace.p_trb is None else float(np.max(trace.p_trb))
+
+
+def has_gas(trace: Trace) -> bool:
+    """Whether exhaust gas does anything that a position sensor could see."""
+    return gas_pressure(trace) > limits.NO_GAS
+
+
 def resting(model: AbstractModel, trace: Trace) -> Bool[np.ndarray, " time"]:
     """The samples before anything moves: duty and pressure at zero, atmosphere open.
 

@@ -13,10 +13,8 @@ from ..parts import NoVaneForce
 from ..plants import AbstractModel, AbstractRodModel, require_physical
 from ..traces import Trace
 from ._axis import better_start, moves_at_start
+from ._filters import gas_pressure, has_gas
 from ._second_guess import second_guess
-
-GASLESS = 1000.0
-"""Pa gauge at the turbine below which exhaust gas does nothing that a position sensor could see."""
 
 
 def fit(
@@ -124,7 +122,7 @@ def _moving_starts(task: Task) -> list[str]:
         if moving is not None:
             notes.append(
                 f"{trace.name}: it begins at {moving[0]:.2g} m/s, but a simulation begins at rest; "
-                f"window = [{moving[1]:.3f}, {trace.time[-1]:.3f}] leaves that out"
+                f"a window from {moving[1]:.3f} to {trace.time[-1]:.3f} s leaves that out"
             )
     return notes
 
@@ -133,16 +131,10 @@ def _unheard_gas(task: Task) -> list[str]:
     """That a trace has exhaust gas and the model no force of it, if so."""
     if not isinstance(task.plant, AbstractRodModel) or not isinstance(task.plant.vane_force, NoVaneForce):
         return []
-    gassed = gauge_pressures(task.fit)
-    name, pressure = max(gassed.items(), key=lambda pair: pair[1], default=("", 0.0))
-    if pressure <= GASLESS:
+    most = max(task.fit, key=gas_pressure)
+    if not has_gas(most):
         return []
     return [
-        f"the turbine pressure of {name} reaches {pressure:.4g} Pa gauge, but the model has no vane force; choose one, "
+        f"the turbine pressure of {most.name} reaches {gas_pressure(most):.4g} Pa gauge, but the model has no vane force; choose one, "
         "or what exhaust gas does is read as friction and springs"
     ]
-
-
-def gauge_pressures(traces: Sequence[Trace]) -> dict[str, float]:
-    """The largest turbine pressure of each trace that has one, in Pa gauge."""
-    return {trace.name: float(np.max(trace.p_trb)) for trace in traces if trace.p_trb is not None}

@@ -94,7 +94,7 @@ STOP_NOISE = Limit(10, "deviations", "of the position's noise that are left out 
 VANE_STOP_MARGIN = Limit(0.5e-3, "m", "from a stop; nearer, the rod reverses")
 VANE_SLOWEST = Limit(5e-5, "m/s", "slower, the direction of motion is noise")
 VANE_FASTEST = Limit(5e-3, "m/s", "faster, inertia and damping are no longer small")
-NO_GAS = Limit(2e3, "Pa", "gauge; below, the turbine is taken as still")
+NO_GAS = Limit(2e3, "Pa", "gauge; below, exhaust gas does nothing that a position sensor could see")
 SAME_TURBINE = Limit(5e3, "Pa", "turbine pressures nearer than this are one")
 
 LIMITS: dict[str, Limit] = {name: value for name, value in globals().items() if isinstance(value, Limit)}

@@ -6,17 +6,17 @@ from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
-import numpy as np
 
 from ..estimation import bundle_traces, observe
 from ..parameters import parameter_table, replace_parameters
 from ..parts import AbstractVaneMap, ForcePolynomial
 from ..plants import Actuator, MechanicalActuator
+from ..simulation import first_failure
 from ..traces import Trace
 from ._axis import identify_axis
 from ._dahl import identify_dahl
+from ._filters import has_gas
 from ._flow_areas import identify_flow_areas
-from ._limits import NO_GAS
 from ._lugre import identify_lugre
 from ._magnetic_force import identify_magnetic_force
 from ._mechanical_fit import mechanical_fit
@@ -41,14 +41,14 @@ def plan(model: Any, traces: Sequence[Trace]) -> list[tuple[Test, list[Trace]]]:
     driven = [trace for trace in traces if trace.f_drive is not None]
     if isinstance(model, MechanicalActuator) and driven:
         return [(identify_axis, driven)]
-    quiet = [trace for trace in traces if not _hot(trace)] or everything
+    quiet = [trace for trace in traces if not has_gas(trace)] or everything
     pneumatic = PNEUMATIC if isinstance(model, Actuator) else ()
     tests: list[tuple[Test, list[Trace]]] = [(test, quiet) for test in SPRING]
     tests += [(test, everything) for test in pneumatic]
     tests += [(test, quiet) for test in MECHANICAL]
     if isinstance(model.vane_force, ForcePolynomial):
         tests.append((identify_vane_polynomial, everything))
-    elif isinstance(model.vane_force, AbstractVaneMap) or any(map(_hot, traces)):
+    elif isinstance(model.vane_force, AbstractVaneMap) or any(map(has_gas, traces)):
         tests.append((identify_vane_map, everything))
     return tests
 
@@ -83,8 +83,5 @@ def apply(model: Any, found: Identified) -> Any:
 def _simulates(model: Any, traces: Sequence[Trace]) -> bool:
     needs = [need.split("|") for need in model.needs]
     driven = [t for t in traces if all(any(getattr(t, name) is not None for name in need) for need in needs)]
-    return all(bool(np.all(np.isfinite(observe(model, bundle)))) for bundle in bundle_traces(model, driven))
-
-
-def _hot(trace: Trace) -> bool:
-    return trace.p_trb is not None and bool(np.max(trace.p_trb) > NO_GAS)
+    ends = [observe(model, bundle)[1] for bundle in bundle_traces(model, driven)]
+    return not any(map(first_failure, ends))

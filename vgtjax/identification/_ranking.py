@@ -171,7 +171,7 @@ def unusable(outcome: Outcome) -> str:
     if isinstance(outcome, str):
         return outcome
     if outcome.evaluated.failed:
-        return "its simulation left the finite numbers"
+        return f"its simulation failed: {outcome.evaluated.failure.removesuffix('.')}"
     return "" if outcome.calibration.converged else outcome.calibration.verdict
 
 

@@ -210,7 +210,7 @@ def replace_parameters(model: eqx.Module, values: dict[str, Any]) -> Any:
     table = parameter_table(model)
     for name, value in values.items():
         if name not in table:
-            raise unknown_name("parameter", name, table)
+            raise unknown_name("parameter", name, table, "values")
         table[name].check(value)
     new = [as_float_array(values[name]).astype(old.dtype) for name, _, old in _walk(model, "") if name in values]
     replaced = eqx.tree_at(lambda m: [old for name, _, old in _walk(m, "") if name in values], model, new)

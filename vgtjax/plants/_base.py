@@ -57,6 +57,11 @@ class AbstractModel(eqx.Module):
     def needs(self) -> tuple[str, ...]:
         """Columns that a trace must have to drive this model, alternatives joined by `|`."""
 
+    @property
+    def sensed(self) -> tuple[str, ...]:
+        """Columns that tell what the model does, by which it is fitted; none of them drives it."""
+        return ("x_d", "p_act")
+
 
 T = TypeVar("T")
 

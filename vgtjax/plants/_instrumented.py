@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from .._types import Values
-from ..parameters import nested, parameter
+from ..parameters import Part, nested, parameter
 from ..parts import Air, Gas, Rows, rows_of, tables_of, with_tables
 from ..traces import Drive, Ramp, Start
 from ._base import AbstractModel, Inner, State
@@ -24,8 +24,10 @@ def _offset(symbol: str, unit: str, usual: float, default: float | tuple[float, 
     return parameter(default, symbol=symbol, unit=unit, source=_SOURCE, held=True, positive=False, usual=usual)
 
 
-class Gains(eqx.Module):
+class Gains(Part):
     """What each sensor shows per what is there, of pressures per absolute one."""
+
+    place = "gain"
 
     x_d: Array = _gain("g_x")
     p_act: Array = _gain("g_a")
@@ -34,8 +36,10 @@ class Gains(eqx.Module):
     f_drive: Array = _gain("g_f")
 
 
-class Offsets(eqx.Module):
+class Offsets(Part):
     """What the sensor of each input shows too much; those of what is fitted are eliminated with every fit."""
+
+    place = "offset"
 
     p_act: Array = _offset("o_a", "Pa", 100.0)
     p_res: Array = _offset("o_r", "Pa", 100.0)
@@ -43,9 +47,11 @@ class Offsets(eqx.Module):
     f_drive: Array = _offset("o_f", "N", 0.1)
 
 
-class Initial(eqx.Module):
+class Initial(Part):
     """By how much single traces begin elsewhere than at the mean of their first 50 ms, and with gas that is warmer than
     the air around, by `Trace.start_number - 1`."""
+
+    place = "initial"
 
     x_d: Array = _offset("x_0", "m", 1e-5, ())
     p_act: Array = _offset("p_0", "Pa", 100.0, ())
@@ -123,6 +129,11 @@ class Instrumented(AbstractModel):
     def needs(self) -> tuple[str, ...]:
         """Those of the model."""
         return self.model.needs
+
+    @property
+    def sensed(self) -> tuple[str, ...]:
+        """Those of the model."""
+        return self.model.sensed
 
     def true_drive(self, drive: Drive) -> Drive:
         """Inputs as they were, by what their sensors show."""

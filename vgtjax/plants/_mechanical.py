@@ -38,6 +38,11 @@ class MechanicalActuator(AbstractRodModel):
         """A measured chamber pressure or drive force, and a position to compare with."""
         return ("p_act|f_drive", "x_d")
 
+    @property
+    def sensed(self) -> tuple[str, ...]:
+        """The position: a chamber pressure drives it."""
+        return ("x_d",)
+
     def start(self, start: Start, drive: Drive) -> RodState:
         """At rest in static balance, or at the mean position of the first 50 ms."""
         return self.rod.start(start, self._drive_force(0.0, drive))

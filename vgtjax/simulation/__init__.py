@@ -1,7 +1,14 @@
 """Where time advances."""
 
 from ._heun import StabilisedHeun as StabilisedHeun
-from ._results import RESULTS as RESULTS, blame as blame, check_result as check_result, choose as choose, judge as judge
+from ._results import (
+    RESULTS as RESULTS,
+    blame as blame,
+    check_result as check_result,
+    choose as choose,
+    first_failure as first_failure,
+    judge as judge,
+)
 from ._simulate import Solution as Solution, march as march, model_dtype as model_dtype, simulate as simulate
 from ._stepping import (
     AbstractMarch as AbstractMarch,

@@ -6,6 +6,7 @@ import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from .._errors import SimulationError, is_traced
 from ..parts import lost_points
@@ -58,6 +59,15 @@ def from_diffrax(result: diffrax.RESULTS) -> RESULTS:
     return ours
 
 
+def first_failure(result: RESULTS) -> str:
+    """The advice that goes with the first of several ends, or the only one, that failed; empty where none did."""
+    failed = np.flatnonzero(np.asarray(result != RESULTS.successful))
+    if not len(failed):
+        return ""
+    first = jax.tree.map(lambda value: jnp.ravel(value)[failed[0]], result)
+    return RESULTS[first]  # type: ignore[misc]  # mypy: of the metaclass
+
+
 def check_result(answer: Any, result: RESULTS, what: str = "the simulation") -> Any:
     """`answer`, if it may be used.
 
@@ -67,5 +77,5 @@ def check_result(answer: Any, result: RESULTS, what: str = "the simulation") -> 
     if is_traced(result):
         return result.error_if(answer, result != RESULTS.successful)
     if result != RESULTS.successful:
-        raise SimulationError(f"{what} failed: {RESULTS[result]}")  # type: ignore[misc]  # mypy: of the metaclass
+        raise SimulationError(f"{what} failed: {first_failure(result)}")
     return answer

@@ -25,7 +25,7 @@ from ..control import (
     tracking_rms,
 )
 from ..plants import AbstractModel
-from ..simulation import RESULTS
+from ..simulation import RESULTS, first_failure
 from ._cases import Case, Cases, stack_trees
 from ._loops import Timing
 from ._problem import LANES
@@ -52,8 +52,8 @@ class ClosedLoops(Printed):
     """Closed loops and what each was worth from `settled` seconds on. Prints itself as a table.
 
     `rms` and `peak` of the true error are in m, `pressure_rms` of the observed pressure in Pa (NaN where none is
-    observed), `effort` and `chatter` in percent of duty, as [`effort`][] and [`chatter`][] have them. `failed` marks
-    runs that left the finite numbers, whose figures are NaN. `answers` are those to the steps of each reference.
+    observed), `effort` and `chatter` in percent of duty, as [`effort`][] and [`chatter`][] have them. `result` says
+    of each run how it ended; figures of one that failed are NaN. `answers` are those to the steps of each reference.
     """
 
     labels: tuple[Case, ...]
@@ -64,10 +64,20 @@ class ClosedLoops(Printed):
     pressure_rms: Float[np.ndarray, " cases"]
     effort: Float[np.ndarray, " cases"]
     chatter: Float[np.ndarray, " cases"]
-    failed: Bool[np.ndarray, " cases"]
+    result: RESULTS
 
     def __len__(self) -> int:
         return len(self.labels)
+
+    @property
+    def failed(self) -> Bool[np.ndarray, " cases"]:
+        """Runs that failed."""
+        return np.asarray(self.result != RESULTS.successful)
+
+    @property
+    def failure(self) -> str:
+        """The advice that goes with the first run that failed; empty where none did."""
+        return first_failure(self.result)
 
     @functools.cached_property
     def answers(self) -> list[list[StepAnswer]]:
@@ -126,23 +136,23 @@ def close_loops(
 
     timing = Timing(cases.duration, cases.period)
     count = len(cases)
-    signals, figures, good = map_rows(lambda rows: _close(timing, settled, *rows), at, count, min(lanes, count))
-    blank = np.where(good, 1.0, np.nan)
+    signals, figures, result = map_rows(lambda rows: _close(timing, settled, *rows), at, count, min(lanes, count))
+    blank = np.where(result == RESULTS.successful, 1.0, np.nan)
     runs = Runs(np.arange(signals[0].shape[1]) * cases.period, *signals)
-    return ClosedLoops(cases.labels, runs, settled, **{n: v * blank for n, v in figures.items()}, failed=~good)
+    return ClosedLoops(cases.labels, runs, settled, **{n: v * blank for n, v in figures.items()}, result=result)
 
 
 @eqx.filter_jit
 def _close(
     timing: Timing, settled: float, controllers: AbstractController, plants: AbstractModel, scenarios: Scenario
-) -> tuple[tuple[Array | None, ...], dict[str, Array], Array]:
-    """Signals, figures and success of every lane."""
+) -> tuple[tuple[Array | None, ...], dict[str, Array], RESULTS]:
+    """Signals and figures of every lane, and how it ended."""
 
     def lane(controller: AbstractController, plant: AbstractModel, scenario: Scenario) -> tuple:
         run = close_loop(plant, controller, scenario, timing.duration, period=timing.period, throw=False)
         signals = (run.reference.position, run.position, run.pressure, run.duty, run.log.get("pressure"))
         figures = {name: measure(run, settled) for name, measure in MEASURES.items()}
-        return signals, figures, run.result == RESULTS.successful
+        return signals, figures, run.result
 
     return jax.vmap(lane)(controllers, plants, scenarios)
 

@@ -14,8 +14,8 @@ from ..plants import AbstractModel
 from ..simulation import RESULTS
 from ._objective import Objective
 
-Figures = tuple[Array, Array, Array, Array]
-"""Terms, RMS and peak error, and whether the run is good, of one closed loop."""
+Figures = tuple[Array, Array, Array, RESULTS]
+"""Terms, RMS and peak error of one closed loop, and how its run ended."""
 
 
 class Timing(NamedTuple):
@@ -90,4 +90,4 @@ def _outcome(shared: Shared, lane: Lane) -> tuple[Array, Figures]:
     run = _run(tuned, lane, shared.timing)
     residuals, settled = shared.objective.residuals(run), shared.objective.settled
     rms, peak = tracking_rms(run, settled), tracking_peak(run, settled)
-    return residuals.ravel(), (jnp.sum(residuals**2, 1), rms, peak, run.result == RESULTS.successful)
+    return residuals.ravel(), (jnp.sum(residuals**2, 1), rms, peak, run.result)

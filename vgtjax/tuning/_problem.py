@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -14,6 +15,7 @@ from .._errors import InputError
 from .._lanes import map_rows
 from ..control import AbstractController, ClosedLoop, check
 from ..parameters import Selection, Transform, build_transform, parameter_table, select
+from ..simulation import RESULTS, first_failure
 from . import _loops as loops
 from ._admissible import MARGIN, conditions, gain_names, spare, spare_slopes
 from ._cases import Cases
@@ -29,14 +31,24 @@ LANES = 64
 class CaseCosts:
     """What every closed loop costs.
 
-    `terms` are the summands of its cost `l`; `rms` and `peak` of its true error are in m; `failed` marks runs
-    that left the finite numbers, whose figures are NaN.
+    `terms` are the summands of its cost `l`; `rms` and `peak` of its true error are in m; `result` says of each run
+    how it ended, and figures of one that failed are NaN.
     """
 
     terms: Float[np.ndarray, "cases terms"]
     rms: Float[np.ndarray, " cases"]
     peak: Float[np.ndarray, " cases"]
-    failed: Bool[np.ndarray, " cases"]
+    result: RESULTS
+
+    @property
+    def failed(self) -> Bool[np.ndarray, " cases"]:
+        """Runs that failed."""
+        return np.asarray(self.result != RESULTS.successful)
+
+    @property
+    def failure(self) -> str:
+        """The advice that goes with the first run that failed; empty where none did."""
+        return first_failure(self.result)
 
     @property
     def costs(self) -> Float[np.ndarray, " cases"]:
@@ -97,7 +109,7 @@ class TuningProblem:
         places = np.tile(np.arange(count), len(candidates))
         figures, *_ = self._gather(loops.evaluate, places, np.repeat(candidates, count, 0), math.inf)
         parts = [slice(begin, begin + count) for begin in range(0, len(places), count)]
-        return [CaseCosts(*(figure[part] for figure in figures)) for part in parts]
+        return [CaseCosts(*jax.tree.map(lambda leaf, part=part: leaf[part], figures)) for part in parts]
 
     def linearise(
         self, coordinates: Float[np.ndarray, " gains"], memory: float | Float[np.ndarray, " cases"] = math.inf
@@ -149,11 +161,11 @@ class TuningProblem:
             chunk = self.cases.take(places[chosen].tolist())
             return loops.Lane(chunk.plants, chunk.scenarios, coordinates[chosen], memories[chosen])
 
-        (terms, rms, peak, good), *more = map_rows(
+        (terms, rms, peak, result), *more = map_rows(
             functools.partial(function, shared), at, count, min(self.lanes, count)
         )
-        blank = np.where(good, 1.0, np.nan)
-        return (terms * blank[:, None], rms * blank, peak * blank, ~good), *more
+        blank = np.where(result == RESULTS.successful, 1.0, np.nan)
+        return (terms * blank[:, None], rms * blank, peak * blank, result), *more
 
 
 def plan_tuning(

@@ -109,8 +109,8 @@ class Tuner:
         if not np.isfinite(cost):
             failed = [str(problem.cases.labels[i]) for i in np.flatnonzero(~np.isfinite(self.cases.costs))]
             raise SimulationError(
-                f"{len(failed)} closed loops leave the finite numbers with the start's gains, the first of them "
-                f"'{failed[0]}'; start from gains that are stable there"
+                f"{len(failed)} closed loops fail with the start's gains, the first of them '{failed[0]}'; start from "
+                f"gains that are stable there. {self.cases.failure}"
             )
         if start is None:
             self.progress = dataclasses.replace(began, tried=(here,), costs=(cost,), history=(cost,))

@@ -159,7 +159,7 @@ def test_a_notebook_shows_the_same_table(calibration):
 def _failed(result):
     channel = result.channels["x_d"]
     lost = dataclasses.replace(channel, simulated=np.full_like(channel.simulated, np.nan))
-    return dataclasses.replace(result, channels={**result.channels, "x_d": lost})
+    return dataclasses.replace(result, channels={**result.channels, "x_d": lost}, failure="The solver gave up.")
 
 
 def test_what_is_wrong_with_a_fit_is_part_of_its_answer(calibration):
@@ -180,7 +180,7 @@ def test_what_is_wrong_with_a_fit_is_part_of_its_answer(calibration):
     assert far.ran_away == ("friction.viscous_damping",)
     assert not far.converged
     failed, away = far.troubles
-    assert failed == "the simulation of step_80 with the fitted values left the finite numbers"
+    assert failed == "the simulation of step_80 with the fitted values failed: The solver gave up"
     assert away.startswith("fitted values must stay within a factor 100000 of their start values, but friction.viscous")
     assert far.verdict == f"{failed}; {away}"
     assert repr(far).startswith("Calibration: NOT converged after ")

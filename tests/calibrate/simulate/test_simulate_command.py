@@ -192,6 +192,7 @@ def test_a_simulation_that_fails_says_which_and_keeps_the_others(small, tmp_path
     outcome = run_command("simulate", small, "--out", tmp_path / "out")
     assert outcome.status == 1
     assert outcome.err == (
-        "failed: the simulation of step_80 left the finite numbers; check that the parameters are physical\n"
+        "failed: the simulation of trace 'step_80' failed: The simulation left the finite numbers: check that the "
+        "parameters are physical, then lower max_step.\n"
     )
     assert {path.name for path in (tmp_path / "out").iterdir()} == {".study.json", "step_50.csv"}

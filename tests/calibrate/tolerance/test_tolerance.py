@@ -246,7 +246,8 @@ def test_a_study_whose_every_sample_fails_says_so_each_time(tmp_path, command):
 def test_a_nominal_actuator_that_fails_is_named_before_anything_is_written(tmp_path):
     study = write_study(tmp_path, STUDY + '[parameters]\n"converter.plunger_mass" = {value = 0}\n')
     outcome = run_command("tolerance", study, "--out", tmp_path / "out")
-    sentence = "the nominal actuator's step to 50 % left the finite numbers; check that its parameters are physical"
+    sentence = "the nominal actuator's step to 50 % failed: The simulation left the finite numbers: "
+    sentence += "check that the parameters are physical, then lower max_step."
     assert (outcome.status, outcome.err) == (1, f"failed: {sentence}\n")
     assert not (tmp_path / "out").exists()
 

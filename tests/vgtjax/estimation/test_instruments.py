@@ -110,6 +110,28 @@ def test_a_sensor_that_can_not_be_free_is_refused(choices, sentence):
         task(**choices)
 
 
+@pytest.mark.parametrize(
+    ("stated", "argument", "sentence"),
+    [
+        ({"gains": {"x_dd": 0.01}}, "gains", "channel of gains 'x_dd' matches nothing; did you mean 'x_d'?"),
+        ({"offsets": {"p_rs": 50.0}}, "offsets", "channel of offsets 'p_rs' matches nothing; did you mean 'p_res'?"),
+        ({"gains": {"x_d": 0.0}}, None, "what gains has of x_d must be a positive number, but it is 0.0; use its"),
+        ({"offsets": {"p_res": -1.0}}, None, "what offsets has of p_res must be a positive number, but it is -1.0;"),
+        ({"starts": 0}, None, "starts must be a positive number of places, but it is 0; use 1 for the start values"),
+    ],
+)
+def test_what_is_known_of_sensors_and_starts_is_checked(stated, argument, sentence):
+    with pytest.raises(InputError) as caught:
+        plan_task(vgtjax.Actuator(), [bench(0)], free=FREE, **stated)
+    assert str(caught.value).startswith(sentence)
+    assert caught.value.argument == argument
+
+
+def test_gains_and_start_states_keep_to_their_domains():
+    with pytest.raises(InputError, match=r"'gain\.x_d' must be finite and not negative, but it is -1; correct it"):
+        vgtjax.plants.Gains(x_d=np.array(-1.0))
+
+
 def test_the_offset_of_what_is_fitted_is_no_further_unknown():
     assert task(offset=("x_d", "p_act")).selection.entries == task().selection.entries
     assert NOISE.keys() == {"x_d", "p_act"}

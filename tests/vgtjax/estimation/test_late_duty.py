@@ -116,8 +116,8 @@ def bundle():
 def test_the_derivative_by_the_delay_is_that_of_the_simulation(bundle, actuator):
     """The last column of the segment-parallel Jacobian against differences, between kinks."""
     selection, delay, step = select(actuator, ["diaphragm.stiffness"]), 2.6e-3, 2e-6
-    _, columns = observe_with_jacobian(actuator, selection, bundle, jnp.asarray(delay))
-    above, below = (np.asarray(observe(actuator, bundle, jnp.asarray(delay + by))) for by in (step, -step))
+    _, columns, _ = observe_with_jacobian(actuator, selection, bundle, jnp.asarray(delay))
+    above, below = (np.asarray(observe(actuator, bundle, jnp.asarray(delay + by))[0]) for by in (step, -step))
     difference = (above - below) / (2 * step)
     assert columns.shape == (*difference.shape, 2)
     for channel in range(2):
@@ -143,7 +143,7 @@ def test_the_derivative_by_the_delay_hardly_changes_with_it(bundle, actuator):
 def test_reverse_mode_finds_what_forward_mode_does(bundle, actuator, delay):
     selection = select(actuator, ["diaphragm.stiffness", "diaphragm.preload", "chamber.volume"])
     delay = None if delay is None else jnp.asarray(delay)
-    observed, columns = observe_with_jacobian(actuator, selection, bundle, delay)
+    observed, columns, _ = observe_with_jacobian(actuator, selection, bundle, delay)
     cotangent = np.random.default_rng(2).normal(size=observed.shape) * [1e5, 1e-2]
     expected = np.einsum("lsc,lscp->p", cotangent, np.asarray(columns))
     found = observe_backwards(actuator, selection, bundle, delay, jnp.asarray(cotangent))
@@ -178,7 +178,7 @@ def missed(pressure, late_stairs):
 def test_late_stairs_of_a_slow_record_are_late_and_not_blurred(late_stairs):
     plant, slow = with_sharp_seat(vgtjax.Actuator()), stairs()
     (bundle,) = bundle_traces(plant, [slow], STEPS)
-    (free,) = bundle.from_lanes(np.asarray(observe(plant, bundle, jnp.asarray(3e-3))))
+    (free,) = bundle.from_lanes(np.asarray(observe(plant, bundle, jnp.asarray(3e-3))[0]))
     assert abs(missed(free[:, 1], late_stairs)) < 1.0  # what chatter leaves; measured: 0.07
     known = slow.with_late_duty(3e-3)
     given = np.asarray(vgtjax.simulate(plant, known, stepping=STEPS).p_act)[known.rows_at(slow.time)]
@@ -200,7 +200,7 @@ def test_a_duty_that_is_linear_between_slow_samples_is_no_staircase():
     fine = vgtjax.Trace(time, pwm=applied, p_res=np.full(len(time), 2.0e4), duty_hold="linear")
     expected = np.asarray(vgtjax.simulate(plant, fine, stepping=STEPS).p_act)[::10]
     (bundle,) = bundle_traces(plant, [slow], STEPS)
-    (free,) = bundle.from_lanes(np.asarray(observe(plant, bundle, jnp.asarray(3e-3))))
+    (free,) = bundle.from_lanes(np.asarray(observe(plant, bundle, jnp.asarray(3e-3))[0]))
     known = slow.with_late_duty(3e-3)
     given = np.asarray(vgtjax.simulate(plant, known, stepping=STEPS).p_act)[known.rows_at(slow.time)]
     means = slow.with_held_duty().with_late_duty(3e-3)

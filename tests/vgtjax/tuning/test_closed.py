@@ -73,6 +73,7 @@ def test_loops_print_themselves(known):
 def test_runs_that_fail_have_no_figures(cases):
     wild = close_loops(Broken(), cases, settled=SETTLED)
     assert wild.failed.all()
+    assert wild.failure.startswith("The simulation left the finite numbers")
     assert np.all(np.isnan(wild.rms))
     assert wild.answers == [[]] * 4
 

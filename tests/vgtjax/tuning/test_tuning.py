@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import vgtjax
-from vgtjax import control
+from vgtjax import RESULTS, control
 from vgtjax.control import PI, PID, Constant, FrictionCompensation, Knocker, Sine
+from vgtjax.simulation import choose
 from vgtjax.tuning import (
     APART,
     BATCHES,
@@ -176,11 +177,12 @@ def _as(problem, kind):
 
 
 def _failing(problem, when):
-    """The problem, whose closed loops leave the finite numbers `when` coordinates say so."""
+    """The problem, whose closed loops fail `when` coordinates say so."""
 
     def broken(cases):
         bad = np.array([True, False, False, False])
-        return dataclasses.replace(cases, terms=np.where(bad[:, None], np.nan, cases.terms), failed=bad)
+        result = jax.vmap(lambda bad, end: choose(bad, RESULTS.diverged, end))(bad, cases.result)
+        return dataclasses.replace(cases, terms=np.where(bad[:, None], np.nan, cases.terms), result=result)
 
     class Failing(type(problem)):
         def evaluate_all(self, candidates):
@@ -278,7 +280,8 @@ def test_curvatures_beyond_belief_are_cut(problem):
 
 
 def test_a_start_whose_closed_loops_fail_is_named(problem):
-    with pytest.raises(vgtjax.SimulationError, match=r"1 closed loops leave .* 'printed, sine, 0 mbar'; start from"):
+    sentence = r"1 closed loops fail .* 'printed, sine, 0 mbar'; .* The simulation left"
+    with pytest.raises(vgtjax.SimulationError, match=sentence):
         Tuner(_failing(problem, lambda at: True))
 
 
