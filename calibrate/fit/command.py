@@ -6,7 +6,17 @@ from typing import Any
 
 from vgtjax import SimulationError
 from vgtjax.assurance import certifying, require_blackjax
-from vgtjax.estimation import Calibration, End, Progress, Question, Steps, foreseen, run_alone, run_together
+from vgtjax.estimation import (
+    Calibration,
+    End,
+    Progress,
+    Question,
+    Steps,
+    foreseen,
+    looking_around,
+    run_alone,
+    run_together,
+)
 from vgtjax.identification import starting_fit
 
 from ..output.console import console, say
@@ -18,7 +28,7 @@ from ..study.parameter_file import Entry, calibrated, covariance, nuisance, to_j
 from ..study.places import OF_A_MODEL, stated
 from ..study.units import Job, Unit, prepare
 from . import beforehand
-from .around import looking_around
+from .around import summarise as summarise_around
 from .budget import budget_rows
 from .decisions import decisions
 from .outcome import Fitted
@@ -167,7 +177,7 @@ def _summary(fitted: Fitted, job: Job, unit: Unit, table: Sequence[Entry]) -> di
         "decisions": [each.summary() for each in decisions(fitted, table)],
         "report": job.study.report.model_dump(exclude_none=True),
         **job.account(fitted.seconds),
-        **({} if fitted.around is None else fitted.around.summary()),
+        **({} if fitted.around is None else summarise_around(fitted.around)),
         **({} if fitted.posterior is None else {"posterior": summary(fitted.posterior, calibration)}),
         "traces": _of_traces(calibration, unit),
         "certificate": {

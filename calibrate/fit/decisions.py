@@ -5,7 +5,6 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from vgtjax.assurance import REPEATED, UNEQUAL, WRONG, WRONG_ALONE, Certificate, largest
-from vgtjax.estimation import Calibration, noise_to_meet
 
 from ..output.files import finite
 from ..study.parameter_file import Entry
@@ -45,8 +44,7 @@ def _of_the_fit(fitted: Fitted) -> Iterator[Decision]:
     rule = "a full linear step from the end may not promise more, or errors are indicative"
     yield _below("chi^2 that a further linear step promises", calibration.uncertainty.gain, FURTHER, rule)
     rule = "what remains of no signal of a fitted trace may be more times its sensor's noise"
-    ratios = noise_ratios(calibration)
-    (trace, channel), worst = max(ratios.items(), key=lambda pair: pair[1])
+    (trace, channel), worst = max(calibration.noise_ratios.items(), key=lambda pair: pair[1])
     yield _below(f"worst trace: {channel} of {trace}", worst, MEETS, rule)
 
 
@@ -86,15 +84,3 @@ def _of_a_value(entry: Entry) -> Decision:
         below = entry.upper is None or (high is not None and high <= entry.upper)
         verdict = "within" if above and below else "not decided: the interval reaches beyond"
     return Decision(entry.name, entry.value, entry.lower, entry.upper, ACCEPTANCE, verdict)
-
-
-def noise_ratios(calibration: Calibration) -> dict[tuple[str, str], float]:
-    """What remains of each channel of each fitted trace in units of its noise, by `noise_to_meet`."""
-    found = {}
-    fitted = (result for result in calibration.traces if result.use == "fit")
-    for result, sensors in zip(fitted, calibration.sensors, strict=True):
-        for channel, met in result.channels.items():
-            measured = result.trace.sampled(channel)
-            assert measured is not None, "what is compared was measured"
-            found[result.trace.name, channel] = met.rmse / noise_to_meet(sensors[channel], measured, channel)
-    return found

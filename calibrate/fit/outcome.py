@@ -5,8 +5,7 @@ from typing import Any
 
 from vgtjax import Calibration
 from vgtjax.assurance import Certificate, Posterior
-
-from .around import Around
+from vgtjax.estimation import Around
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

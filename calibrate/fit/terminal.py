@@ -9,7 +9,7 @@ from vgtjax.estimation import Calibration
 from vgtjax.traces import SIGNALS
 
 from ..study.parameter_file import Entry
-from .decisions import MEETS, noise_ratios
+from .decisions import MEETS
 from .outcome import Fitted
 
 
@@ -71,7 +71,7 @@ def verdict(fitted: Fitted, entries: Sequence[Entry]) -> str:
     said = f"converged; {len(free) - len(unknown)} of {len(free)} free parameters are determined"
     if unknown:
         said += f" (not {', '.join(unknown)})"
-    (trace, channel), worst = max(noise_ratios(calibration).items(), key=lambda pair: pair[1])
+    (trace, channel), worst = max(calibration.noise_ratios.items(), key=lambda pair: pair[1])
     if worst <= MEETS:
         return f"{said}; every trace is met to within {worst:.2f} of its sensors' noise"
     return (

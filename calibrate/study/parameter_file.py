@@ -10,16 +10,13 @@ import numpy as np
 from jaxtyping import Float
 
 import vgtjax
-from vgtjax.estimation import Calibration, TraceResult
+from vgtjax.estimation import Calibration, ConfidenceInterval, TraceResult
 from vgtjax.parameters import Bounds
 from vgtjax.plants import on_given_knots
 
 from ..output.files import finite, read_json
 from .models import values_of
 from .tables import Study
-
-Interval = tuple[float | None, float | None]
-"""Ends of a 95 % interval; `None` for an open one."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -37,7 +34,7 @@ class Entry:
     upper: float | None
     at_bound: bool
     identifiable: bool
-    interval: Interval | None
+    interval: ConfidenceInterval | None
     assumed: bool
     source: str
 
@@ -49,7 +46,7 @@ class Estimate:
     std_error: float = math.nan
     at_bound: bool = False
     identifiable: bool = False
-    interval: Interval | None = None
+    interval: ConfidenceInterval | None = None
 
 
 def tabulate(
@@ -73,7 +70,7 @@ def tabulate(
 
 
 def calibrated(
-    calibration: Calibration, profiled: Mapping[str, Interval | None] | None = None, *, usable: bool = True
+    calibration: Calibration, profiled: Mapping[str, ConfidenceInterval | None] | None = None, *, usable: bool = True
 ) -> list[Entry]:
     """Every entry of the fitted model, free and held.
 

@@ -1,5 +1,11 @@
 """Estimation: exact Jacobians, weighted residuals, Levenberg-Marquardt, and what the data can tell."""
 
+from ._around import (
+    Around as Around,
+    ConfidenceInterval as ConfidenceInterval,
+    look_around as look_around,
+    looking_around as looking_around,
+)
 from ._bands import spread_along as spread_along
 from ._beginning import first_progress as first_progress
 from ._budget import Budget as Budget

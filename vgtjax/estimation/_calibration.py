@@ -23,7 +23,7 @@ from ._least_squares import NORMAL_95, LeastSquares
 from ._measured import Sensors, white_sensors
 from ._programs import run_alone
 from ._progress import Progress
-from ._sensors import Sensor
+from ._sensors import Sensor, noise_to_meet
 from ._task import Task
 
 RUNAWAY = 1e5
@@ -253,6 +253,19 @@ class Calibration(Printed):
             return np.where(self.uncertainty.determined, 0.0, np.nan)
         moved = (np.asarray(self.progress.coordinates) - np.asarray(self.progress.found))[: len(self.values)]
         return moved / self.uncertainty.std_errors
+
+    @property
+    def noise_ratios(self) -> dict[tuple[str, str], float]:
+        """What remains of each channel of each fitted trace, by their names, in units of the noise that it has to meet
+        (`noise_to_meet`)."""
+        found = {}
+        fitted = (result for result in self.traces if result.use == "fit")
+        for result, sensors in zip(fitted, self.sensors, strict=True):
+            for channel, met in result.channels.items():
+                measured = result.trace.sampled(channel)
+                assert measured is not None, "what is compared was measured"
+                found[result.trace.name, channel] = met.rmse / noise_to_meet(sensors[channel], measured, channel)
+        return found
 
     @property
     def intervals(self) -> Float[np.ndarray, "parameters 2"]:

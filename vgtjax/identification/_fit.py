@@ -135,6 +135,6 @@ def _unheard_gas(task: Task) -> list[str]:
     if not has_gas(most):
         return []
     return [
-        f"the turbine pressure of {most.name} reaches {gas_pressure(most):.4g} Pa gauge, but the model has no vane force; choose one, "
-        "or what exhaust gas does is read as friction and springs"
+        f"the turbine pressure of {most.name} reaches {gas_pressure(most):.4g} Pa gauge, but the model has no vane "
+        "force; choose one, or what exhaust gas does is read as friction and springs"
     ]

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from commands import entries_of, read, run_command
 
-from calibrate.fit.around import Around, slices_figure
+from calibrate.fit.around import slices_figure, summarise
 from calibrate.study.parameter_file import calibrated
-from vgtjax.estimation import Profile, Profiles, Slice, Slices
+from vgtjax.estimation import Around, Profile, Profiles, Slice, Slices
 
 
 def test_profiles_of_all_are_there_and_shorten_no_interval(small, parameters, summary):
@@ -95,6 +95,6 @@ def test_what_is_no_parabola_is_named(kinked):
         "a, b",
         "1 more carry such directions, and have no profile",
     ]
-    assert [each["verdict"] for each in around.summary()["slices"]] == ["parabola", "kinked"]
-    assert around.summary()["slices"][1]["loadings"] == {"a": 0.9, "b": -0.6}
+    assert [each["verdict"] for each in summarise(around)["slices"]] == ["parabola", "kinked"]
+    assert summarise(around)["slices"][1]["loadings"] == {"a": 0.9, "b": -0.6}
     assert [trace.name for trace in slices_figure(slices).data] == ["parabola", "parabolas", "1: a, kinked"]

@@ -13,6 +13,7 @@ from vgtjax.estimation import (
     NORMAL_95,
     End,
     Point,
+    look_around,
     plan_task,
     profiling,
     run_alone,
@@ -233,3 +234,18 @@ def test_a_real_fit_has_parabolas_and_its_linear_intervals(calibrator):
     profiles = run_alone(profiling(end, ["chamber.volume"]))
     # The model is smooth on the scale of these errors, a part in a thousand of the values.
     np.testing.assert_allclose(profiles.profiles["chamber.volume"].ends, (-NORMAL_95, NORMAL_95), rtol=0.1)
+
+
+def test_intervals_have_the_profiles_of_what_was_looked_at(calibrator):
+    calibration, around = run_alone(calibrator.finishing()), look_around(calibrator, "all")
+    assert around.sentences == [f"profile of {name}: {each.verdict}" for name, each in around.profiles.profiles.items()]
+    intervals = around.intervals(calibration)
+    assert set(intervals) == set(calibration.task.selection.entries)
+    for name, (low, high) in zip(calibration.task.selection.entries, calibration.intervals.tolist(), strict=True):
+        lowest, highest = intervals[name]
+        # A profile widens an interval and never shortens it: to 1e-9 of its value for rounding, and hardly in so linear
+        # a fit.
+        assert lowest <= low * (1 + 1e-9)
+        assert highest >= high * (1 - 1e-9)
+        assert highest - lowest < 1.2 * (high - low)
+    assert look_around(calibrator, "none").intervals(calibration) == {}
