@@ -5,9 +5,10 @@ import os
 import pathlib
 import pickle
 import signal
+import tempfile
 import threading
-from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 
 from vgtjax import SimulationError
@@ -39,28 +40,35 @@ def each_unit(job: Job, folders: Folders, work: Work) -> None:
     if not processes:
         return
     context = multiprocessing.get_context("spawn")  # JAX does not survive a fork
-    with (
-        ProcessPoolExecutor(processes, context, _begin, (pickle.dumps(job), cache)) as pool,
-        console.status(f"{len(folders)} units, {processes} at a time"),
-    ):
-        futures = [pool.submit(_do, work, _number(job, unit), folder) for unit, folder in folders]
-        try:
-            for future in as_completed(futures):
-                console.print(future.result(), end="")
-        except BrokenProcessPool as error:
-            raise SimulationError(
-                "a process of this run was ended, for want of memory for instance; run the same command again, and it "
-                "goes on"
-            ) from error
-        finally:
-            pool.shutdown(cancel_futures=True)
+    # By a file: what a process is begun with goes through a pipe, whose writer waits for ever if that is more than the
+    # pipe holds and the process dies before it has read it.
+    with tempfile.TemporaryDirectory() as temporary:
+        written = pathlib.Path(temporary) / "job"
+        written.write_bytes(pickle.dumps(job))
+        pool = ProcessPoolExecutor(processes, context, _begin, (written, cache))
+        with pool, console.status(f"{len(folders)} units, {processes} at a time"):
+            _gather(pool, [pool.submit(_do, work, _number(job, unit), folder) for unit, folder in folders])
+
+
+def _gather(pool: ProcessPoolExecutor, futures: Sequence[Future[str]]) -> None:
+    """Says what each has said, as they come; nothing new is begun after trouble."""
+    try:
+        for future in as_completed(futures):
+            console.print(future.result(), end="")
+    except BrokenProcessPool as error:
+        raise SimulationError(
+            "a process of this run was ended, for want of memory for instance; run the same command again, and it goes "
+            "on"
+        ) from error
+    finally:
+        pool.shutdown(cancel_futures=True)
 
 
 def _number(job: Job, unit: Unit) -> int:
     return next(number for number, each in enumerate(job.units) if each is unit)
 
 
-def _begin(job: bytes, cache: str | None) -> None:
+def _begin(job: pathlib.Path, cache: str | None) -> None:
     """A process with one core of its own, which ends with the one that began it."""
     from vgtjax import configure
 
@@ -69,7 +77,7 @@ def _begin(job: bytes, cache: str | None) -> None:
 
     global _JOB
     configure(cpu_devices=1, cache=cache)
-    _JOB = pickle.loads(job)
+    _JOB = pickle.loads(job.read_bytes())
 
 
 def _end_with_parent() -> None:

@@ -1,6 +1,8 @@
 """Units side by side, each in a process of its own."""
 
 import os
+import pickle
+from multiprocessing import resource_tracker, spawn
 
 import pytest
 from commands import cut_example
@@ -61,3 +63,12 @@ def test_trouble_of_a_unit_comes_home(job, tmp_path):
     with pytest.raises(vgtjax.InputError, match="a unit must be good") as caught:
         each_unit(job, folders, refuse)
     assert caught.value.argument == "unit"
+
+
+def test_a_process_that_dies_before_it_has_begun_is_noticed(job, tmp_path, monkeypatch):
+    """Also one that is told of more than a pipe holds, 64 kB."""
+    resource_tracker.ensure_running()  # a process of the same program, which lives
+    monkeypatch.setattr(spawn, "_python_exe", b"/bin/false")
+    assert len(pickle.dumps(job)) > 1 << 16
+    with pytest.raises(vgtjax.SimulationError, match="a process of this run was ended"):
+        each_unit(job, [(job.units[1], tmp_path / "left")], note)
