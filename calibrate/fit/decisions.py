@@ -52,10 +52,11 @@ def _of_derivatives(certificate: Certificate) -> Iterator[Decision]:
     rule = "along no random direction may derivatives differ from {} by a larger part"
     what, worst, limit, by = "derivatives", largest(certificate.mismatches), WRONG, rule.format("differences")
     if worst > WRONG:
-        what, worst, limit = "derivatives by one parameter", largest(certificate.alone.values()), WRONG_ALONE
+        what = "derivatives with respect to one parameter"
+        worst, limit = largest(certificate.alone.values()), WRONG_ALONE
         by = (
-            f"where random directions miss differences by more than {WRONG:g}, as at a kink, no derivative by one "
-            "parameter may by a larger part, asked ever nearer to the end"
+            f"where random directions miss differences by more than {WRONG:g}, as at a kink, no derivative with "
+            "respect to one parameter may by a larger part, asked ever nearer to the end"
         )
     yield _below(f"{what} against differences", worst, limit, by)
     by, limit = rule.format("reverse mode"), certificate.repeated

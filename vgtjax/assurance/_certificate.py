@@ -102,15 +102,18 @@ class Certificate:
         """What is to be said of it."""
         if self.passed:
             return f"{self._agreement}, with reverse mode to {largest(self.modes):.1g}"
-        said = [f"the derivative by {name} is no number" for name in self.exploded]
+        said = [f"the derivative with respect to {name} is no number" for name in self.exploded]
         if len(self.wrong) > MOST_NAMED:
             return f"the gradient certificate failed: {len(self.wrong)} derivatives are off: the misfit is not smooth"
-        said += [f"the derivative by {name} is off by {100 * part:.0f} %" for name, part in self.wrong.items()]
+        said += [
+            f"the derivative with respect to {name} is off by {100 * part:.0f} %" for name, part in self.wrong.items()
+        ]
         said += self._said_of_modes
         said += [f"derivatives could not be compared with {name}, as simulations failed" for name in self.uncompared]
         alone = [] if "differences" in self.uncompared else self.unchecked
         said += [
-            f"the derivative by {name} could not be compared with differences, as simulations failed" for name in alone
+            f"the derivative with respect to {name} could not be compared with differences, as simulations failed"
+            for name in alone
         ]
         return f"the gradient certificate failed: {'; '.join(said)}"
 
@@ -127,7 +130,8 @@ class Certificate:
         if len(apart) > MOST_NAMED:
             return [f"{len(apart)} derivatives differ from reverse mode, by up to {100 * max(apart.values()):.2g} %"]
         return [
-            f"the derivative by {name} differs from reverse mode by {100 * part:.2g} %" for name, part in apart.items()
+            f"the derivative with respect to {name} differs from reverse mode by {100 * part:.2g} %"
+            for name, part in apart.items()
         ]
 
     @property
@@ -137,8 +141,9 @@ class Certificate:
         if worst <= WRONG:
             return f"derivatives agree with differences to {100 * worst:.2g} %"
         return (
-            f"derivatives by one parameter agree with differences to {100 * largest(self.alone.values()):.2g} %, along "
-            f"random directions to {100 * worst:.2g} %, as the misfit has a kink there"
+            "derivatives with respect to one parameter agree with differences to "
+            f"{100 * largest(self.alone.values()):.2g} %, along random directions to {100 * worst:.2g} %, as the "
+            "misfit has a kink there"
         )
 
 

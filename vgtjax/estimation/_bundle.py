@@ -12,7 +12,7 @@ from jaxtyping import Array, Float, Int
 
 from .._types import Scalar
 from ..plants import AbstractModel
-from ..simulation import CountedMarch, FixedStep, ReversibleMarch, model_dtype
+from ..simulation import AbstractFixedMarch, CountedMarch, FixedStep, model_dtype
 from ..traces import Drive, Start, Trace, cast, delay_duty, require
 from ._layout import SEGMENT, Group, Layout, Shape, packed
 
@@ -36,7 +36,7 @@ class Bundle(eqx.Module):
     numbers: Int[np.ndarray, " traces"]
     samples: Int[np.ndarray, " traces"]
     duty_late: Float[np.ndarray, " traces"]
-    plan: CountedMarch | ReversibleMarch
+    plan: AbstractFixedMarch
     drive: Drive
     start: Start
     lane_drive: Drive
@@ -66,7 +66,6 @@ class Bundle(eqx.Module):
 
     def reversible(self) -> "Bundle":
         """The same traces for reverse mode."""
-        assert isinstance(self.plan, CountedMarch), "traces are made reversible once"
         return dataclasses.replace(self, plan=self.plan.reversible())
 
     def from_lanes(self, lanes: Float[np.ndarray, "lanes sample ..."]) -> list[np.ndarray]:

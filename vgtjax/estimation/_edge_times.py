@@ -56,7 +56,7 @@ class Edges(eqx.Module):
         return [jnp.asarray(each).at[..., -1].add(together) for each, together in pairs]
 
     def pulled(self, cotangent: Sequence[np.ndarray]) -> float:
-        """The derivative by the delay of a product of what is observed, in reverse mode."""
+        """The derivative with respect to the delay of a product of what is observed, in reverse mode."""
         return sum(float(np.sum(each * pull)) for each, pull in zip(self.together, cotangent, strict=True))
 
 

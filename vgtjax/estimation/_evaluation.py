@@ -27,8 +27,9 @@ NO_NUMBER = "What the sensors would see left the finite numbers: check what is k
 class Evaluation:
     """A model to be simulated along bundles of traces, with a duty that is `delay` s late if that is given.
 
-    With a `selection` the derivatives by its parameters are asked for as well, behind them that by the delay; with a
-    `cotangent` of what is observed of every bundle only those of their product, in reverse mode.
+    With a `selection` the derivatives with respect to its parameters are asked for as well, behind them that with
+    respect to the delay; with a `cotangent` of what is observed of every bundle only those of their product, in reverse
+    mode.
     """
 
     model: AbstractModel

@@ -58,6 +58,14 @@ class AbstractFixedMarch(AbstractMarch):
     def _repeat(self, one: Callable[[Any, Array], Any], carry: Any, count: Any, unroll: int) -> Any:
         """What is carried on by so many steps over an interval, each made by `one` of that and its number."""
 
+    def reversible(self) -> "AbstractFixedMarch":
+        """The same steps for reverse mode."""
+        return self
+
+    def taking(self, substeps: Any) -> "AbstractFixedMarch":
+        """The same plan with a number of steps from elsewhere, unless its own is part of what is compiled."""
+        return self
+
     def advance(
         self, model: AbstractModel, state: State, drive: Drive, unroll: int = 1
     ) -> tuple[State, Bool[Array, ""]]:
@@ -119,8 +127,12 @@ class CountedMarch(AbstractFixedMarch):
         return jax.lax.fori_loop(0, count, lambda number, carry: one(carry, jnp.asarray(number)), carry)
 
     def reversible(self) -> "ReversibleMarch":
-        """The same steps for reverse mode."""
+        """See the base class."""
         return ReversibleMarch(int(self.substeps), self.solver)
+
+    def taking(self, substeps: Int[np.ndarray, ""] | Int[Array, ""]) -> "CountedMarch":
+        """See the base class."""
+        return CountedMarch(substeps, self.solver)
 
 
 class ReversibleMarch(AbstractFixedMarch):

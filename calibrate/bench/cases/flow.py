@@ -50,7 +50,7 @@ def _add_flows(section: Section) -> None:
         CELLS,
         partial(jax.jit(jax.value_and_grad(here)), nozzle),
     )
-    jitted["value and derivative by one size, forward mode"] = CELLS, partial(jax.jit(_with_slope), nozzle)
+    jitted["value and derivative with respect to one size, forward mode"] = CELLS, partial(jax.jit(_with_slope), nozzle)
     leads = jnp.linspace(6.5e-3, 7.5e-3, BATCH)
     jitted[f"{BATCH} geometries by vmap, each"] = CELLS, partial(jax.jit(jax.vmap(_of_lead)), leads)
     jitted[f"{BATCH} geometries by lax.map, each"] = CELLS, partial(jax.jit(partial(jax.lax.map, _of_lead)), leads)

@@ -227,7 +227,7 @@ def test_a_fit_with_wrong_derivatives_fails_its_certificate(small, monkeypatch, 
 
     monkeypatch.setattr(command, "certifying", spoil)
     outcome, parameters, said = refit(small)
-    sentence = f"the gradient certificate failed: the derivative by diaphragm.preload is {said_of_it}"
+    sentence = f"the gradient certificate failed: the derivative with respect to diaphragm.preload is {said_of_it}"
     assert (outcome.status, outcome.err) == (1, f"failed: the fit: {sentence}\n")
     assert not said["certificate"]["passed"]
     assert list(said["certificate"][kind]) == ["diaphragm.preload"]

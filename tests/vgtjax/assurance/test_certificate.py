@@ -72,7 +72,7 @@ def test_a_small_mistake_shows_in_reverse_mode_alone(ended):
         "chamber.volume": pytest.approx(1e-3, rel=0.9)
     }  # times the cosine between it and what is pulled back
     assert found.sentence.startswith(
-        "the gradient certificate failed: the derivative by chamber.volume differs from reverse mode"
+        "the gradient certificate failed: the derivative with respect to chamber.volume differs from reverse mode"
     )
     assert found.summary()["unequal_columns"] == found.unequal
 
@@ -127,11 +127,13 @@ def test_a_kink_along_all_is_no_wrong_derivative(ended):
     """Directions that miss a difference, and columns that do not by themselves."""
     found = dataclasses.replace(run_alone(certifying(ended)), mismatches=[0.99, np.nan], alone={"a": 0.1, "b": 0.0})
     assert found.passed
-    assert "by one parameter agree with differences to 10 %, along random directions to 99 %" in found.sentence
+    assert "to one parameter agree with differences to 10 %, along random directions to 99 %" in found.sentence
     assert dataclasses.replace(found, alone={"a": 0.4}).wrong == {"a": 0.4}
     lost = dataclasses.replace(found, alone={"a": 0.1, "b": np.nan})
     assert not lost.passed
-    assert lost.sentence.endswith("the derivative by b could not be compared with differences, as simulations failed")
+    assert lost.sentence.endswith(
+        "the derivative with respect to b could not be compared with differences, as simulations failed"
+    )
     assert not dataclasses.replace(found, alone={}).passed
 
 
