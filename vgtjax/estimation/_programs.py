@@ -138,10 +138,15 @@ def _evaluate(asked: Evaluation) -> Evaluated:
     parts = asked.parts()
     if asked.selection is None:
         seen = [observe(model, bundle, delay) for model, _, bundle, delay, _ in parts]
-        return Evaluated([np.asarray(observed) for observed, _ in seen], [], [ended for _, ended in seen])
+        return _answered([(observed, None, ended) for observed, ended in seen])
     if asked.cotangent is not None:
-        return Evaluated([], [np.asarray(observe_backwards(*part)) for part in parts])
-    observed, columns, ended = zip(*(observe_with_jacobian(*part[:-1]) for part in parts), strict=True)
+        return _answered([(None, observe_backwards(*part), None) for part in parts])
+    return _answered([observe_with_jacobian(*part[:-1]) for part in parts])
+
+
+def _answered(found: Sequence[tuple[Any, Any, Any]]) -> Evaluated:
+    """The answer of what is observed along each bundle, its derivatives, and how it ended: of what was asked for."""
+    observed, columns, ended = ([each[place] for each in found if each[place] is not None] for place in range(3))
     return Evaluated([*map(np.asarray, observed)], [*map(np.asarray, columns)], ended)
 
 
@@ -269,8 +274,8 @@ class _Board(Generic[Name]):
         found, question = {each: self.found.pop(each) for each in places}, self.asked.pop(name)
         answers = []
         for which, evaluation in enumerate(question):
-            parts = zip(*(found[name, which, place] for place in range(len(evaluation.bundles))), strict=True)
-            answers.append(Evaluated(*([each for each in part if each is not None] for part in parts)))
+            parts = [found[name, which, place] for place in range(len(evaluation.bundles))]
+            answers.append(_answered(parts))
         return answers
 
 

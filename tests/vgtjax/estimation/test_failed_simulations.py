@@ -8,7 +8,18 @@ import pytest
 from support import duty_trace
 
 import vgtjax
-from vgtjax.estimation import Evaluated, bundle_traces, observe, plan_task, start_calibration
+from vgtjax.estimation import (
+    Evaluated,
+    Evaluation,
+    ask,
+    bundle_traces,
+    observe,
+    plan_task,
+    run_alone,
+    run_together,
+    start_calibration,
+)
+from vgtjax.parameters import select
 
 FREE = ["diaphragm.stiffness"]
 HOPELESS = vgtjax.FixedStep(solver=diffrax.ImplicitEuler(root_finder=diffrax.VeryChord(rtol=1e-14, atol=1e-14)))
@@ -44,3 +55,14 @@ def test_what_a_sensor_shows_may_be_no_number(actuator):
     found = Evaluated([np.full(observed.shape, np.nan)], [], [ended])
     assert found.failure == found.failures([bundle])[0]
     assert found.failure.startswith("What the sensors would see left the finite numbers")
+
+
+@pytest.mark.parametrize("derivatives", [False, True])
+def test_nothing_is_asked_of_no_trace(actuator, derivatives):
+    """As of a fit without a trace to validate."""
+    question = Evaluation(actuator, [], None, select(actuator, FREE) if derivatives else None)
+    found, alone = [], run_alone(ask(question))
+    run_together({"only": ask(question)}, lambda name, answer: found.append(answer))
+    for answer in (alone, *found):
+        assert (answer.observed, answer.columns, answer.failed, answer.failures([])) == ([], [], False, [])
+    assert len(found) == 1
