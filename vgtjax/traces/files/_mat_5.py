@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ._mat import Load, is_vector, list_objects, list_table, load_objects, variable
 from ._mat_5_check import HEADER, sound_variables
+from ._mat_variables import Load, is_vector, list_objects, list_table, load_objects, variable
 from ._recording import Entry, Record
 
 NUMBERS = ("double", "single", "logical", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)))

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ._mat import Load, is_vector, list_table, variable
+from ._mat_variables import Load, is_vector, list_table, variable
 from ._recording import Entry, Record
 
 
