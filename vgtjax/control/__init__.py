@@ -60,6 +60,7 @@ from ._measures import (
     StepAnswer as StepAnswer,
     chatter as chatter,
     effort as effort,
+    pressure_peak as pressure_peak,
     pressure_rms as pressure_rms,
     step_answers as step_answers,
     tracking_peak as tracking_peak,

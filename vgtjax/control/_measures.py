@@ -32,6 +32,13 @@ def pressure_rms(run: ClosedLoop, settled: float = 0.0) -> Scalar:
     return jnp.sqrt(_mean(jnp.square(run.pressure - run.log["pressure"]), run.time >= settled))
 
 
+def pressure_peak(run: ClosedLoop, settled: float = 0.0) -> Scalar:
+    """Largest error of the observed chamber pressure in Pa; NaN for a controller that observes none."""
+    if "pressure" not in run.log:
+        return jnp.asarray(jnp.nan, run.pressure.dtype)
+    return jnp.max(jnp.where(run.time >= settled, jnp.abs(run.pressure - run.log["pressure"]), 0.0))
+
+
 def effort(run: ClosedLoop, settled: float = 0.0) -> Scalar:
     """Root mean square of the duty in percent."""
     return jnp.sqrt(_mean(jnp.square(run.duty), run.time >= settled))

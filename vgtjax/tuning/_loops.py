@@ -8,14 +8,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..control import AbstractController, ClosedLoop, Scenario, close_loop, tracking_peak, tracking_rms
+from ..control import AbstractController, ClosedLoop, Scenario, close_loop, pressure_peak, tracking_peak, tracking_rms
 from ..parameters import Selection, Transform
 from ..plants import AbstractModel
 from ..simulation import RESULTS
 from ._objective import Objective
 
-Figures = tuple[Array, Array, Array, Array]
-"""Terms, RMS and peak error, and whether the run is good, of one closed loop."""
+Figures = tuple[Array, Array, Array, Array, Array]
+"""Terms, RMS and peak error, peak error of the observed pressure, and whether the run is good, of one closed loop."""
 
 
 class Timing(NamedTuple):
@@ -89,5 +89,5 @@ def _outcome(shared: Shared, lane: Lane) -> tuple[Array, Figures]:
     tuned = shared.selection.unpack(shared.controller, shared.transform.to_physical(lane.coordinates))
     run = _run(tuned, lane, shared.timing)
     residuals, settled = shared.objective.residuals(run), shared.objective.settled
-    rms, peak = tracking_rms(run, settled), tracking_peak(run, settled)
-    return residuals.ravel(), (jnp.sum(residuals**2, 1), rms, peak, run.result == RESULTS.successful)
+    measured = (measure(run, settled) for measure in (tracking_rms, tracking_peak, pressure_peak))
+    return residuals.ravel(), (jnp.sum(residuals**2, 1), *measured, run.result == RESULTS.successful)

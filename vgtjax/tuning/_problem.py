@@ -29,13 +29,15 @@ LANES = 64
 class CaseCosts:
     """What every closed loop costs.
 
-    `terms` are the summands of its cost `l`; `rms` and `peak` of its true error are in m; `failed` marks runs
-    that left the finite numbers, whose figures are NaN.
+    `terms` are the summands of its cost `l`; `rms` and `peak` of its true error are in m, `pressure_peak` is that of
+    the observed pressure's in Pa (NaN where none is observed); `failed` marks runs that left the finite numbers, whose
+    figures are NaN.
     """
 
     terms: Float[np.ndarray, "cases terms"]
     rms: Float[np.ndarray, " cases"]
     peak: Float[np.ndarray, " cases"]
+    pressure_peak: Float[np.ndarray, " cases"]
     failed: Bool[np.ndarray, " cases"]
 
     @property
@@ -149,11 +151,11 @@ class TuningProblem:
             chunk = self.cases.take(places[chosen].tolist())
             return loops.Lane(chunk.plants, chunk.scenarios, coordinates[chosen], memories[chosen])
 
-        (terms, rms, peak, good), *more = map_rows(
+        (terms, *figures, good), *more = map_rows(
             functools.partial(function, shared), at, count, min(self.lanes, count)
         )
         blank = np.where(good, 1.0, np.nan)
-        return (terms * blank[:, None], rms * blank, peak * blank, ~good), *more
+        return (terms * blank[:, None], *(figure * blank for figure in figures), ~good), *more
 
 
 def plan_tuning(
