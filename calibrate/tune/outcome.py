@@ -59,7 +59,7 @@ class Outcome:
     margins: dict[str, dict[str, Margins]]
     """Of every plant that was tuned on, with the tuned gains, where its rod slides up and down."""
     sliding: Sliding | None
-    """Whether the tuned observer slides at the largest error of its pressure in all true closed loops."""
+    """How far the tuned observer slides in all true closed loops."""
     seconds: float
 
     @property
@@ -131,7 +131,7 @@ def summarise(
 
 
 def _sliding(found: Sliding | None) -> dict[str, Any] | None:
-    """Gains in m/s2 and the error in Pa; nothing for a controller without an observer that switches."""
+    """SI units; nothing for a controller without an observer that switches."""
     return None if found is None else {**dataclasses.asdict(found), "slides": found.slides, "sentence": found.sentence}
 
 

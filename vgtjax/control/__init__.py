@@ -62,6 +62,7 @@ from ._measures import (
     effort as effort,
     pressure_peak as pressure_peak,
     pressure_rms as pressure_rms,
+    sliding_share as sliding_share,
     step_answers as step_answers,
     tracking_peak as tracking_peak,
     tracking_rms as tracking_rms,

@@ -30,7 +30,8 @@ class CaseCosts:
     """What every closed loop costs.
 
     `terms` are the summands of its cost `l`; `rms` and `peak` of its true error are in m, `pressure_peak` is that of
-    the observed pressure's in Pa (NaN where none is observed); `failed` marks runs that left the finite numbers, whose
+    the observed pressure's in Pa, `sliding` the share of samples at which the observer slides as [`sliding_share`][]
+    has it (both NaN for a controller without such an observer); `failed` marks runs that left the finite numbers, whose
     figures are NaN.
     """
 
@@ -38,6 +39,7 @@ class CaseCosts:
     rms: Float[np.ndarray, " cases"]
     peak: Float[np.ndarray, " cases"]
     pressure_peak: Float[np.ndarray, " cases"]
+    sliding: Float[np.ndarray, " cases"]
     failed: Bool[np.ndarray, " cases"]
 
     @property

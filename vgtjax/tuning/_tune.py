@@ -31,7 +31,7 @@ class TunedGain:
 class Tuning(Printed):
     """A controller with tuned gains, and what tuning gained. Prints itself as a table; unpacks as the first two.
 
-    `sliding` says whether a switching observer slides at the errors of those loops, and is `None` without one.
+    `sliding` says whether a switching observer slides in those loops, and is `None` without one.
     `problem` holds the closed loops as they are, e.g. for `problem.simulate(problem.start, [0])`, which has the gains
     before tuning. `start_costs` and `costs` are those of the softened loops that were tuned, before and after.
     """
@@ -48,7 +48,7 @@ class Tuning(Printed):
 
     @property
     def sliding(self) -> Sliding | None:
-        """At the largest error of the observed pressure that the tuned loops showed."""
+        """In the tuned loops."""
         settled = self.problem.objective.settled
         return sliding(self.controller, (self.problem.cases, self.costs), settled=settled)
 

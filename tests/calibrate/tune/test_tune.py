@@ -76,9 +76,9 @@ def test_gains_that_are_worse_along_what_they_were_not_tuned_on_are_said(after, 
     assert all(f"from 7 to {after:g}" in remark for remark in remarks)
 
 
-@pytest.mark.parametrize(("gain", "warned"), [(1.24, True), (60.0, False)])
-def test_an_observer_that_does_not_slide_is_said(gain, warned):
-    found = Sliding("observer.switching_gain", gain, 27.8, 6e3, "printed, sine, 0 mbar", 2.0)
+@pytest.mark.parametrize(("share", "warned"), [(0.3, True), (0.995, False)])
+def test_an_observer_that_does_not_slide_is_said(share, warned):
+    found = Sliding("observer.switching_gain", 1.24, share, "printed, sine, 0 mbar", 2.0, 6e3, 27.8)
     outcome = Outcome(*[mock.Mock()] * 3, mock.Mock(costs=(7.0, 5.0)), {}, found, 0.0)
     assert outcome.remarks == [found.sentence] * warned
 
