@@ -320,6 +320,7 @@ def test_known_rows(reproduced, id, verdict, ours):
 
 LOOPS = ["loop-pi", "loop-friction-observer", "loop-backstepping-peak", "loop-backstepping-rms"]
 LOOPS += ["loop-observed-pressure", "loop-response", "loop-overshoot", "loop-adaptive", "fleet-adaptive-peak"]
+LOOPS += ["loop-load-learned"]
 
 
 @pytest.mark.parametrize("loop", LOOPS)
