@@ -20,6 +20,8 @@ from vgtjax.control import AbstractController, LevantDifferentiator, LoadObserve
 from vgtjax.parts import PolynomialFlow
 from vgtjax.plants import fit_flow_map
 
+from .solves import Solves
+
 FULL_DUTY = 100.0
 """%"""
 NODES, STEP = 15, 6e-3
@@ -32,6 +34,8 @@ MODEL = ("area", "preload", "stiffness", "damping", "mass", "air", "volume", "la
 GIVEN = ("position", "velocity", "pressure", "duty", "load", "ambient", "flow", "before")
 WANTED = ("position", "velocity", "acceleration", "jerk")
 """What the solver is told: of the model, of the sample, and of the reference, which it extends by its derivatives."""
+SOLVES = Solves()
+"""Of all controllers of this process, since it was last looked at."""
 
 
 class NonlinearMPC(AbstractController):
@@ -120,5 +124,7 @@ def _onward(at: dict[str, ca.MX], x: ca.MX, v: ca.MX, p: ca.MX, lagged: ca.MX, d
 
 
 def _solve(problem: np.ndarray, guess: np.ndarray) -> np.ndarray:
+    """The duties that IPOPT ends with, converged or not, which is noted."""
     found = _solver()(x0=np.asarray(guess), p=np.asarray(problem), lbx=0.0, ubx=FULL_DUTY)["x"]
+    SOLVES.note(_solver().stats())
     return np.asarray(found, guess.dtype).ravel()

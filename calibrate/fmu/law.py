@@ -31,7 +31,8 @@ class Law:
     """What of a controller becomes C.
 
     Both functions take the parameters' entries `p` and the inputs at a sample `u`, `update` also what is remembered,
-    `x`. The sampling time `period` in s is a part of the law.
+    `x`: what the controller remembers, and the last number that each measured input has shown, which stands for one
+    that is none. The sampling time `period` in s is a part of the law.
     """
 
     controller: AbstractController
@@ -58,9 +59,15 @@ class Law:
 
     @functools.cached_property
     def memory(self) -> list[str]:
-        """What is remembered by its places in the controller's own state, in the order of `x`."""
+        """What is remembered by its places in the controller's own state, and inputs, in the order of `x`."""
         names = [(path_of(path), shape) for path, shape in self._structure[0]]
-        return [name if not shape.shape else f"{name}[{i}]" for name, shape in names for i in range(shape.size)]
+        own = [name if not shape.shape else f"{name}[{i}]" for name, shape in names for i in range(shape.size)]
+        return own + [f"last.{name}" for name in self.held]
+
+    @functools.cached_property
+    def held(self) -> tuple[str, ...]:
+        """Inputs whose last number stands for one that is none."""
+        return () if self.controller.sees_gaps else tuple(name for name in self.inputs if name in MEASURED)
 
     @functools.cached_property
     def outputs(self) -> list[str]:
@@ -69,7 +76,8 @@ class Law:
 
     def start(self, p: Vector, u: Vector) -> list[Array]:
         """What is remembered before the first sample."""
-        return _flat(self._start(with_values(self.controller, p), self._named(u)))
+        given = self._named(u, [jnp.asarray(FIRST.get(name, 0.0)) for name in self.held])
+        return [*_flat(self._start(with_values(self.controller, p), given)), *(given[name] for name in self.held)]
 
     def update(self, p: Vector, u: Vector, x: Vector) -> list[Array]:
         """The outputs of a sample, and what is remembered after it."""
@@ -77,8 +85,9 @@ class Law:
         for _, shape in self._structure[0]:
             memory.append(x[place : place + shape.size].reshape(shape.shape).astype(shape.dtype))
             place += shape.size
-        outputs, remembered = self._update(with_values(self.controller, p), self._named(u), memory)
-        return [*outputs, *_flat(remembered)]
+        given = self._named(u, [x[place + i] for i in range(len(self.held))])
+        outputs, remembered = self._update(with_values(self.controller, p), given, memory)
+        return [*outputs, *_flat(remembered), *(given[name] for name in self.held)]
 
     def to_c(self) -> str:
         """Both as `vg_start` and `vg_update`."""
@@ -89,8 +98,13 @@ class Law:
         )
         return "\n".join([PRELUDE, *functions])
 
-    def _named(self, u: Vector) -> dict[str, Array]:
-        return {name: u[i] for i, name in enumerate(self.inputs)}
+    def _named(self, u: Vector, last: Sequence[Array]) -> dict[str, Array]:
+        given = {name: u[i] for i, name in enumerate(self.inputs)}
+        held = {
+            name: jnp.where(jnp.isfinite(given[name]), given[name], value)
+            for name, value in zip(self.held, last, strict=True)
+        }
+        return given | held
 
     def _start(self, controller: AbstractController, given: dict[str, Array]) -> list[Array]:
         return jax.tree.leaves(controller.initial_state(_measurement(given), self.period))

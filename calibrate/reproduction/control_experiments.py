@@ -91,10 +91,12 @@ CONTROLLERS: dict[str, Callable[[], AbstractController]] = {
     "backstepping": lambda: _backstepping(plant()),
     "backstepping, printed": lambda: _backstepping(experiments.actuator()),
     "adaptive backstepping": control.AdaptiveBackstepping,
+    "load learned": lambda: control.LoadBackstepping.for_plant(experiments.actuator()),
 }
 """What each knows: the PI the printed actuator's static balance; friction observer and backstepping the plant exactly,
 its vane force and the turbine pressure, and they measure the position, unless they are told the printed actuator alone;
-the adaptive controller that, and it measures position and chamber pressure. All measure the reservoir's pressure."""
+the adaptive controller that, and it measures position and chamber pressure; the one that learns the load that too, and
+it measures the position alone. The others measure the reservoir's pressure as well."""
 FOLLOWERS = {
     "slow": ("PI", "PI and knocker", "friction observer"),
     "Signal 1": ("friction observer", "backstepping", "adaptive backstepping"),
@@ -148,7 +150,7 @@ def _follow(
 
     def lane(scenario: Scenario) -> tuple[Array, Array, Array, Array]:
         loop = control.close_loop(plant, controller, scenario, duration, throw=False)
-        believed = loop.log["pressure"] if isinstance(controller, control.Backstepping) else loop.pressure
+        believed = loop.log.get("pressure", loop.pressure)
         return loop.time, loop.reference.position, loop.position, loop.pressure - believed
 
     return jax.vmap(lane, out_axes=(None, 0, 0, 0))(scenarios)

@@ -5,7 +5,7 @@ import pathlib
 import numpy as np
 
 from vgtjax import SimulationError
-from vgtjax.tuning import Tuner, TuningProgress, conditions
+from vgtjax.tuning import Tuner, TuningProgress, conditions_asked
 
 from ..fmu.cost import cost_on_target
 from ..output.console import console
@@ -48,6 +48,8 @@ def _compute(job: TuneJob, out: pathlib.Path) -> None:
         console.print(f"cost of the loops {what}: {before:.4g} before, {after:.4g} after")
     for remark in outcome.remarks:
         console.print(f"warning: {remark}")
+    if outcome.sliding is not None and outcome.sliding.slides:
+        console.print(outcome.sliding.sentence)
     console.print(least_margins(outcome.margins))
     entries = gain_entries(job, outcome.coordinates)
     if leads():
@@ -60,7 +62,7 @@ def _write(job: TuneJob, out: pathlib.Path, outcome: Outcome, entries: list[Entr
     with console.status("writing the controller as C"):
         controller = with_fallback(fallback_of(job.study), job.believed, tuned)
         sample = cost_on_target(controller, job.study.control.period)
-    summary = summarise(job, outcome, {name: float(value) for name, value in conditions(tuned).items()}, sample)
+    summary = summarise(job, outcome, conditions_asked(tuned), sample)
     write_json(out / NAME, gains_json(job.study, entries, job.believed))
     write_json(out / SUMMARY, summary)
     with console.status("writing the report"):

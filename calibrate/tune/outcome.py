@@ -8,7 +8,16 @@ import jax.numpy as jnp
 import numpy as np
 
 from vgtjax.control import Margins
-from vgtjax.tuning import TERMS, CaseCosts, TuningProblem, TuningProgress, gain_names, sliding_margins
+from vgtjax.tuning import (
+    TERMS,
+    CaseCosts,
+    Sliding,
+    TuningProblem,
+    TuningProgress,
+    gain_names,
+    sliding,
+    sliding_margins,
+)
 
 from ..fmu.cost import SampleCost
 from ..output.files import finite
@@ -49,10 +58,18 @@ class Outcome:
     unseen: Comparison
     margins: dict[str, dict[str, Margins]]
     """Of every plant that was tuned on, with the tuned gains, where its rod slides up and down."""
+    sliding: Sliding | None
+    """How far the tuned observer slides in all true closed loops."""
     seconds: float
 
     @property
     def remarks(self) -> list[str]:
+        """A sentence where gains are worse than the start's along what they were not tuned on, and one where an
+        observer that switches does not slide."""
+        return [*self.worse_elsewhere, *(each.sentence for each in [self.sliding] if each and not each.slides)]
+
+    @property
+    def worse_elsewhere(self) -> list[str]:
         """A sentence where gains are worse than the start's along what they were not tuned on."""
         before, after = self.unseen.costs
         if after <= before:
@@ -78,7 +95,9 @@ def compare(job: TuneJob, progress: TuningProgress, seconds: float) -> Outcome:
     names = dict.fromkeys(label.plant for label in job.true.cases.labels)
     tuned = dict.fromkeys(names, job.true.controller_at(ends[1]))
     margins = sliding_margins(tuned, job.true.cases, lanes=job.true.lanes)
-    return Outcome(progress, smooth, true, unseen, margins, seconds)
+    judged = ((each.problem.cases, each.tuned) for each in (true, unseen))
+    slides = sliding(job.true.controller_at(ends[1]), *judged, settled=job.true.objective.settled)
+    return Outcome(progress, smooth, true, unseen, margins, slides, seconds)
 
 
 def summarise(
@@ -101,6 +120,7 @@ def summarise(
         "gap": finite(gap),  # by what part the true closed loops cost more than the smoothed ones, with tuned gains
         "history": list(progress.history),
         "conditions": conditions,
+        "sliding": _sliding(outcome.sliding),
         "margins": list_margins(outcome.margins),
         "sample": None if sample is None else dataclasses.asdict(sample),
         "cases": {name: _rows(comparison) for name, comparison in comparisons.items()},
@@ -109,6 +129,11 @@ def summarise(
         "notes": [*job.notes, *outcome.remarks],
         **job.account(outcome.seconds),
     }
+
+
+def _sliding(found: Sliding | None) -> dict[str, Any] | None:
+    """SI units; nothing for a controller without an observer that switches."""
+    return None if found is None else {**dataclasses.asdict(found), "slides": found.slides, "sentence": found.sentence}
 
 
 def _rows(comparison: Comparison) -> list[dict[str, Any]]:

@@ -25,7 +25,7 @@ def render(job: TuneJob, outcome: Outcome, entries: list[Entry], summary: dict[s
         "tune.html.jinja",
         **job.heading(),
         summary=summary,
-        worse_elsewhere=bool(outcome.remarks),
+        worse_elsewhere=bool(outcome.worse_elsewhere),
         entries=entries,
         convergence=convergence_figure(outcome.progress.history, "cost of the smoothed loops"),
         smoothed=_smoothed(job),

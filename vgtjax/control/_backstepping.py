@@ -74,8 +74,8 @@ class Backstepping(AbstractController):
     ) -> tuple[BacksteppingState, Scalar, Log]:
         """See the base class.
 
-        Logs `velocity` in m/s, the observed `pressure` in Pa absolute, `deflection` in m and `friction` in N, and the
-        `wanted_pressure` in Pa absolute.
+        Logs `velocity` in m/s and by how much the observer's differs from it, `velocity_error`, the observed `pressure`
+        in Pa absolute, `deflection` in m and `friction` in N, and the `wanted_pressure` in Pa absolute.
         """
         # While the duty saturates the rod does not follow.
         follows = jnp.clip(jnp.minimum(state.duty, FULL_DUTY - state.duty) / NEAR_LIMIT, 0.0, 1.0)
@@ -88,6 +88,7 @@ class Backstepping(AbstractController):
         duty = self._duty(motion, observed, rate, wanted, reference)
         log = {
             "velocity": velocity,
+            "velocity_error": velocity - observed.velocity,
             "pressure": observed.pressure,
             "deflection": observed.deflection,
             "friction": self.observer.model.friction_force(velocity, observed.deflection),

@@ -52,6 +52,9 @@ class AbstractController(AbstractDesign):
     A controller of your own has a law, `initial_state` and `update`; where there is a proof, its `conditions`; and
     where its gains or beliefs depend on the plant, `for_plant`. Nothing has to be registered anywhere.
 
+    It is shown numbers only: in a closed loop, and in C, the last number that a channel has shown stands for what is
+    none, of a sensor that is lost for instance. How long that is good is not its business; [`WithFallback`][] asks.
+
     What it remembers from one sample to the next is a PyTree of arrays that it alone understands, of the same
     shapes and types at every sample.
     """
@@ -65,6 +68,11 @@ class AbstractController(AbstractDesign):
         **Raises:** `InputError` for a plant that lacks what the design observes.
         """
         return cls(**settings)
+
+    @property
+    def sees_gaps(self) -> bool:
+        """Whether it is shown what is no number as well, and bears it."""
+        return False
 
     @abc.abstractmethod
     def initial_state(self, measurement: Measurement, period: float) -> Memory:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import jax
 import numpy as np
+from jaxtyping import Array, Bool
 
 from .._errors import InputError, is_traced
 from .._types import Values
@@ -30,6 +31,9 @@ class Condition:
     """Whether a margin of zero will do."""
     bounds_gains: bool = True
     """Whether a search for gains has to heed it; a sign need not be, as a search keeps to the domains of gains."""
+
+    asked: bool | Bool[Array, ""] = True
+    """Whether there is anything to keep; where nothing is, the margin is one."""
 
     def require(self) -> None:
         """**Raises:** `InputError` where it is broken, with the worst value."""

@@ -12,10 +12,10 @@ from jaxtyping import Array, Bool
 from .._types import Scalar
 from ..parameters import parameter
 from ..plants import Actuator
-from ..traces import ASSUMED_RESERVOIR, STANDARD_ATMOSPHERE
 from ._backstepping import Backstepping
 from ._balance import StaticBalance
 from ._base import AbstractController, Log, Measurement, Memory, Reference
+from ._held import nominal, numbers
 
 
 class FallbackState(eqx.Module):
@@ -56,9 +56,14 @@ class WithFallback(AbstractController):
         believed = {"fallback": StaticBalance.for_plant(plant), "highest": plant.diaphragm.travel - cls.lowest}
         return cls(**believed | settings)
 
+    @property
+    def sees_gaps(self) -> bool:
+        """It is by what is no number that it knows a sensor that is lost."""
+        return True
+
     def initial_state(self, measurement: Measurement, period: float) -> FallbackState:
         """As if all had been good."""
-        good = _numbers(measurement, _nominal(measurement))
+        good = numbers(measurement, nominal(measurement))
         first = self.controller.initial_state(good, period)
         return FallbackState(first, self.fallback.initial_state(good, period), good, jnp.zeros_like(good.position))
 
@@ -67,7 +72,7 @@ class WithFallback(AbstractController):
     ) -> tuple[FallbackState, Scalar, Log]:
         """See the base class; logs what the controller does, and whether the `fallback` answered, 0 or 1."""
         unchanged = jnp.where(measurement.position == state.good.position, state.unchanged + period, 0.0)
-        good = _numbers(measurement, state.good)
+        good = numbers(measurement, state.good)
         # Sums of the period miss a time by rounding, never by half a period.
         believed = self._believed(measurement.position, unchanged - 0.5 * period)
         good = dataclasses.replace(good, position=jnp.where(believed, good.position, state.good.position))
@@ -84,18 +89,6 @@ class WithFallback(AbstractController):
     def _believed(self, position: Scalar, unchanged: Scalar) -> Bool[Array, ""]:
         inside = (position >= self.lowest) & (position <= self.highest)  # neither holds of what is no number
         return inside & (unchanged <= self.patience)
-
-
-def _nominal(measurement: Measurement) -> Measurement:
-    """A rod at rest on its open stop, in place of what was never measured."""
-    values = {"position": 0.0, "reservoir": ASSUMED_RESERVOIR, "turbine": 0.0}
-    nominal = {name: STANDARD_ATMOSPHERE for name in ("pressure", "ambient")} | values
-    return Measurement(**{name: jnp.full_like(getattr(measurement, name), value) for name, value in nominal.items()})
-
-
-def _numbers(given: Measurement, other: Measurement) -> Measurement:
-    """Every channel that is a number, and that of another measurement where it is none."""
-    return jax.tree.map(lambda value, last: jnp.where(jnp.isfinite(value), value, last), given, other)
 
 
 def _finite(tree: Any) -> Bool[Array, ""]:

@@ -44,6 +44,11 @@ class Knocker(AbstractController):
         """Around the [`PI`][] for the plant."""
         return cls(**{"controller": PI.for_plant(plant)} | settings)
 
+    @property
+    def sees_gaps(self) -> bool:
+        """As the controller inside."""
+        return self.controller.sees_gaps
+
     def conditions(self) -> dict[str, Condition]:
         """A pulse ends before the next one begins."""
         return positive(self, "width") | {

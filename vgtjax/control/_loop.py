@@ -28,13 +28,15 @@ from ..simulation import (
 from ..traces import Drive
 from ._base import AbstractController, Log, Measurement, Reference, saturate
 from ._disturbances import Disturbed
+from ._held import answer, begin
 from ._scenario import Scenario
 
 
 class ClosedLoop(eqx.Module):
     """What a closed loop returns, at its samples; every array has the shape `(time,)`, and axes of a batch before it.
 
-    `plant` is what [`simulate`][] would return, with the true signals; `measured` is what the controller was given.
+    `plant` is what [`simulate`][] would return, with the true signals; `measured` is what the sensors showed, the last
+    number of which the controller was given where one is none.
     `command` is the duty in percent that it asked for, `duty` what the converter got, held to the next sample, which
     a [`LateDuty`][] makes another one.
     `log` is what the controller logged.
@@ -174,19 +176,19 @@ def _close_loop(
         (state, memory, (faults, paths)), solved = fade(carry[:3], kept), carry[3]
         time, drive, felt, reference, deviates = inputs
         faults, measured = disturbed.shown(faults, time, measure(state, drive, deviates))
-        memory, command, log = controller.update(memory, measured, reference, period)
+        memory, command, log = answer(controller, memory, measured, reference, period)
         paths, duty = disturbed.arriving(paths, saturate(command), period)
         here = disturbed.altered(plant, time)
         onward, found = plan.advance(here, state, dataclasses.replace(felt, pwm=duty))
         return (onward, memory, (faults, paths), solved & found), _Sample(state, measured, command, duty, log)
 
-    begin, first, acting, _, deviates = jax.tree.map(lambda leaf: leaf[0], inputs)
+    start, first, acting, _, deviates = jax.tree.map(lambda leaf: leaf[0], inputs)
     before = dataclasses.replace(acting, pwm=scenario.duty_before)
-    state = disturbed.altered(plant, begin).start(scenario.start, before)
+    state = disturbed.altered(plant, start).start(scenario.start, before)
     measured = measure(state, first, deviates)
     memories = disturbed.start(measured, scenario.duty_before, period)
-    _, shown = disturbed.shown(memories[0], begin, measured)
-    carry = (state, controller.initial_state(shown, period), memories, jnp.asarray(True))
+    _, shown = disturbed.shown(memories[0], start, measured)
+    carry = (state, begin(controller, shown, period), memories, jnp.asarray(True))
     (*_, solved), run = scan_in_blocks(sample, carry, inputs, adjoint)
 
     signals = jax.vmap(plant.signals)(run.state, dataclasses.replace(felt, pwm=run.duty))

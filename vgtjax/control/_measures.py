@@ -14,6 +14,9 @@ BAND = 1e-4
 AT_REST = 1e-12
 """m; a reference that moves by less from one sample to the next is at rest: rounding moves it by 1e-18 m."""
 
+HELD = 10.0
+"""m/s times the relative error of rounding: what is held is off by no more, a hundred times the rounding of 0.1 m/s."""
+
 
 def tracking_rms(run: ClosedLoop, settled: float = 0.0) -> Scalar:
     """Root mean square of reference minus true position in m."""
@@ -30,6 +33,25 @@ def pressure_rms(run: ClosedLoop, settled: float = 0.0) -> Scalar:
     if "pressure" not in run.log:
         return jnp.asarray(jnp.nan, run.pressure.dtype)
     return jnp.sqrt(_mean(jnp.square(run.pressure - run.log["pressure"]), run.time >= settled))
+
+
+def pressure_peak(run: ClosedLoop, settled: float = 0.0) -> Scalar:
+    """Largest error of the observed chamber pressure in Pa; NaN for a controller that observes none."""
+    if "pressure" not in run.log:
+        return jnp.asarray(jnp.nan, run.pressure.dtype)
+    return jnp.max(jnp.where(run.time >= settled, jnp.abs(run.pressure - run.log["pressure"]), 0.0))
+
+
+def sliding_share(run: ClosedLoop, settled: float = 0.0) -> Scalar:
+    """Share of samples at which a switching observer slides: its velocity is the one that it is given [5.16].
+
+    NaN for a controller that logs no error of an observed velocity.
+    """
+    if "velocity_error" not in run.log:
+        return jnp.asarray(jnp.nan, run.pressure.dtype)
+    error = run.log["velocity_error"]
+    held = jnp.abs(error) < HELD * jnp.finfo(error.dtype).eps
+    return _mean(jnp.where(held, 1.0, 0.0), run.time >= settled)
 
 
 def effort(run: ClosedLoop, settled: float = 0.0) -> Scalar:

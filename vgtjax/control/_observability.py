@@ -6,6 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._errors import InputError
+from ._held import answer, begin
 from ._load_backstepping import LoadBackstepping
 from ._load_observer import LoadEstimate, transition
 from ._loop import ClosedLoop
@@ -19,10 +20,10 @@ def estimates(controller: LoadBackstepping, run: ClosedLoop, period: float) -> L
     first = jax.tree.map(lambda leaf: leaf[0], run.measured)
 
     def sample(state, inputs):
-        state = controller.update(state, *inputs, period)[0]
-        return state, state.estimate
+        state = answer(controller, state, *inputs, period)[0]
+        return state, state.controller.estimate
 
-    return jax.lax.scan(sample, controller.initial_state(first, period), (run.measured, run.reference))[1]
+    return jax.lax.scan(sample, begin(controller, first, period), (run.measured, run.reference))[1]
 
 
 @eqx.filter_jit

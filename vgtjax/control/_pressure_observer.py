@@ -100,6 +100,7 @@ class PressureObserver(AbstractDesign):
                 self.switching_gain,
                 "raise it, or lower largest_pressure_error",
                 sliding,
+                asked=sliding > 0,
             ),
             "pressure_rate above its bound [5.21]": Condition(
                 jnp.min(margin) / (self.friction_rate * friction.bristle_stiffness / friction.bristle_damping),
@@ -111,13 +112,16 @@ class PressureObserver(AbstractDesign):
             ),
         }
 
-    def least_switching_gain(self) -> Array:
-        """The bound of `K_2` in m/s2: by how much the largest errors accelerate the rod at most, at speeds checked."""
-        model = self.model
+    def least_switching_gain(self, pressure_error: Scalar | None = None) -> Array:
+        """The bound of `K_2` in m/s2: by how much the largest errors accelerate the rod at most, at speeds checked.
+
+        **Arguments:** `pressure_error` in Pa, `largest_pressure_error` if it is not given.
+        """
+        model, wrong = self.model, self.largest_pressure_error if pressure_error is None else pressure_error
         ends = jnp.stack([jnp.zeros_like(self.largest_velocity), self.largest_velocity])
         stiffest = jnp.max(jnp.abs(jax.vmap(model.stiffness)(ends)))
         elastic = model.load * stiffest * self.largest_deflection_error
-        return (model.diaphragm.area * self.largest_pressure_error + elastic) / model.diaphragm.mass
+        return (model.diaphragm.area * wrong + elastic) / model.diaphragm.mass
 
     def largest_friction_rate(self) -> Array:
         """The bound of `a` in 1/s."""

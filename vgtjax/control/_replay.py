@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ._base import AbstractController, Log, Measurement, Reference
+from ._held import answer, begin
 
 PROBES = {"position": 1e-5, "pressure": 1e3, "reservoir": 1e3, "turbine": 1e4}
 """m and Pa; changes of each measured channel that are no noise, and that a controller which uses it answers."""
@@ -23,11 +24,11 @@ def replay(
     """
 
     def sample(memory, given):
-        memory, command, log = controller.update(memory, *given, period)
+        memory, command, log = answer(controller, memory, *given, period)
         return memory, (command, log)
 
     first = jax.tree.map(lambda leaf: leaf[0], measured)
-    return jax.lax.scan(sample, controller.initial_state(first, period), (measured, reference))[1]
+    return jax.lax.scan(sample, begin(controller, first, period), (measured, reference))[1]
 
 
 def channels_used(

@@ -1,6 +1,10 @@
 """Gains tuned through the gradient of the closed loop, over references, turbine pressures and plants."""
 
-from ._admissible import conditions as conditions, gain_names as gain_names
+from ._admissible import (
+    conditions as conditions,
+    conditions_asked as conditions_asked,
+    gain_names as gain_names,
+)
 from ._cases import Case as Case, Cases as Cases, Variant as Variant, cross_cases as cross_cases
 from ._closed import ClosedLoops as ClosedLoops, Runs as Runs, close_loops as close_loops
 from ._objective import TERMS as TERMS, Objective as Objective, mean_beyond as mean_beyond
@@ -14,6 +18,7 @@ from ._problem import (
 from ._quadratic import STEEPEST as STEEPEST, QuadraticModel as QuadraticModel, model_at as model_at
 from ._remembered import APART as APART, WILD as WILD, linearise_remembered as linearise_remembered, shaking as shaking
 from ._sliding_margins import sliding_margins as sliding_margins
+from ._sliding_mode import Sliding as Sliding, sliding as sliding
 from ._smoothing import soften as soften, soften_cases as soften_cases, wanted_widths as wanted_widths
 from ._tune import TunedGain as TunedGain, Tuning as Tuning, tune as tune
 from ._tuner import (

@@ -3,6 +3,7 @@
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from .._types import Vector
@@ -34,6 +35,18 @@ def conditions(controller: AbstractDesign) -> dict[str, Float[Array, ""]]:
         for name, condition in design.conditions().items()
         if condition.bounds_gains
     }
+
+
+def conditions_asked(controller: AbstractDesign) -> dict[str, float]:
+    """The same, without conditions that ask for nothing: a bound for errors that nobody has stated."""
+    margins = conditions(controller)
+    idle = {
+        prefix + name
+        for prefix, design in designs_in(controller)
+        for name, condition in design.conditions().items()
+        if not np.any(condition.asked)
+    }
+    return {name: float(margin) for name, margin in margins.items() if name not in idle}
 
 
 def _spare(controller: AbstractController, selection: Selection, transform: Transform, coordinates: Vector) -> Array:

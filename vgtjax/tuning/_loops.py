@@ -8,14 +8,25 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..control import AbstractController, ClosedLoop, Scenario, close_loop, tracking_peak, tracking_rms
+from ..control import (
+    AbstractController,
+    ClosedLoop,
+    Scenario,
+    close_loop,
+    pressure_peak,
+    sliding_share,
+    tracking_peak,
+    tracking_rms,
+)
 from ..parameters import Selection, Transform
 from ..plants import AbstractModel
 from ..simulation import RESULTS
 from ._objective import Objective
 
-Figures = tuple[Array, Array, Array, RESULTS]
-"""Terms, RMS and peak error of one closed loop, and how its run ended."""
+Figures = tuple[Array, Array, Array, Array, Array, RESULTS]
+"""Of one closed loop: terms, RMS and peak error, peak error of the observed pressure, share of samples at which an
+observer slides, and how its run ended."""
+MEASURES = (tracking_rms, tracking_peak, pressure_peak, sliding_share)
 
 
 class Timing(NamedTuple):
@@ -89,5 +100,5 @@ def _outcome(shared: Shared, lane: Lane) -> tuple[Array, Figures]:
     tuned = shared.selection.unpack(shared.controller, shared.transform.to_physical(lane.coordinates))
     run = _run(tuned, lane, shared.timing)
     residuals, settled = shared.objective.residuals(run), shared.objective.settled
-    rms, peak = tracking_rms(run, settled), tracking_peak(run, settled)
-    return residuals.ravel(), (jnp.sum(residuals**2, 1), rms, peak, run.result)
+    measured = (measure(run, settled) for measure in MEASURES)
+    return residuals.ravel(), (jnp.sum(residuals**2, 1), *measured, run.result)

@@ -31,13 +31,17 @@ LANES = 64
 class CaseCosts:
     """What every closed loop costs.
 
-    `terms` are the summands of its cost `l`; `rms` and `peak` of its true error are in m; `result` says of each run
-    how it ended, and figures of one that failed are NaN.
+    `terms` are the summands of its cost `l`; `rms` and `peak` of its true error are in m, `pressure_peak` is that of
+    the observed pressure's in Pa, `sliding` the share of samples at which the observer slides as [`sliding_share`][]
+    has it (both NaN for a controller without such an observer); `result` says of each run how it ended, and figures of
+    one that failed are NaN.
     """
 
     terms: Float[np.ndarray, "cases terms"]
     rms: Float[np.ndarray, " cases"]
     peak: Float[np.ndarray, " cases"]
+    pressure_peak: Float[np.ndarray, " cases"]
+    sliding: Float[np.ndarray, " cases"]
     result: RESULTS
 
     @property
@@ -161,11 +165,11 @@ class TuningProblem:
             chunk = self.cases.take(places[chosen].tolist())
             return loops.Lane(chunk.plants, chunk.scenarios, coordinates[chosen], memories[chosen])
 
-        (terms, rms, peak, result), *more = map_rows(
+        (terms, *figures, result), *more = map_rows(
             functools.partial(function, shared), at, count, min(self.lanes, count)
         )
         blank = np.where(result == RESULTS.successful, 1.0, np.nan)
-        return (terms * blank[:, None], rms * blank, peak * blank, result), *more
+        return (terms * blank[:, None], *(figure * blank for figure in figures), result), *more
 
 
 def plan_tuning(

@@ -12,6 +12,7 @@ from ..parameters import parameter_table, table_row
 from ._cases import Cases
 from ._objective import Objective
 from ._problem import CaseCosts, TuningProblem, plan_tuning
+from ._sliding_mode import Sliding, sliding
 from ._smoothing import soften, soften_cases
 from ._tuner import Tuner, TuningProgress
 
@@ -30,6 +31,7 @@ class TunedGain:
 class Tuning(Printed):
     """A controller with tuned gains, and what tuning gained. Prints itself as a table; unpacks as the first two.
 
+    `sliding` says whether a switching observer slides in those loops, and is `None` without one.
     `problem` holds the closed loops as they are, e.g. for `problem.simulate(problem.start, [0])`, which has the gains
     before tuning. `start_costs` and `costs` are those of the softened loops that were tuned, before and after.
     """
@@ -43,6 +45,16 @@ class Tuning(Printed):
 
     def __iter__(self) -> Iterator[Any]:
         return iter((self.controller, self.progress))
+
+    @property
+    def sliding(self) -> Sliding | None:
+        """In the tuned loops."""
+        settled = self.problem.objective.settled
+        return sliding(self.controller, (self.problem.cases, self.costs), settled=settled)
+
+    def _sentences(self) -> list[str]:
+        found = self.sliding
+        return [] if found is None else [found.sentence]
 
     def _title(self) -> str:
         now, ended = self.progress, "converged" if self.progress.converged else "not converged"

@@ -111,7 +111,7 @@ def test_it_says_what_the_controller_knew(summary, outcome):
     assert summary["measures"] == ["position", "reservoir pressure"]
     assert 0 < summary["seconds_per_sample"] < 0.1
     # A PI remembers its integral alone; the rest of it is gains and what it believes.
-    assert summary["sample"]["memory"] == 1
+    assert summary["sample"]["memory"] == 4  # the integral, and the last number of three sensors
     assert summary["sample"]["operations"] > 100
     assert "pi knows the middle of the population; it measures position, reservoir pressure" in outcome.out
     assert "note: turbine pressure acts on nothing" in outcome.out

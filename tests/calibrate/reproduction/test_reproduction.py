@@ -154,7 +154,7 @@ def test_a_row_is_of_the_kind_that_its_inputs_make_it():
 
 def test_every_row_of_a_closed_loop_says_what_its_controller_knew(reproduced):
     loops = [entry for entry in reproduced.table.values() if entry["section"].startswith("5.3-5.4")]
-    assert len(loops) == 14
+    assert len(loops) == 15
     for entry in loops:
         knew = (
             "knows its plant exactly",
@@ -320,6 +320,7 @@ def test_known_rows(reproduced, id, verdict, ours):
 
 LOOPS = ["loop-pi", "loop-friction-observer", "loop-backstepping-peak", "loop-backstepping-rms"]
 LOOPS += ["loop-observed-pressure", "loop-response", "loop-overshoot", "loop-adaptive", "fleet-adaptive-peak"]
+LOOPS += ["loop-load-learned"]
 
 
 @pytest.mark.parametrize("loop", LOOPS)

@@ -17,6 +17,7 @@ from calibrate.tune.gains_file import load_controller
 from calibrate.tune.job import EXAMPLE, prepare_tuning
 from calibrate.tune.outcome import Outcome
 from vgtjax.control import reference_at
+from vgtjax.tuning import Sliding
 
 STUDY = """
 name = "a quick PI"
@@ -70,9 +71,16 @@ def test_a_run_writes_its_three_files_and_no_more(done):
 @pytest.mark.parametrize(("after", "warned"), [(5.0, False), (7.0, False), (7.5, True), (math.inf, True)])
 def test_gains_that_are_worse_along_what_they_were_not_tuned_on_are_said(after, warned):
     unseen = mock.Mock(costs=(7.0, after))
-    remarks = Outcome(*[mock.Mock()] * 3, unseen, {}, 0.0).remarks
+    remarks = Outcome(*[mock.Mock()] * 3, unseen, {}, None, 0.0).remarks
     assert bool(remarks) is warned
     assert all(f"from 7 to {after:g}" in remark for remark in remarks)
+
+
+@pytest.mark.parametrize(("share", "warned"), [(0.3, True), (0.995, False)])
+def test_an_observer_that_does_not_slide_is_said(share, warned):
+    found = Sliding("observer.switching_gain", 1.24, share, "printed, sine, 0 mbar", 2.0, 6e3, 27.8)
+    outcome = Outcome(*[mock.Mock()] * 3, mock.Mock(costs=(7.0, 5.0)), {}, found, 0.0)
+    assert outcome.remarks == [found.sentence] * warned
 
 
 def test_gains_have_the_form_of_parameters(done):
@@ -102,7 +110,7 @@ def test_gains_are_a_whole_controller(done, summary):
         np.testing.assert_array_equal(
             vgtjax.get_parameter(tuned.controller, name), vgtjax.get_parameter(expected, name)
         )
-    assert summary["sample"]["memory"] == 1
+    assert summary["sample"]["memory"] == 4  # the integral, and the last number of three sensors
     assert summary["sample"]["operations"] > 100
     assert "<h3>On the target</h3>" in (done / "report.html").read_text(encoding="utf-8")
 

@@ -35,11 +35,12 @@ def test_a_schedule_without_slopes_is_a_pi(actuator):
 
 
 def test_gains_are_linear_between_their_knots(actuator):
-    """At a quarter of the travel, 10 um below the reference: the mean of two gains, beside the static balance."""
+    """Between the knots at 0.2 and 0.5 of the travel, 10 um below the reference: the mean of two gains, beside the
+    static balance."""
     scheduled = ScheduledPI.for_plant(
         actuator, proportional_gain=[2000.0, 4000.0, 9000.0], integral_gain=[0.0, 0.0, 0.0]
     )
-    at = 0.25 * float(actuator.diaphragm.travel)
+    at = 0.35 * float(actuator.diaphragm.travel)
     nothing = jnp.zeros(())
     reference = Reference(jnp.asarray(at), nothing, nothing, nothing)
     below = measured(at - 1e-5)
@@ -63,6 +64,17 @@ def test_friction_is_fed_forward_with_the_sign_of_the_motion(actuator):
     duties = [control.holding_duty(actuator.converter, measured(0.005), jnp.asarray(p)) for p in pressures]
     share = 0.01 / (0.01 + 2e-4)
     assert logs == pytest.approx([share * float(duties[0] - duties[1]) / 2, -share * float(duties[0] - duties[1]) / 2])
+
+
+def test_a_velocity_is_fed_forward_as_the_duty_that_moves_the_rod(actuator):
+    """What the loop asks for in the middle of a slow sine, up less down: friction and flow, as fed forward."""
+    scheduled = ScheduledPI.for_plant(actuator, proportional_gain=[6e4] * 3, integral_gain=[1e6] * 3)
+    wave = Scenario(Sine(0.003, 1.0, 0.005), start=control.balanced_at(0.005), duty_before=54.0)
+    run = close_loop(actuator, scheduled, wave, 6.5)
+    means = [np.mean(run.command[np.abs(np.asarray(run.time) - at) < 0.05]) for at in (2 * np.pi, np.pi)]
+    expected = float(scheduled.friction_duty) + 3e-3 * float(scheduled.velocity_gain)
+    # The lag of the plunger and the heat of the air are not in it: 7 %. The gain of 20 % s/m fed a quarter forward.
+    assert (means[0] - means[1]) / 2 == pytest.approx(expected, rel=0.15)
 
 
 def test_an_extended_state_observer_finds_a_constant_disturbance():

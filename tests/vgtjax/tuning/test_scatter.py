@@ -55,7 +55,7 @@ class Cliff(TuningProblem):
         for at in candidates:
             costs = np.sum(self.residuals(at) ** 2, 1)
             terms = np.stack([costs, *3 * [np.zeros_like(costs)]], 1)
-            found.append(CaseCosts(terms, np.sqrt(costs), np.sqrt(costs), np.zeros(len(costs), bool)))
+            found.append(CaseCosts(terms, *[np.sqrt(costs)] * 4, np.zeros(len(costs), bool)))
         return found
 
     def linearise(self, coordinates, memory=np.inf):
