@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -77,7 +78,8 @@ def test_of_several_groups_of_closed_loops_the_worst_counts(problem, costs):
 
 
 def _only(costs, places):
-    return type(costs)(*(getattr(costs, field.name)[places] for field in dataclasses.fields(costs)))
+    fields = (getattr(costs, field.name) for field in dataclasses.fields(costs))
+    return type(costs)(*jax.tree.map(lambda leaf: leaf[np.array(places)], tuple(fields)))
 
 
 @pytest.mark.parametrize("controller", [switching(0.0), PI()], ids=["smooth", "no observer"])
