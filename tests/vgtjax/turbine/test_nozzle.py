@@ -137,23 +137,30 @@ def test_losses_of_walls_by_hand():
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
+        ({"inlet": 10.0}, "minus inlet over outlet angle of the row must be from 0 to 1 for"),
+        ({"inlet": -75.0}, "minus inlet over outlet angle of the row must be from 0 to 1 for"),
         ({"spacing": 0.2}, "pitch over chord of the row must be from 0.3 to 1.1 for"),
         ({"thickness": 0.02}, "thickness over chord of the row must be from 0.15 to 0.25 for"),
         ({"thickness": 0.3}, "thickness over chord of the row must be from 0.15 to 0.25 for"),
     ],
 )
 def test_blades_that_the_charts_do_not_have(changes, sentence):
-    """Refused, or held at the edge of the charts."""
-    sizes = {"spacing": 0.7, "chord": 1.0, "height": 0.5, "thickness": 0.2}
-    angles, blading = Angles(np.asarray(-30.0), np.asarray(70.0)), Blading(**sizes | changes)
+    """Refused, or in the profile's loss held at the edge of the charts."""
+    row = {"inlet": -30.0, "spacing": 0.7, "thickness": 0.2}
+    edge = {"inlet": np.clip(changes.get("inlet", -30.0), -70.0, 0.0), "spacing": 0.3}
+    edge["thickness"] = np.clip(changes.get("thickness", 0.2), 0.15, 0.25)
+
+    def made(inlet, spacing, thickness):
+        return Angles(np.asarray(inlet), np.asarray(70.0)), Blading(spacing, 1.0, 0.5, thickness)
+
+    beyond, at_edge = made(**row | changes), made(**row | {name: edge[name] for name in changes})
     with pytest.raises(vgtjax.InputError, match=f"^{sentence} Ainley and Mathieson's correlation, but it is"):
-        AinleyMathieson().coefficient(angles, blading, Gas())
-    edge = {"spacing": 0.3, "thickness": np.clip(blading.thickness, 0.15, 0.25)}
-    at_edge = Blading(**sizes | {name: edge[name] for name in changes})
-    held, there = (AinleyMathieson(hold=True).coefficient(angles, each, Gas()) for each in (blading, at_edge))
+        AinleyMathieson().coefficient(*beyond, Gas())
+    held, there = (AinleyMathieson(hold=True).profile(*each) for each in (beyond, at_edge))
     assert float(held) == pytest.approx(float(there), rel=1e-12)
-    assert not bool(AinleyMathieson().valid(angles, blading))
-    assert bool(AinleyMathieson(hold=True).valid(angles, blading))
+    assert not bool(AinleyMathieson().valid(*beyond))
+    assert bool(AinleyMathieson().valid(*at_edge))
+    assert bool(AinleyMathieson(hold=True).valid(*beyond))
 
 
 def test_an_angle_that_the_charts_do_not_have_is_held_at_its_edge_in_all_losses():
@@ -181,11 +188,33 @@ def test_losses_are_checked_of_both_rows_where_the_vanes_stand(losses, sentence)
     assert np.all(np.isfinite(friction))
 
 
+def test_vanes_that_gas_meets_with_swirl_lie_outside_at_every_angle():
+    """Thick and short enough, and where their outlet angle is in range: gas that is turned to less swirl of the same
+    sign is in no chart, so that their profile loss is held at that of a nozzle row."""
+    sentence = "minus inlet over outlet angle of the vanes at 25 deg must be from 0 to 1 .* but it is -0.6"
+    sizes = {"thickness": 3e-3, "trail": 6e-3}
+    with pytest.raises(vgtjax.InputError, match=f"^{sentence}.*hold the law at its edges"):
+        Nozzle(**sizes, losses=Losses(vanes=AinleyMathieson())).passage(np.radians(25.0), 9000.0)
+    angles, blading = Nozzle(**sizes)._vane_row(np.radians(25.0))
+    straight = Angles(0 * angles.inlet, angles.outlet)
+    held, there = (AinleyMathieson(hold=True).profile(each, blading) for each in (angles, straight))
+    assert float(held) == float(there)
+    degrees = np.array([4.0, 20.0, 54.0])
+    angles, _ = Nozzle()._vane_row(np.radians(degrees))
+    ratio = np.asarray(AinleyMathieson().ratio(angles))
+    assert np.all((ratio < -0.7) & (ratio > -0.9))  # of the default ones
+
+
 def test_a_law_beyond_its_range_fails_where_it_is_traced():
-    """At 25 deg gas leaves these vanes at 76 deg, at 15 deg at 85 deg."""
-    nozzle = Nozzle(thickness=3e-3, trail=6e-3, losses=Losses(vanes=AinleyMathieson()))
-    works = jax.jit(jax.vmap(nozzle.works))
-    assert works(jnp.radians(jnp.array([25.0, 15.0]))).tolist() == [True, False]
+    """Of a wheel that gas leaves at 70 deg, and at 85 deg."""
+
+    @jax.jit
+    @jax.vmap
+    def works(angle):
+        held = Losses(rotor=AinleyMathieson())
+        return Nozzle(thickness=3e-3, rotor=Rotor(outlet_angle=angle), trail=6e-3, losses=held).works(0.5)
+
+    assert works(jnp.array([-70.0, -85.0])).tolist() == [True, False]
 
 
 def test_the_wheel_has_blades_of_its_own():
