@@ -135,6 +135,49 @@ def test_losses_of_walls_by_hand():
 
 
 @pytest.mark.parametrize(
+    ("inlet", "outlet", "sizes", "by_hand"),
+    [
+        # M 0.71974, A 0.0382075, B 0.146105, C -0.0444444, X -0.0197403.
+        (0.0, 70.0, (0.7, 0.2), 0.0382648),
+        # M 0.524617, A 0.134350, B 0.5, C 0.483776, X 0.175383.
+        (-70.0, 70.0, (0.7, 0.2), 0.1471195),
+        # A quarter of the way from the first to the second; a quarter more of thickness by the power of one half.
+        (-35.0, 70.0, (0.7, 0.2), 0.0654785),
+        (35.0, -70.0, (0.7, 0.25), 0.0732072),
+        # Above 30 deg from the tangent: M 0.921692, A 0.0207861, B 0.133910, X -0.121692, by the power of 7/3.
+        (0.0, 50.0, (0.8, 0.2), 0.0217688),
+        # M 0.726469, A 0.0762995, B 0.263636, C 0.238500, X 0.0735309.
+        (-50.0, 50.0, (0.8, 0.2), 0.0776301),
+    ],
+    ids=["nozzle row", "impulse row", "between", "thick", "open nozzle row", "open impulse row"],
+)
+def test_profile_losses_by_hand(inlet, outlet, sizes, by_hand):
+    """Aungier's fits on a pocket calculator, to the digits that are written down."""
+    (pitch, thickness), angles = sizes, Angles(np.asarray(inlet), np.asarray(outlet))
+    found = AinleyMathieson().profile(angles, Blading(pitch, 1.0, 0.5, thickness))
+    assert float(found) == pytest.approx(by_hand, abs=1e-7)
+
+
+def test_a_row_loses_in_all_what_is_found_by_hand():
+    """From -35 to 70 deg at a chord of twice the height and a gap of a hundredth of the chord: mean angle 45.6692 deg,
+    lift over pitch 4.81849, `Z = 7.95912`. Walls `0.0334 * 2 * 0.417525 Z = 0.221988`, gap `0.47 * 2 * 0.0275423 Z =
+    0.206060`, profile 0.0654785, in all 0.493526; behind it Mach 0.8, where `p/p_0` is 0.665619 and `1.34 * 0.64` is
+    0.8576: `2 ln(1 + 0.493526 * 0.334381) / 0.8576 = 0.356211`."""
+    angles, blading = Angles(np.asarray(-35.0), np.asarray(70.0)), Blading(0.7, 1.0, 0.5, 0.2)
+    law = AinleyMathieson(clearance=0.01, mach_number=0.8)
+    assert float(law.secondary(angles, blading)) == pytest.approx(0.221988, abs=1e-6)
+    assert float(law.tip(angles, blading)) == pytest.approx(0.206060, abs=1e-6)
+    assert float(law.coefficient(angles, blading, Gas())) == pytest.approx(0.356211, abs=2e-6)  # of six digits
+    assert float(energy_loss(0.2, 0.8, Gas())) == pytest.approx(0.150968, abs=1e-6)
+
+
+@pytest.mark.parametrize(("deflection", "by_hand"), [(0.0, 0.04), (50.0, 0.055), (70.0, 0.0694), (120.0, 0.1264)])
+def test_soderbergs_losses_by_hand(deflection, by_hand):
+    angles = Angles(np.asarray(0.4 * deflection), np.asarray(-0.6 * deflection))
+    assert float(Soderberg().coefficient(angles, BLADING, Gas())) == pytest.approx(by_hand, rel=1e-12)
+
+
+@pytest.mark.parametrize(
     ("changes", "sentence"),
     [
         ({"inlet": 10.0}, "minus inlet over outlet angle of the row must be from 0 to 1 for"),
