@@ -56,8 +56,8 @@ def test_every_leaf(stage, pressure, angle):
 
 
 def test_that_state_is_sonic_and_choked():
-    """The vanes' row passes its most: of a change of the outlet's pressure less than 2 % is passed on, though the
-    whole of it is when they are open."""
+    """The vanes' row passes its most: of a change of the outlet's pressure less than 2 % is passed on, and more than a
+    fifth when they are open."""
     outlet = NAMES.index(".outlet_pressure")
     passed = []
     for stage, pressure, angle in ((SONIC, 3e5, 4.66), (Stage(), 2e5, 33.0)):
