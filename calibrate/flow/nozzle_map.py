@@ -21,7 +21,8 @@ QUANTITIES = {
     "normal_force": "N",
     "rod_force": "N",
 }
-"""What a map says, and its unit; moment and normal force are those of one vane, positive opening."""
+"""What a map says, and its unit; the moment, positive opening, and the normal force, positive inwards, are those of one
+vane."""
 
 Table = Float[np.ndarray, "pressures angles"]
 

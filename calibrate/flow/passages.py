@@ -75,6 +75,11 @@ class Along:
         normal = np.asarray(self.flow.blade_force)[inside] * np.sqrt(1 + steep**2) / nozzle.vanes
         return normal * np.sum(inside) / float(nozzle.chord * nozzle.height)
 
+    @property
+    def largest_load(self) -> float:
+        """Pa: more than the total pressure is none that two faces can have between them."""
+        return float(np.max(np.abs(self.load)))
+
 
 def along_passage(stage: Stage) -> list[Along]:
     """The flow at each of the crank angles.

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 import vgtjax
-from vgtjax.exhaust import Engine, OperatingPoint, Pulsation, pulsation
+from vgtjax.exhaust import Engine, ExhaustGas, OperatingPoint, Pulsation, pulsation
 from vgtjax.parts import CRANK_RANGE, HIGHEST_PRESSURE, Vanes, flow_between
 from vgtjax.plants import Rod
 
@@ -29,6 +29,8 @@ class Pulse:
 
     engine: Engine
     point: OperatingPoint
+    effective_area: float
+    """m2 of the orifice whose flow decides where the vanes stand."""
     source: str
     """Of the point."""
     crank: Cycle
@@ -51,12 +53,13 @@ class Pulse:
 
 def engine_pulse(turbine: vgtjax.Turbine, table: PulsationTable | None = None, rod: Rod | None = None) -> Pulse:
     """The pulse of an engine, the assumed one at 1000 rpm under load unless a study has another, which empties its
-    manifold through the nozzle; a rod, the printed one if no other is given, balances the mean force where the nozzle
-    takes what the engine's orifice takes.
+    manifold, full of the turbine's gas, through the nozzle; a rod, the printed one if no other is given, balances the
+    mean force where the nozzle takes what the engine's orifice takes.
 
     **Raises:** `SimulationError` when there is no periodic cycle, or the rod's simulation fails.
     """
-    settings, engine = ASSUMED if table is None else table, Engine()
+    settings = ASSUMED if table is None else table
+    engine = Engine(gas=ExhaustGas(turbine.gas.constant, turbine.gas.gamma))
     point = OperatingPoint(
         settings.engine_speed,
         settings.trapped_mass,
@@ -73,7 +76,8 @@ def engine_pulse(turbine: vgtjax.Turbine, table: PulsationTable | None = None, r
     rods = {"with friction": rubbing, "without dry friction": free}
     position = {name: _position(each, turbine, point, cycle, force) for name, each in rods.items()}
     source = "assumed" if table is None else "[pulsation] of the study"
-    return Pulse(engine, point, source, np.asarray(cycle.crank), np.asarray(cycle.p_trb), force, position)
+    crank, pressure = np.asarray(cycle.crank), np.asarray(cycle.p_trb)
+    return Pulse(engine, point, settings.effective_area, source, crank, pressure, force, position)
 
 
 def matching_angle(turbine: vgtjax.Turbine, engine: Engine, area: float) -> float:

@@ -17,6 +17,7 @@ from .nozzle_map import QUANTITIES, NozzleMap
 from .passages import Along
 from .pulse import Pulse
 
+PLAIN = "#334155"
 TITLES = {
     "mass_flow": ("mass flow, g/s", 1e3),
     "power": ("shaft power, kW", 1e-3),
@@ -43,6 +44,8 @@ def render(
         quantities={name: (QUANTITIES[name], row) for name, row in summary["quantities"].items()},
         parameters=_parameters(turbine, pulse),
         pressure=along[0].total_pressure,
+        source=None if pulse is None else pulse.source,
+        overloaded=[each for each in along if each.largest_load > each.total_pressure],
         sections=[
             ("The map", map_figure(found)),
             ("The flow along the passage", along_figure(along)),
@@ -87,9 +90,11 @@ def along_figure(along: list[Along]) -> go.Figure:
     shown = along[1]
     for number, label in ((VANES, "vanes"), (WHEEL, "wheel")):
         m = np.asarray(shown.passage.m)[:-1][shown.row == number] * 1e3
-        figure.add_vrect(
-            m[0], m[-1], fillcolor="#94a3b8", opacity=0.15, line_width=0, annotation_text=label, row="all", col=1
-        )
+        shade = {"fillcolor": "#94a3b8", "opacity": 0.15, "line_width": 0, "col": 1}
+        for row in (1, 2, 3):
+            # Named at the top only, where no curve runs through it.
+            named = {"annotation_text": label} if row == 1 else {}
+            figure.add_vrect(m[0], m[-1], row=row, **shade, **named)
     for row, title in enumerate(("Mach number", "pressure, bar abs", "swirl r V<sub>u</sub>, m²/s"), 1):
         figure.update_yaxes(title_text=title, row=row, col=1)
     figure.update_xaxes(title_text=f"m, mm (shaded: rows at {shown.crank_angle:g} deg)", row=3, col=1)
@@ -107,9 +112,9 @@ def vane_figure(along: list[Along]) -> go.Figure:
         figure.add_trace(load, row=1, col=2)
     nozzle = along[0].stage.nozzle
     pivots = float(nozzle.pivot_radius) * 1e3 * np.exp(1j * nozzle.pitch * np.arange(-1, 2))
-    dots = go.Scatter(x=pivots.imag, y=pivots.real, mode="markers", marker={"color": "#334155"}, showlegend=False)
+    dots = go.Scatter(x=pivots.imag, y=pivots.real, mode="markers", marker={"color": PLAIN}, showlegend=False)
     figure.add_trace(dots, row=1, col=1)
-    figure.add_vline(0.0, line_dash="dot", line_color="#334155", row=1, col=2)
+    figure.add_vline(0.0, line_dash="dot", line_color=PLAIN, row=1, col=2)
     figure.update_yaxes(scaleanchor="x", row=1, col=1)
     figure.update_xaxes(title_text="mm", row=1, col=1)
     figure.update_xaxes(title_text="place on the chord from the pivot, mm (volute on the left)", row=1, col=2)
@@ -130,15 +135,17 @@ def _vanes(each: Along) -> list[tuple[Any, Any]]:
 def pulse_figure(pulse: Pulse) -> go.Figure:
     """Pressure, force and position over a cycle of the engine."""
     figure = make_subplots(3, 1, shared_xaxes=True, vertical_spacing=0.05)
-    figure.add_trace(curve(pulse.crank, pulse.pressure / 1e5, "pressure", PALETTE[1], showlegend=False), row=1, col=1)
-    figure.add_trace(curve(pulse.crank, pulse.force, "force", PALETTE[0], showlegend=False), row=2, col=1)
+    # Of one colour that the legend does not have: its names are of positions.
+    figure.add_trace(curve(pulse.crank, pulse.pressure / 1e5, "pressure", PLAIN, showlegend=False), row=1, col=1)
+    figure.add_trace(curve(pulse.crank, pulse.force, "force", PLAIN, showlegend=False), row=2, col=1)
     for (name, position), color in zip(pulse.position.items(), PALETTE, strict=False):
         moved = (position - np.mean(position)) * 1e6
         figure.add_trace(curve(pulse.crank, moved, name, color), row=3, col=1)
     titles = "pressure, bar abs", "force at the rod, N", "position, um"
     for row, title in enumerate(titles, 1):
         figure.update_yaxes(title_text=title, row=row, col=1)
-    figure.update_xaxes(title_text="crank angle of the engine, deg", tickvals=np.arange(0, 721, 90), row=3, col=1)
+    figure.update_xaxes(range=[0, 720], tickvals=np.arange(0, 721, 90))
+    figure.update_xaxes(title_text="crank angle of the engine, deg", row=3, col=1)
     return styled(figure, 640)
 
 
@@ -159,6 +166,7 @@ def _parameters(turbine: vgtjax.Turbine, pulse: Pulse | None) -> list[tuple[str,
         "engine_speed": (point.engine_speed, "rpm", pulse.source),
         "trapped_mass": (point.trapped_mass, "kg", pulse.source),
         "opening_temperature": (point.opening_temperature, "K", pulse.source),
+        "effective_area": (pulse.effective_area, "m2", pulse.source),
         "crank_angle": (np.asarray(point.crank_angle), "deg", "takes what effective_area takes"),
     }
     return [*rows, *((f"pulsation.{name}", float(each), unit, said) for name, (each, unit, said) in stated.items())]

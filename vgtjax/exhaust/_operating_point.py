@@ -100,7 +100,8 @@ class OperatingPoint(eqx.Module):
     def leaving(self, gas: ExhaustGas, pressure: Values, temperature: Values) -> Values:
         """Mass flow in kg/s from a manifold at a pressure in Pa absolute and a temperature in K into the turbine.
 
-        What a turbine takes in goes as `p0 / sqrt(T0)`. Gas that comes back has the manifold's temperature.
+        What a turbine takes in goes as `p0 / sqrt(T0)`; nothing comes back through it. Gas that comes back through an
+        orifice is what has left through it, whose total temperature, the manifold's, it has kept.
         """
         if self.turbine is not None:
             hotter = temperature / self.turbine.total_temperature

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from ..estimation import LeastSquares, least_squares
-from ..parts import POWERS, AbstractVaneMap, ForcePolynomial, polynomial_terms
+from ..parts import POWERS, AbstractTabulated, AbstractVaneMap, ForcePolynomial, polynomial_terms
 from ..plants import Actuator, MechanicalActuator
 from ..traces import Trace, noise_level
 from . import _limits as limits
@@ -59,6 +59,11 @@ def identify_vane_map(model: Model, traces: Sequence[Trace]) -> Identified:
     knots moved. Entries that no sample reaches keep the model's value, with NaN as standard error.
     """
     vane_force = model.vane_force
+    if isinstance(vane_force, AbstractTabulated):
+        raise NotPossible(
+            "the model's vane force follows from a nozzle, of which no test alone tells; free e.g. "
+            "vane_force.nozzle.lead in a fit"
+        )
     if not isinstance(vane_force, AbstractVaneMap):
         raise NotPossible("the model has no vane-force map; choose a model with a HysteresisMap or a SpeedMap")
     sensed = any(trace.f_vane is not None for trace in traces)

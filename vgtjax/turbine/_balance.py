@@ -102,7 +102,7 @@ class Balance(eqx.Module):
 
     def entering(self, inlet: Inlet, inside: States) -> States:
         """Gas at the inlet, at the velocity that the passage takes it at, as far as to the speed of sound: in a passage
-        that widens at once more does not pass."""
+        that widens at once more does not pass. Gas that goes back is no longer the plenum's."""
         gamma, constant = self.gas.gamma, self.gas.constant
         share = 1 + 0.5 * (gamma - 1) * (1 + inlet.tangent**2)
         velocity = jnp.minimum(inside[1], jnp.sqrt(gamma * constant * inlet.total_temperature / share))
@@ -110,12 +110,22 @@ class Balance(eqx.Module):
         ratio = jnp.maximum(1 - kinetic / (self.gas.heat_capacity * inlet.total_temperature), LEAST_TEMPERATURE)
         pressure = self.gas.expanded_pressure(inlet.total_pressure, ratio)
         density = pressure / (self.gas.constant * inlet.total_temperature * ratio)
-        return pack(density, velocity, self.passage.radius[0] * velocity * inlet.tangent, pressure)
+        coming = pack(density, velocity, self.passage.radius[0] * velocity * inlet.tangent, pressure)
+        return jnp.where(inside[1] < 0, self.going_back(inlet, inside), coming)
+
+    def going_back(self, inlet: Inlet, inside: States) -> States:
+        """Gas that leaves through the inlet: with its own entropy, swirl and velocity, against the plenum's pressure,
+        which has no say any more where it is as fast as sound. At rest it pushes as gas that comes does."""
+        density, velocity, swirl, pressure = unpack(inside)
+        fast = jnp.clip(-velocity / jnp.sqrt(self.gas.gamma * pressure / density), 0.0, 1.0)
+        behind = jnp.maximum(inlet.total_pressure, pressure * fast**2)
+        return pack(density * (behind / pressure) ** (1 / self.gas.gamma), velocity, swirl, behind)
 
     def leaving(self, outlet_pressure: Values, inside: States) -> States:
         """Gas behind a simple wave that comes in from the outlet's pressure, as far as to the speed of sound.
 
-        A wave can't make the gas faster than sound where it leaves, so below that pressure the outlet has no say.
+        A wave can't make the gas faster than sound where it leaves, so below that pressure the outlet has no say. Where
+        it comes back in, it has the entropy and swirl of the gas it meets: nothing says what is behind the outlet.
         """
         density, velocity, swirl, pressure = unpack(inside)
         gamma = self.gas.gamma

@@ -130,7 +130,9 @@ class AinleyMathieson(AbstractLoss):
     The two methods that the thesis prints are this one twice (erratum E15). Curves are Aungier's fits (2006); where the
     print needs a curve that it does not show, and for the clearance, whose printed form has a unit (E16), Dunham and
     Came's forms (1970) stand. For axial cascades: of a radial nozzle this is a first guess, and a fit moves a
-    [`GivenLoss`][].
+    [`GivenLoss`][]. Pivoted vanes behind a volute, which gas meets and leaves with swirl of one sign, lie outside of it
+    at every angle: `-beta_1 / alpha_2` of the default ones is -0.89 to -0.71, so that their profile loss is that of a
+    nozzle row.
     """
 
     clearance: Scalar = parameter(
@@ -140,8 +142,11 @@ class AinleyMathieson(AbstractLoss):
     mach_number: Scalar = parameter(0.7, symbol="M_2", unit="-", source="assumed", held=True)
     """Behind the row, at which its loss of pressure is one of energy [E13]."""
     hold: bool = eqx.field(static=True, default=False)
-    """Whether a row beyond the correlation has the loss at its edge; else it is refused."""
+    """Whether a row beyond the correlation has the loss at its edge; else it is refused. An outlet angle is held in all
+    losses, the rest in that of the profile, which alone has it from charts."""
     name = "Ainley and Mathieson's correlation"
+    RATIO: ClassVar[tuple[float, float]] = (0.0, 1.0)
+    """`-beta_1 / alpha_2`, from a nozzle row to an impulse row: the profile loss lies between those of both [3.60]."""
     OUTLET: ClassVar[tuple[float, float]] = (40.0, 80.0)
     """deg"""
     PITCH: ClassVar[tuple[float, float]] = (0.3, 1.1)
@@ -158,14 +163,19 @@ class AinleyMathieson(AbstractLoss):
         return energy_loss(lost, self.mach_number, gas)
 
     def ranges(self, angles: Angles, blading: Blading) -> dict[str, Range]:
-        """Of the outlet angle, the pitch and the thickness."""
+        """Of the outlet angle, the ratio of angles, the pitch and the thickness."""
         if self.hold:
             return {}
         return {
             "the outlet angle": Range(jnp.abs(angles.outlet), *self.OUTLET, " deg"),
+            "minus inlet over outlet angle": Range(self.ratio(angles), *self.RATIO, ""),
             "pitch over chord": Range(blading.spacing / blading.chord, *self.PITCH, ""),
             "thickness over chord": Range(blading.thickness / blading.chord, *self.THICKNESS, ""),
         }
+
+    def ratio(self, angles: Angles) -> Values:
+        """`-beta_1 / alpha_2`, with the outlet angle in its range: positive where a row turns gas past the meridian."""
+        return -angles.inlet * jnp.sign(angles.outlet) / jnp.clip(jnp.abs(angles.outlet), *self.OUTLET)
 
     def profile(self, angles: Angles, blading: Blading) -> Values:
         """Loss of total pressure over dynamic pressure in the profile [3.60, corrected].
@@ -174,9 +184,9 @@ class AinleyMathieson(AbstractLoss):
         blades thicker than a fifth of the chord lose more, by that ratio's power. What is beyond a range is held at its
         edge.
         """
-        outlet = jnp.clip(jnp.abs(angles.outlet), *self.OUTLET)
-        ratio = jnp.clip(-angles.inlet * jnp.sign(angles.outlet) / outlet, 0.0, 1.0)
-        pitch, b = jnp.clip(blading.spacing / blading.chord, *self.PITCH), 90 - outlet
+        ratio = jnp.clip(self.ratio(angles), *self.RATIO)
+        b = 90 - jnp.clip(jnp.abs(angles.outlet), *self.OUTLET)
+        pitch = jnp.clip(blading.spacing / blading.chord, *self.PITCH)
         nozzle, impulse = _nozzle_row(pitch, b), _impulse_row(pitch, b)
         thickness = jnp.clip(blading.thickness / blading.chord, *self.THICKNESS)
         return (nozzle + ratio**2 * (impulse - nozzle)) * (thickness / 0.2) ** ratio

@@ -233,8 +233,8 @@ class Nozzle(Part):
         return eqx.tree_at(lambda passage: passage.friction, bare, friction)
 
     def vane_moment(self, passage: Passage, flow: Flow) -> tuple[Values, Values]:
-        """Moment of the gas on one vane about its pivot in N m, positive opening, and its normal force in N [3.71,
-        corrected].
+        """Moment of the gas on one vane about its pivot in N m, positive opening, and its normal force in N, positive
+        inwards [3.71, corrected].
 
         The force of the blades on the gas is the pressure difference over the vanes; thickness, stem and end faces are
         left out. A cell's place on the chord is its share of the row.

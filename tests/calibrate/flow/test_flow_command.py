@@ -75,9 +75,18 @@ def test_its_summary_and_its_report_say_that_nothing_was_measured(ran):
         "engine.bore",
         "engine.valve.lift",
         "pulsation.engine_speed",
+        "pulsation.effective_area",
         "pulsation.crank_angle",
     ):
         assert f"<code>{name}</code>" in page
+
+
+def test_a_load_that_no_vane_bears_is_said_to_be_one(ran):
+    """At 25 deg gas meets the vanes at 66 deg from the radius, and they stand at 43: 3 bar of load, of 2 bar before
+    them. At 6 and 12 deg it is 1 bar and less."""
+    page = (ran[1] / "report.html").read_text()
+    assert page.count("so no vane can bear it") == 1
+    assert "Note: at 25 deg gas meets the vanes far from their own direction" in page
 
 
 def test_the_flow_along_the_passage_falls_to_the_outlet(ran):
@@ -106,7 +115,8 @@ def test_the_engine_stands_before_this_nozzle(ran):
 @pytest.fixture(scope="module")
 def other() -> tuple[list, Pulse]:
     """Another stage before another engine: what is shown along the passage, and the pulse."""
-    stage = Stage(outlet_pressure=2.2e5, wheel_speed=9000.0, nozzle=Nozzle(thickness=0.2e-3))
+    gas = Gas(gamma=1.3, constant=292.0)
+    stage = Stage(outlet_pressure=2.2e5, wheel_speed=9000.0, nozzle=Nozzle(thickness=0.2e-3), gas=gas)
     engine = PulsationTable(engine_speed=1500.0, effective_area=150e-6)
     with few_points():
         return along_passage(stage), engine_pulse(turbine_of(stage), engine)
@@ -123,6 +133,8 @@ def test_what_is_shown_follows_the_stage(other):
     assert pulse.summary()["crank_angle"] > 8.0
     assert np.min(pulse.pressure) > 2.2e5
     assert np.min(pulse.force) > 0
+    # The manifold is full of what goes through the turbine.
+    assert [float(pulse.engine.gas.heat_capacity_ratio), float(pulse.engine.gas.gas_constant)] == [1.3, 292.0]
 
 
 def test_an_engine_that_does_not_run_before_it_is_a_note(monkeypatch):

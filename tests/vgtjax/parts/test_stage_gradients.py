@@ -55,8 +55,17 @@ def test_every_leaf(stage, pressure, angle):
         assert np.all(np.abs(exact[number] - slope) <= allowed), (name, exact[number], slope)
 
 
-def test_that_state_is_sonic():
-    """The vanes' row passes its most: what the outlet changes is hardly felt."""
+def test_that_state_is_sonic_and_choked():
+    """The vanes' row passes its most: of a change of the outlet's pressure less than 2 % is passed on, and more than a
+    fifth when they are open."""
+    outlet = NAMES.index(".outlet_pressure")
+    passed = []
+    for stage, pressure, angle in ((SONIC, 3e5, 4.66), (Stage(), 2e5, 33.0)):
+        where = jax.tree.leaves(stage), jnp.asarray(pressure), jnp.asarray(angle)
+        ones = np.ones(len(NAMES))
+        passed.append(abs(float(slopes(ones, *where)[outlet, 1] / solved(ones, *where)[1])))
+    assert passed[0] < 0.02
+    assert passed[1] > 0.2
     passage, _ = SONIC.passage(jnp.asarray(3e5), jnp.asarray(4.66), CELLS)
     flow = flow_at(SONIC, jnp.asarray(3e5), jnp.asarray(4.66), CELLS)[0]
     last = np.flatnonzero(passage.row == VANES)[-1]

@@ -135,25 +135,75 @@ def test_losses_of_walls_by_hand():
 
 
 @pytest.mark.parametrize(
+    ("inlet", "outlet", "sizes", "by_hand"),
+    [
+        # M 0.71974, A 0.0382075, B 0.146105, C -0.0444444, X -0.0197403.
+        (0.0, 70.0, (0.7, 0.2), 0.0382648),
+        # M 0.524617, A 0.134350, B 0.5, C 0.483776, X 0.175383.
+        (-70.0, 70.0, (0.7, 0.2), 0.1471195),
+        # A quarter of the way from the first to the second; a quarter more of thickness by the power of one half.
+        (-35.0, 70.0, (0.7, 0.2), 0.0654785),
+        (35.0, -70.0, (0.7, 0.25), 0.0732072),
+        # Above 30 deg from the tangent: M 0.921692, A 0.0207861, B 0.133910, X -0.121692, by the power of 7/3.
+        (0.0, 50.0, (0.8, 0.2), 0.0217688),
+        # M 0.726469, A 0.0762995, B 0.263636, C 0.238500, X 0.0735309.
+        (-50.0, 50.0, (0.8, 0.2), 0.0776301),
+    ],
+    ids=["nozzle row", "impulse row", "between", "thick", "open nozzle row", "open impulse row"],
+)
+def test_profile_losses_by_hand(inlet, outlet, sizes, by_hand):
+    """Aungier's fits on a pocket calculator, to the digits that are written down."""
+    (pitch, thickness), angles = sizes, Angles(np.asarray(inlet), np.asarray(outlet))
+    found = AinleyMathieson().profile(angles, Blading(pitch, 1.0, 0.5, thickness))
+    assert float(found) == pytest.approx(by_hand, abs=1e-7)
+
+
+def test_a_row_loses_in_all_what_is_found_by_hand():
+    """From -35 to 70 deg at a chord of twice the height and a gap of a hundredth of the chord: mean angle 45.6692 deg,
+    lift over pitch 4.81849, `Z = 7.95912`. Walls `0.0334 * 2 * 0.417525 Z = 0.221988`, gap `0.47 * 2 * 0.0275423 Z =
+    0.206060`, profile 0.0654785, in all 0.493526; behind it Mach 0.8, where `p/p_0` is 0.665619 and `1.34 * 0.64` is
+    0.8576: `2 ln(1 + 0.493526 * 0.334381) / 0.8576 = 0.356211`."""
+    angles, blading = Angles(np.asarray(-35.0), np.asarray(70.0)), Blading(0.7, 1.0, 0.5, 0.2)
+    law = AinleyMathieson(clearance=0.01, mach_number=0.8)
+    assert float(law.secondary(angles, blading)) == pytest.approx(0.221988, abs=1e-6)
+    assert float(law.tip(angles, blading)) == pytest.approx(0.206060, abs=1e-6)
+    assert float(law.coefficient(angles, blading, Gas())) == pytest.approx(0.356211, abs=2e-6)  # of six digits
+    assert float(energy_loss(0.2, 0.8, Gas())) == pytest.approx(0.150968, abs=1e-6)
+
+
+@pytest.mark.parametrize(("deflection", "by_hand"), [(0.0, 0.04), (50.0, 0.055), (70.0, 0.0694), (120.0, 0.1264)])
+def test_soderbergs_losses_by_hand(deflection, by_hand):
+    angles = Angles(np.asarray(0.4 * deflection), np.asarray(-0.6 * deflection))
+    assert float(Soderberg().coefficient(angles, BLADING, Gas())) == pytest.approx(by_hand, rel=1e-12)
+
+
+@pytest.mark.parametrize(
     ("changes", "sentence"),
     [
+        ({"inlet": 10.0}, "minus inlet over outlet angle of the row must be from 0 to 1 for"),
+        ({"inlet": -75.0}, "minus inlet over outlet angle of the row must be from 0 to 1 for"),
         ({"spacing": 0.2}, "pitch over chord of the row must be from 0.3 to 1.1 for"),
         ({"thickness": 0.02}, "thickness over chord of the row must be from 0.15 to 0.25 for"),
         ({"thickness": 0.3}, "thickness over chord of the row must be from 0.15 to 0.25 for"),
     ],
 )
 def test_blades_that_the_charts_do_not_have(changes, sentence):
-    """Refused, or held at the edge of the charts."""
-    sizes = {"spacing": 0.7, "chord": 1.0, "height": 0.5, "thickness": 0.2}
-    angles, blading = Angles(np.asarray(-30.0), np.asarray(70.0)), Blading(**sizes | changes)
+    """Refused, or in the profile's loss held at the edge of the charts."""
+    row = {"inlet": -30.0, "spacing": 0.7, "thickness": 0.2}
+    edge = {"inlet": np.clip(changes.get("inlet", -30.0), -70.0, 0.0), "spacing": 0.3}
+    edge["thickness"] = np.clip(changes.get("thickness", 0.2), 0.15, 0.25)
+
+    def made(inlet, spacing, thickness):
+        return Angles(np.asarray(inlet), np.asarray(70.0)), Blading(spacing, 1.0, 0.5, thickness)
+
+    beyond, at_edge = made(**row | changes), made(**row | {name: edge[name] for name in changes})
     with pytest.raises(vgtjax.InputError, match=f"^{sentence} Ainley and Mathieson's correlation, but it is"):
-        AinleyMathieson().coefficient(angles, blading, Gas())
-    edge = {"spacing": 0.3, "thickness": np.clip(blading.thickness, 0.15, 0.25)}
-    at_edge = Blading(**sizes | {name: edge[name] for name in changes})
-    held, there = (AinleyMathieson(hold=True).coefficient(angles, each, Gas()) for each in (blading, at_edge))
+        AinleyMathieson().coefficient(*beyond, Gas())
+    held, there = (AinleyMathieson(hold=True).profile(*each) for each in (beyond, at_edge))
     assert float(held) == pytest.approx(float(there), rel=1e-12)
-    assert not bool(AinleyMathieson().valid(angles, blading))
-    assert bool(AinleyMathieson(hold=True).valid(angles, blading))
+    assert not bool(AinleyMathieson().valid(*beyond))
+    assert bool(AinleyMathieson().valid(*at_edge))
+    assert bool(AinleyMathieson(hold=True).valid(*beyond))
 
 
 def test_an_angle_that_the_charts_do_not_have_is_held_at_its_edge_in_all_losses():
@@ -181,11 +231,33 @@ def test_losses_are_checked_of_both_rows_where_the_vanes_stand(losses, sentence)
     assert np.all(np.isfinite(friction))
 
 
+def test_vanes_that_gas_meets_with_swirl_lie_outside_at_every_angle():
+    """Thick and short enough, and where their outlet angle is in range: gas that is turned to less swirl of the same
+    sign is in no chart, so that their profile loss is held at that of a nozzle row."""
+    sentence = "minus inlet over outlet angle of the vanes at 25 deg must be from 0 to 1 .* but it is -0.6"
+    sizes = {"thickness": 3e-3, "trail": 6e-3}
+    with pytest.raises(vgtjax.InputError, match=f"^{sentence}.*hold the law at its edges"):
+        Nozzle(**sizes, losses=Losses(vanes=AinleyMathieson())).passage(np.radians(25.0), 9000.0)
+    angles, blading = Nozzle(**sizes)._vane_row(np.radians(25.0))
+    straight = Angles(0 * angles.inlet, angles.outlet)
+    held, there = (AinleyMathieson(hold=True).profile(each, blading) for each in (angles, straight))
+    assert float(held) == float(there)
+    degrees = np.array([4.0, 20.0, 54.0])
+    angles, _ = Nozzle()._vane_row(np.radians(degrees))
+    ratio = np.asarray(AinleyMathieson().ratio(angles))
+    assert np.all((ratio < -0.7) & (ratio > -0.9))  # of the default ones
+
+
 def test_a_law_beyond_its_range_fails_where_it_is_traced():
-    """At 25 deg gas leaves these vanes at 76 deg, at 15 deg at 85 deg."""
-    nozzle = Nozzle(thickness=3e-3, trail=6e-3, losses=Losses(vanes=AinleyMathieson()))
-    works = jax.jit(jax.vmap(nozzle.works))
-    assert works(jnp.radians(jnp.array([25.0, 15.0]))).tolist() == [True, False]
+    """Of a wheel that gas leaves at 70 deg, and at 85 deg."""
+
+    @jax.jit
+    @jax.vmap
+    def works(angle):
+        held = Losses(rotor=AinleyMathieson())
+        return Nozzle(thickness=3e-3, rotor=Rotor(outlet_angle=angle), trail=6e-3, losses=held).works(0.5)
+
+    assert works(jnp.array([-70.0, -85.0])).tolist() == [True, False]
 
 
 def test_the_wheel_has_blades_of_its_own():

@@ -1,5 +1,6 @@
 """Steady flow against closed forms, another method's solution, conservation and differences."""
 
+import dataclasses
 import re
 
 import equinox as eqx
@@ -76,6 +77,47 @@ def test_heat_raises_total_enthalpy():
     given = 6e7 * 1e-3 * (flow.m[-1] - flow.m[0]) / flow.mass_flow
     # Between the middles of the first and the last cell; 4e-6 at 64 cells.
     np.testing.assert_allclose(enthalpy[-1] - enthalpy[0], given, rtol=1e-4)
+
+
+def heated_pump(heat) -> Passage:
+    """A wheel with radial blades and friction, and heat in W/m3 in every cell."""
+    passage = duct(length=0.1, friction=0.8)
+    inside = (np.asarray(passage.centres) > 0.03) & (np.asarray(passage.centres) < 0.07)
+    row, length, speed = inside.astype(int), np.where(inside, 0.004, 1.0), np.where(inside, 2000.0, 0.0)
+    return dataclasses.replace(passage, row=row, length=length, speed=speed, heat=heat)
+
+
+def told(flow):
+    """Mass flow, power, and states in the middle and at the end, in sizes near one."""
+    return jnp.stack([flow.mass_flow * 10, flow.power / 1e3, flow.pressure[40] / 1e5, flow.temperature[-1] / 900])
+
+
+def test_derivatives_with_respect_to_heat():
+    """Of every cell, in both modes, where it is warmed, and where it is cooled as much."""
+    ways = np.random.default_rng(0).normal(size=(3, CELLS))
+
+    @jax.jit
+    def slopes(heat):
+        _, derivative = jax.linearize(lambda heat: told(steady(heated_pump(heat), plenum(), 1.9e5, GAS)), heat)
+        (reverse,) = jax.vmap(jax.linear_transpose(derivative, heat))(jnp.eye(4))
+        return jax.vmap(derivative)(jnp.asarray(ways)).T, reverse
+
+    for sign in (1.0, -1.0):
+        heat, step = sign * 6e7 * np.linspace(0.5, 1.5, CELLS), 1e5
+        forward, reverse = (np.asarray(each) for each in slopes(jnp.asarray(heat)))
+        assert np.all(reverse != 0)
+
+        def moved(times, way, heat=heat, step=step):
+            flow = solve(heated_pump(heat + times * step * way), plenum(), 1.9e5, GAS)
+            assert bool(flow.converged)
+            return np.asarray(told(flow))
+
+        differences = [
+            (8 * (moved(1, way) - moved(-1, way)) - (moved(2, way) - moved(-2, way))) / (12 * step) for way in ways
+        ]
+        # Steady states are found to 1e-12, which this step, some thousandth of the heat, makes 1e-9.
+        np.testing.assert_allclose(forward, np.transpose(differences), rtol=1e-6)
+        np.testing.assert_allclose(reverse @ ways.T, forward, rtol=1e-9)  # rounding
 
 
 def test_turbine_as_another_method_has_solved_it(mid):
