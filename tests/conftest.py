@@ -51,6 +51,7 @@ FIRST = (
     "test_pneumatic_gradients.py",
     "section_3_5.ipynb",
     "test_operating_range.py",
+    "test_whole_range.py",
     "test_march.py",
     "test_tuning.py",
     "test_load_backstepping.py",
