@@ -82,8 +82,10 @@ class _Emitter:
     def _equation(self, equation: Any, given: list[Names]) -> list[Names]:
         name, settings, out = equation.primitive.name, equation.params, equation.outvars[0].aval
         if name in INLINED:
-            inner = settings[INLINED[name]]
-            return self.program(getattr(inner, "jaxpr", inner), getattr(inner, "consts", ()), given)
+            return self._inlined(settings[INLINED[name]], given)
+        if name == "call_hi_primitive":  # since JAX 0.12; what it expands to is of those below
+            shapes = [jax.ShapeDtypeStruct(atom.aval.shape, atom.aval.dtype) for atom in equation.invars]
+            return self._inlined(jax.make_jaxpr(settings["_prim"].expand)(*shapes), given)
         if name in ("scan", "while", "cond"):
             return getattr(self, f"_{name}")(given, **settings)
         if name in REARRANGED:
@@ -94,6 +96,9 @@ class _Emitter:
         if name in COMPOSED and (found := COMPOSED[name](self, given, equation)) is not None:
             return [found]
         return [self._elementwise(equation, name, given, out)]
+
+    def _inlined(self, inner: Any, given: list[Names]) -> list[Names]:
+        return self.program(getattr(inner, "jaxpr", inner), getattr(inner, "consts", ()), given)
 
     def _elementwise(self, equation: Any, name: str, given: list[Names], out: Any) -> Names:
         kinds = {np.dtype(atom.aval.dtype) for atom in equation.invars}
@@ -157,10 +162,9 @@ class _Emitter:
                 pairs.append(f"{name} = {kept};")
         self.lines += pairs
 
-    def _scan(
-        self, given: list[Names], *, jaxpr: Any, length: int, num_consts: int, num_carry: int, reverse: bool, **_: Any
-    ) -> list[Names]:
+    def _scan(self, given: list[Names], *, jaxpr: Any, length: int, reverse: bool, **settings: Any) -> list[Names]:
         body, types = jaxpr.jaxpr, jaxpr.out_avals
+        num_consts, num_carry = _scanned(settings)
         fixed, begins, series = given[:num_consts], given[num_consts:][:num_carry], given[num_consts + num_carry :]
         state = [self._mutable(each, aval.dtype) for each, aval in zip(begins, types, strict=False)]
         arrays = [
@@ -210,6 +214,14 @@ class _Emitter:
             self._set(state, self.program(branch.jaxpr, branch.consts, arguments), types)
             self.lines.append("}" if last else "} else")
         return state
+
+
+def _scanned(settings: dict[str, Any]) -> tuple[int, int]:
+    """How many constants a scan has, and how many arrays it carries."""
+    if "ft_in" not in settings:  # until JAX 0.10
+        return settings["num_consts"], settings["num_carry"]
+    constants, carried, _ = settings["ft_in"].unpack()
+    return len(constants), len(carried)
 
 
 def _row(name: str, at: str, shape: tuple[int, ...]) -> Names:
