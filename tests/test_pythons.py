@@ -22,7 +22,9 @@ TOOLS = ("bash", "env", "dirname", "mktemp", "rm", "mkdir", "cp")
 pytestmark = pytest.mark.skipif(not SCRIPT.exists(), reason="a source distribution is without it")
 
 
-def run(folder: pathlib.Path, *versions: str, asked: str = "", failing: str = "nothing fails") -> tuple[int, str]:
+def run(
+    folder: pathlib.Path, *versions: str, asked: str = "", failing: str = "nothing fails", newest: str = ""
+) -> tuple[int, str]:
     """Status and last line where those versions are installed."""
     for tool in TOOLS:
         (folder / tool).symlink_to(shutil.which(tool))
@@ -30,7 +32,7 @@ def run(folder: pathlib.Path, *versions: str, asked: str = "", failing: str = "n
         stub = folder / f"python{version}"
         stub.write_text(STUB.format(bash=shutil.which("bash"), failing=failing))
         stub.chmod(0o755)
-    environment = {"PATH": str(folder), "TMPDIR": os.environ.get("TMPDIR", "/tmp"), "PYTHONS": asked}
+    environment = {"PATH": str(folder), "TMPDIR": os.environ.get("TMPDIR", "/tmp"), "PYTHONS": asked, "NEWEST": newest}
     done = subprocess.run([str(SCRIPT)], env=environment, capture_output=True, text=True)
     return done.returncode, (done.stdout.splitlines() or [""])[-1]
 
@@ -52,6 +54,11 @@ def test_no_python_at_all_is_no_success(tmp_path):
 def test_a_subset_that_is_asked_for_is_enough(tmp_path):
     line = "passed: 3.12; not here: none; asked for: 3.12 of 3.11 3.12 3.13"
     assert run(tmp_path, "3.12", asked="3.12") == (0, line)
+
+
+@pytest.mark.parametrize(("newest", "status"), [("", 1), ("1", 0)])
+def test_the_newest_versions_are_without_the_constraints(tmp_path, newest, status):
+    assert run(tmp_path, "3.11", "3.12", "3.13", failing="-c constraints.txt", newest=newest)[0] == status
 
 
 @pytest.mark.parametrize("step", ["-m pip", "-m pytest", "-m calibrate"])
