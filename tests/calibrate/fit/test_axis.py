@@ -235,4 +235,4 @@ def test_a_record_that_begins_in_motion_is_pointed_out(tmp_path, records):
     outcome = run_command("fit", tmp_path / "study.toml", "--out", tmp_path / "out")
     said = " ".join(outcome.out.split())
     assert "note: record_1: it begins at 0." in said
-    assert "m/s, but a simulation begins at rest; window = [" in said
+    assert "m/s, but a simulation begins at rest; a window from " in said

@@ -3,10 +3,12 @@
 import dataclasses
 import json
 
+import jax
 import numpy as np
 import pytest
 import scipy.optimize
 
+from vgtjax import RESULTS
 from vgtjax.control import PI, Constant
 from vgtjax.tuning import (
     CaseCosts,
@@ -21,6 +23,8 @@ from vgtjax.tuning import (
 from vgtjax.tuning._scatter import BOLDNESS, scatter
 from vgtjax.tuning._surrogate import ROUGH, _improbability, fit_surrogate
 
+GOOD = jax.tree.map(lambda value: np.zeros(2, value.dtype), RESULTS.successful)
+"""Two loops that ended well."""
 EDGE = 1.0
 """Of the region where the loops of the analytic problem are stable."""
 
@@ -55,7 +59,7 @@ class Cliff(TuningProblem):
         for at in candidates:
             costs = np.sum(self.residuals(at) ** 2, 1)
             terms = np.stack([costs, *3 * [np.zeros_like(costs)]], 1)
-            found.append(CaseCosts(terms, *[np.sqrt(costs)] * 4, np.zeros(len(costs), bool)))
+            found.append(CaseCosts(terms, *[np.sqrt(costs)] * 4, GOOD))
         return found
 
     def linearise(self, coordinates, memory=np.inf):
