@@ -93,8 +93,8 @@ def _notes(results: dict[str, Any], traces: list[vgtjax.Trace], short: list[vgtj
         "Differences are no truth where the plunger grazes zero, as it does all along a ramp of the duty: there a few "
         "samples of any difference, also of J0, are off by more than the derivative itself.",
         f"vgtjax.jacobian and forward mode differ by at most {gap:.0e} of a column; single precision differs by "
-        f"{np.median(rounded):.0e} in the median and {np.max(rounded):.0%} at most. That is as near to exact derivatives, "
-        f"but not enough for a fit, which takes directions above {NULL:.0e} of the largest for real.",
+        f"{np.median(rounded):.0e} in the median and {np.max(rounded):.0%} at most. That is as near to exact "
+        f"derivatives, but not enough for a fit, which takes directions above {NULL:.0e} of the largest for real.",
         f"The differences are one-sided with a relative step of {STEP:g}: one run a parameter and one more.",
     ]
 
