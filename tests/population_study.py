@@ -49,3 +49,22 @@ def write_study(folder: pathlib.Path, text: str = STUDY) -> pathlib.Path:
         shutil.copy(path, folder / path.name)
     (folder / "study.toml").write_text(text)
     return folder / "study.toml"
+
+
+LEAD, PRELOAD = "vane_force.nozzle.lead", "diaphragm.preload"
+
+
+def nozzle_study(lead: float, turbine_pressure: str, study: str) -> str:
+    """A study of a short loop of turbines whose vanes' lead varies by that part, and the preload by a hundredth."""
+    return f"""[components]
+vane_force = "turbine"
+[population]
+vary = []
+[population.parameters]
+"{LEAD}" = {{relative = {lead}}}
+"{PRELOAD}" = {{relative = 0.01}}
+[experiments]
+turbine_pressure = {turbine_pressure}
+loop_seconds = 4
+steps = []
+{study}"""

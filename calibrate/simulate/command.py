@@ -39,7 +39,7 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
             write_text(path, to_csv(trace, solution, applied.rows_at(trace.time)))
             console.print(f"wrote {path}")
     if failed:
-        raise SimulationError(" ".join(failed))
+        raise SimulationError("; ".join(each.removesuffix(".") for each in failed))
 
 
 def to_csv(trace: vgtjax.Trace, solution: vgtjax.Solution, rows: np.ndarray) -> str:

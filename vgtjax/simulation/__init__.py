@@ -3,6 +3,7 @@
 from ._heun import StabilisedHeun as StabilisedHeun
 from ._results import (
     RESULTS as RESULTS,
+    HasEnds as HasEnds,
     blame as blame,
     check_result as check_result,
     choose as choose,

@@ -7,6 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Bool
 
 from .._errors import SimulationError, is_traced
 from ..parts import lost_points
@@ -66,6 +67,22 @@ def first_failure(result: RESULTS) -> str:
         return ""
     first = jax.tree.map(lambda value: jnp.ravel(value)[failed[0]], result)
     return RESULTS[first]  # type: ignore[misc]  # mypy: of the metaclass
+
+
+class HasEnds:
+    """Something about several runs, whose `result` says of each how it ended."""
+
+    result: RESULTS
+
+    @property
+    def failed(self) -> Bool[np.ndarray, " runs"]:
+        """Runs that failed."""
+        return np.asarray(self.result != RESULTS.successful)
+
+    @property
+    def failure(self) -> str:
+        """The advice that goes with the first run that failed; empty where none did."""
+        return first_failure(self.result)
 
 
 def check_result(answer: Any, result: RESULTS, what: str = "the simulation") -> Any:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import equinox as eqx
 import jax
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from .._errors import InputError
 from .._lanes import map_rows
@@ -25,7 +25,7 @@ from ..control import (
     tracking_rms,
 )
 from ..plants import AbstractModel
-from ..simulation import RESULTS, first_failure
+from ..simulation import RESULTS, HasEnds
 from ._cases import Case, Cases, stack_trees
 from ._loops import Timing
 from ._problem import LANES
@@ -48,7 +48,7 @@ class Runs:
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class ClosedLoops(Printed):
+class ClosedLoops(HasEnds, Printed):
     """Closed loops and what each was worth from `settled` seconds on. Prints itself as a table.
 
     `rms` and `peak` of the true error are in m, `pressure_rms` of the observed pressure in Pa (NaN where none is
@@ -68,16 +68,6 @@ class ClosedLoops(Printed):
 
     def __len__(self) -> int:
         return len(self.labels)
-
-    @property
-    def failed(self) -> Bool[np.ndarray, " cases"]:
-        """Runs that failed."""
-        return np.asarray(self.result != RESULTS.successful)
-
-    @property
-    def failure(self) -> str:
-        """The advice that goes with the first run that failed; empty where none did."""
-        return first_failure(self.result)
 
     @functools.cached_property
     def answers(self) -> list[list[StepAnswer]]:

@@ -15,7 +15,7 @@ from .._errors import InputError
 from .._lanes import map_rows
 from ..control import AbstractController, ClosedLoop, check
 from ..parameters import Selection, Transform, build_transform, parameter_table, select
-from ..simulation import RESULTS, first_failure
+from ..simulation import RESULTS, HasEnds
 from . import _loops as loops
 from ._admissible import MARGIN, conditions, gain_names, spare, spare_slopes
 from ._cases import Cases
@@ -28,7 +28,7 @@ LANES = 64
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class CaseCosts:
+class CaseCosts(HasEnds):
     """What every closed loop costs.
 
     `terms` are the summands of its cost `l`; `rms` and `peak` of its true error are in m, `pressure_peak` is that of
@@ -43,16 +43,6 @@ class CaseCosts:
     pressure_peak: Float[np.ndarray, " cases"]
     sliding: Float[np.ndarray, " cases"]
     result: RESULTS
-
-    @property
-    def failed(self) -> Bool[np.ndarray, " cases"]:
-        """Runs that failed."""
-        return np.asarray(self.result != RESULTS.successful)
-
-    @property
-    def failure(self) -> str:
-        """The advice that goes with the first run that failed; empty where none did."""
-        return first_failure(self.result)
 
     @property
     def costs(self) -> Float[np.ndarray, " cases"]:

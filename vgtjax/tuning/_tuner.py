@@ -110,7 +110,7 @@ class Tuner:
             failed = [str(problem.cases.labels[i]) for i in np.flatnonzero(~np.isfinite(self.cases.costs))]
             raise SimulationError(
                 f"{len(failed)} closed loops fail with the start's gains, the first of them '{failed[0]}'; start from "
-                f"gains that are stable there. {self.cases.failure}"
+                f"gains that are stable there. {self.cases.failure}".rstrip()
             )
         if start is None:
             self.progress = dataclasses.replace(began, tried=(here,), costs=(cost,), history=(cost,))

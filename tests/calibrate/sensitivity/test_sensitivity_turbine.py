@@ -2,26 +2,10 @@
 
 import pytest
 from commands import read, run_command
+from population_study import LEAD, PRELOAD, nozzle_study
 from support import quick_nozzle
 
-LEAD, PRELOAD = "vane_force.nozzle.lead", "diaphragm.preload"
-STUDY = f"""[components]
-vane_force = "turbine"
-[population]
-vary = []
-[population.parameters]
-"{LEAD}" = {{relative = 0.1}}
-"{PRELOAD}" = {{relative = 0.01}}
-[experiments]
-turbine_pressure = [0, 2e5]
-loop_seconds = 4
-steps = []
-[sensitivity]
-base = 16
-lanes = 64
-gradient_points = 3
-replicates = 20
-"""
+STUDY = nozzle_study(0.1, "[0, 2e5]", "[sensitivity]\nbase = 16\nlanes = 64\ngradient_points = 3\nreplicates = 20\n")
 
 
 @pytest.fixture(scope="module")

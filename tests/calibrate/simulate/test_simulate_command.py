@@ -193,6 +193,6 @@ def test_a_simulation_that_fails_says_which_and_keeps_the_others(small, tmp_path
     assert outcome.status == 1
     assert outcome.err == (
         "failed: the simulation of trace 'step_80' failed: The simulation left the finite numbers: check that the "
-        "parameters are physical, then lower max_step.\n"
+        "parameters are physical, then lower max_step\n"
     )
     assert {path.name for path in (tmp_path / "out").iterdir()} == {".study.json", "step_50.csv"}

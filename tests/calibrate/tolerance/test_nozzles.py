@@ -3,27 +3,14 @@
 import numpy as np
 import pytest
 from commands import read, run_command
+from population_study import LEAD, PRELOAD, nozzle_study
 from support import quick_nozzle
 
 import vgtjax
 from vgtjax.experiments import SlowLoop
 from vgtjax.population import Evaluator, choose_factors, spread_population
 
-LEAD, PRELOAD = "vane_force.nozzle.lead", "diaphragm.preload"
-STUDY = f"""[components]
-vane_force = "turbine"
-[population]
-vary = []
-[population.parameters]
-"{LEAD}" = {{relative = 0.3}}
-"{PRELOAD}" = {{relative = 0.01}}
-[experiments]
-turbine_pressure = [2e5]
-loop_seconds = 4
-steps = []
-[tolerance]
-samples = 4
-"""
+STUDY = nozzle_study(0.3, "[2e5]", "[tolerance]\nsamples = 4\n")
 
 
 @pytest.fixture(scope="module", autouse=True)

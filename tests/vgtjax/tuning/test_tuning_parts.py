@@ -23,7 +23,17 @@ from vgtjax.control import (
     fade,
 )
 from vgtjax.parts import GENTLE_OPENING
-from vgtjax.tuning import Objective, Variant, conditions, cross_cases, gain_names, mean_beyond, soften, soften_cases
+from vgtjax.tuning import (
+    Objective,
+    Variant,
+    conditions,
+    cross_cases,
+    gain_names,
+    mean_beyond,
+    plan_tuning,
+    soften,
+    soften_cases,
+)
 from vgtjax.tuning._objective import SHARPNESS
 
 REFERENCES = {"sine": Sine(0.003, 15.0, 0.005), "hold": Constant(0.004)}
@@ -210,3 +220,15 @@ def test_a_memory_of_derivatives_must_be_positive(actuator):
     scenario = control.Scenario(Constant(0.005))
     with pytest.raises(vgtjax.InputError, match=r"derivative_memory must be positive, but it is 0\.0 s; use e\.g\. 1"):
         control.close_loop(actuator, PI(), scenario, 0.1, derivative_memory=0.0)
+
+
+def test_a_start_outside_the_conditions_is_refused(actuator):
+    edge = vgtjax.replace_parameters(FrictionCompensation(), {"derivative_gain": 63.0})
+    with pytest.raises(vgtjax.InputError, match=r"every condition of the design .* 'derivative_gain above its bound"):
+        plan_tuning(edge, cross_cases({"a": actuator}, REFERENCES, duration=0.1), OBJECTIVE)
+
+
+def test_a_problem_without_gains_is_refused(actuator):
+    cases = cross_cases({"a": actuator}, REFERENCES, duration=0.1)
+    with pytest.raises(vgtjax.InputError, match="at least one free gain, but free and fixed leave none; free one"):
+        plan_tuning(PI.for_plant(actuator), cases, OBJECTIVE, free=["integral_gain"], fixed=["*"])
