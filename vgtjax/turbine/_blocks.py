@@ -20,19 +20,20 @@ Band = Float[Array, "cells 5 variables variables"]
 CellValues = Float[Array, "cells variables"]
 
 
-def band_of(residual: Callable[[CellValues], CellValues], at: CellValues) -> Band:
-    """Jacobian of a residual whose cells feel two neighbours: cells that no residual feels together move together."""
+def band_of(residual: Callable[[CellValues], CellValues], at: CellValues) -> tuple[CellValues, Band]:
+    """A residual whose cells feel two neighbours, and its Jacobian: cells that no residual feels together move
+    together."""
     cells, variables = at.shape
     moved = np.zeros((COLOURS, variables, cells, variables))
     for colour in range(COLOURS):
         for variable in range(variables):
             moved[colour, variable, colour::COLOURS, variable] = 1.0
-    _, derivative = jax.linearize(residual, at)
+    found, derivative = jax.linearize(residual, at)
     changes = jax.vmap(jax.vmap(derivative))(jnp.asarray(moved, at.dtype))
     here, offset = np.meshgrid(np.arange(cells), np.arange(-REACH, REACH + 1), indexing="ij")
     inside = (here + offset >= 0) & (here + offset < cells)
     band = jnp.moveaxis(changes, 1, -1)[(here + offset) % COLOURS, here]
-    return jnp.where(inside[..., None, None], band, 0.0)
+    return found, jnp.where(inside[..., None, None], band, 0.0)
 
 
 def solve_band(band: Band, right: CellValues) -> CellValues:

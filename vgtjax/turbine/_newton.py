@@ -10,7 +10,7 @@ from jaxtyping import Array, Bool, Float
 
 from .._types import Scalar, Values
 from ._balance import Balance
-from ._blocks import Band, band_of, solve_band
+from ._blocks import COLOURS, REACH, Band, band_of, solve_band
 from ._riemann import States, densities, unpack
 
 GROWTH, CAREFUL_GROWTH = (1.5, 10.0), (1.3, 1.6)
@@ -74,26 +74,40 @@ def solve(problem: AbstractProblem, start: States, first_cfl: float, careful_cfl
     **Arguments:** lengths of the first step in pseudo-time, in transits of a cell by sound, from the start and on the
     way that continuation goes.
     """
-    states, ending = jax.lax.stop_gradient(_continue(*jax.lax.stop_gradient((problem, start)), first_cfl, careful_cfl))
+    balance = jax.lax.stop_gradient(problem.balance)
+    point, ending = jax.lax.stop_gradient(_continue(*jax.lax.stop_gradient((problem, start)), first_cfl, careful_cfl))
     # One more step, whose right side carries all derivatives.
-    band = jax.lax.stop_gradient(_band(jax.lax.stop_gradient(problem), states, LAST_CFL))
-    move, most = -solve_band(band, problem(states)), LAST_MOVE * jax.lax.stop_gradient(problem.balance.scale[None])
+    band, most = _stepping(balance, point, LAST_CFL), LAST_MOVE * balance.scale[None]
+    move = -solve_band(band, problem(point.states))
     too_far = jax.lax.stop_gradient(move - jnp.clip(move, -most, most))
-    return jnp.where(ending.converged, states + move - too_far, states), ending
+    return jnp.where(ending.converged, point.states + move - too_far, point.states), ending
 
 
-def imbalance_of(problem: AbstractProblem, states: States) -> Values:
-    """Largest imbalance of a cell over what gas at rest would carry at its speed of sound."""
-    return jnp.max(jnp.abs(problem(states)) / problem.balance.usual[None])
+class _Point(eqx.Module):
+    """States, and the derivatives there of what is to vanish."""
+
+    states: States
+    band: Band
+
+    def where(self, chosen: Bool[Array, ""], other: "_Point") -> "_Point":
+        """This point where it is chosen, else the other."""
+        return jax.tree.map(lambda mine, theirs: jnp.where(chosen, mine, theirs), self, other)
+
+
+def _unknown_at(states: States) -> _Point:
+    """A point whose derivatives are not known yet."""
+    cells, variables = states.shape
+    return _Point(states, jnp.zeros((cells, COLOURS, variables, variables), states.dtype))
 
 
 class _Search(eqx.Module):
-    """Where the search stands; `best` are the states with the least imbalance so far."""
+    """Where the search stands: the states to look at next, the step that led there and the imbalance that it left;
+    `best` is where the least imbalance was so far."""
 
     states: States
     cfl: Values
     imbalance: Values
-    best: States
+    best: _Point
     least: Values
     steps: Array
     waited: Array
@@ -107,14 +121,14 @@ class _Way(eqx.Module):
     """Where continuation stands: the share of the problem whose states are known, the imbalance that the last search
     left, and how much more is tried next."""
 
-    states: States
+    point: _Point
     known: Values
     imbalance: Values
     advance: Values
     attempts: Array
 
 
-def _continue(problem: AbstractProblem, start: States, first_cfl: float, careful_cfl: float) -> tuple[States, Ending]:
+def _continue(problem: AbstractProblem, start: States, first_cfl: float, careful_cfl: float) -> tuple[_Point, Ending]:
     """States of the whole problem at once, or of ever larger shares of it, each searched from those of the last."""
 
     def unfinished(at: _Way) -> Array:
@@ -122,58 +136,58 @@ def _continue(problem: AbstractProblem, start: States, first_cfl: float, careful
 
     def onward(at: _Way) -> _Way:
         share = jnp.minimum(at.known + at.advance, 1.0)
-        near = jnp.where(at.known > 0, at.states, problem.eased_start(start, share))
+        near = jnp.where(at.known > 0, at.point.states, problem.eased_start(start, share))
         cfl = jnp.where(at.attempts == 0, first_cfl, careful_cfl)
-        states, imbalance = _search(problem.eased(share), near, cfl)
+        point, imbalance = _search(problem.eased(share), near, cfl)
         found = _is_good(imbalance, start)
         advance = at.advance * jnp.where(found, 2.0, 0.5)
-        states, known = jnp.where(found, states, at.states), jnp.where(found, share, at.known)
-        return _Way(states, known, imbalance, advance, at.attempts + 1)
+        known = jnp.where(found, share, at.known)
+        return _Way(point.where(found, at.point), known, imbalance, advance, at.attempts + 1)
 
     zero, one = jnp.zeros((), start.dtype), jnp.ones((), start.dtype)
-    end = jax.lax.while_loop(unfinished, onward, _Way(start, zero, zero, one, jnp.zeros((), int)))
-    return end.states, Ending(end.known, end.imbalance)
+    begin = _Way(_unknown_at(start), zero, zero, one, jnp.zeros((), int))
+    end = jax.lax.while_loop(unfinished, onward, begin)
+    return end.point, Ending(end.known, end.imbalance)
 
 
-def _search(problem: AbstractProblem, start: States, first_cfl: Values) -> tuple[States, Values]:
-    """States of the least imbalance, and that."""
-    first, scale = imbalance_of(problem, start), problem.balance.scale[None]
-    zero, rounding = jnp.zeros((), int), jnp.finfo(start.dtype).eps
+def _search(problem: AbstractProblem, start: States, first_cfl: Values) -> tuple[_Point, Values]:
+    """Where the imbalance is least, and that."""
+    balance, scale = problem.balance, problem.balance.scale[None]
+    one, nothing, rounding = jnp.ones((), start.dtype), jnp.zeros((), int), jnp.finfo(start.dtype).eps
 
     def unfinished(at: _Search) -> Array:
         stale = (at.waited >= PATIENCE) & _is_good(at.least, start)
-        return (at.least > EXACT * rounding) & ~stale & (at.steps < MOST_STEPS) & jnp.isfinite(at.imbalance)
+        return (at.least > EXACT * rounding) & ~stale & (at.steps <= MOST_STEPS) & jnp.isfinite(at.imbalance)
 
     def onward(at: _Search) -> _Search:
-        hasty = at.steps < HASTY_STEPS
-        cfl = jnp.where(at.steps == HASTY_STEPS, first_cfl, at.cfl)
-        move = _step(problem, at.states, cfl) / scale
-        states = at.states + jnp.clip(move, -LONGEST_MOVE, LONGEST_MOVE) * scale
-        imbalance = imbalance_of(problem, states)
-        least, most = (jnp.where(hasty, *each) for each in zip(GROWTH, CAREFUL_GROWTH, strict=True))
-        growth = jnp.clip(at.imbalance / imbalance, least, most)
-        better = imbalance < at.least
-        best = jnp.where(better, states, at.best)
-        waited = jnp.where(better, zero, at.waited + 1)
+        # The only place where the balance is looked at: each other would take as long again to compile.
+        residual, band = band_of(problem, at.states)
+        imbalance = jnp.max(jnp.abs(residual) / balance.usual[None])
+        least, most = (jnp.where(at.steps < HASTY_STEPS, *each) for each in zip(GROWTH, CAREFUL_GROWTH, strict=True))
+        longer = at.cfl * jnp.clip(at.imbalance / imbalance, least, most)
+        cfl = jnp.where((at.steps == 0) | (at.steps == HASTY_STEPS), first_cfl, longer)
+        here, better = _Point(at.states, band), imbalance < at.least
+        move = -solve_band(_stepping(balance, here, cfl), residual) / scale
         return _Search(
-            states, cfl * growth, imbalance, best, jnp.where(better, imbalance, at.least), at.steps + 1, waited
+            at.states + jnp.clip(move, -LONGEST_MOVE, LONGEST_MOVE) * scale,
+            cfl,
+            imbalance,
+            here.where(better, at.best),
+            jnp.where(better, imbalance, at.least),
+            at.steps + 1,
+            jnp.where(better, 0, at.waited + 1),
         )
 
-    begin = _Search(start, first_cfl, first, start, first, zero, zero)
+    begin = _Search(start, one, one, _unknown_at(start), jnp.inf * one, nothing, nothing)
     end = jax.lax.while_loop(unfinished, onward, begin)
     return end.best, end.least
 
 
-def _step(problem: AbstractProblem, states: States, cfl: Values) -> States:
-    """A step of implicit Euler over a time that each cell has for itself."""
-    return -solve_band(_band(problem, states, cfl), problem(states))
-
-
-def _band(problem: AbstractProblem, states: States, cfl: Scalar) -> Band:
-    """Of the linear problem of a step in pseudo-time."""
-    passage, gas = problem.balance.passage, problem.balance.gas
-    density, velocity, _, pressure = unpack(states)
+def _stepping(balance: Balance, point: _Point, cfl: Scalar) -> Band:
+    """Of the linear problem of a step in pseudo-time, implicit Euler over a time that each cell has for itself."""
+    passage, gas = balance.passage, balance.gas
+    density, velocity, _, pressure = unpack(point.states)
     fastest = jnp.abs(velocity) + jnp.sqrt(gas.gamma * pressure / density)
     rate = fastest / (cfl * jnp.diff(passage.m)) * passage.volume
-    stored = jax.vmap(jax.jacfwd(lambda state, radius: densities(gas, state, radius)))(states, passage.centre_radius)
-    return band_of(problem, states).at[:, 2].add(stored * rate[:, None, None])
+    stored = jax.vmap(jax.jacfwd(lambda state, radius: densities(gas, state, radius)))
+    return point.band.at[:, REACH].add(stored(point.states, passage.centre_radius) * rate[:, None, None])

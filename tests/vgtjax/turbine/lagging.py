@@ -25,7 +25,7 @@ def late_moment(passage, flow, pressure, outlet_pressure):
         return _Steady(passage, NOZZLE.inlet(pressure, 900.0), outlet_pressure, GAS)
 
     here = problem(pressure)
-    band = band_of(here, states)
+    _, band = band_of(here, states)
 
     def along(function, at, direction):
         return jax.jvp(function, (at,), (direction,))[1]
