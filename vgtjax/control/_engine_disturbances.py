@@ -13,7 +13,7 @@ from .._errors import InputError, is_traced
 from .._types import Scalar
 from ..exhaust import PressurePulsation
 from ..parts.magnetic_force import ScaledForce
-from ..plants import AbstractConverterPath, AbstractModel, AbstractPlant
+from ..plants import AbstractModel, converter_of
 from ..traces import STANDARD_ATMOSPHERE, Drive, Ramp
 from ._disturbances import AbstractAlteration, AbstractDutyPath, AbstractSurroundings
 from ._recurring import Periodic
@@ -71,13 +71,13 @@ class CoilSupply(AbstractAlteration):
 
         **Raises:** `InputError` for a plant without a converter.
         """
-        path = plant.air_path if isinstance(plant, AbstractPlant) else None
-        if not isinstance(path, AbstractConverterPath):
+        converter = converter_of(plant)
+        if converter is None:
             raise InputError(
                 f"a supply acts on a magnet, but {type(plant).__name__} has no converter; use e.g. Actuator"
             )
         whole: Any = plant
-        magnet = ScaledForce(path.converter.magnetic_force, self.factor(time))
+        magnet = ScaledForce(converter.magnetic_force, self.factor(time))
         return eqx.tree_at(lambda p: p.air_path.converter.magnetic_force, whole, magnet)
 
 

@@ -8,7 +8,7 @@ import scipy
 from jaxtyping import Bool, Float, Int
 
 from ..parts import Converter
-from ..plants import AbstractModel, Actuator, MechanicalActuator
+from ..plants import AbstractModel, AbstractRodModel, converter_of
 from ..traces import Trace, noise_level
 from . import _limits as limits
 
@@ -109,13 +109,14 @@ def resting(model: AbstractModel, trace: Trace) -> Bool[np.ndarray, " time"]:
     if trace.pwm is None or trace.p_act is None or not bool(trace.start().at_rest):
         return still
     ambient = np.full_like(trace.time, trace.atmosphere)
-    converter = model.converter if isinstance(model, Actuator) else Converter()
+    own = converter_of(model)
+    converter = Converter() if own is None else own
     pull = converter.magnetic_force.steady_pull(trace.pwm, np.zeros_like(ambient))
     opening = np.asarray(converter.static_force(pull, ambient, reservoir_pressure(trace), ambient))
     return np.logical_and.accumulate((trace.pwm == 0.0) | (opening > np.maximum(0.5 * opening[0], 0.0)))
 
 
-def sensor_offset(model: Actuator | MechanicalActuator, trace: Trace, channel: str) -> Offset:
+def sensor_offset(model: AbstractRodModel, trace: Trace, channel: str) -> Offset:
     """Offset of the sensor of `x_d` (m) or `p_act` (Pa) from the rest at the start of a trace.
 
     At rest the chamber is at atmosphere and the diaphragm where preload and open stop balance.

@@ -20,7 +20,12 @@ from ._instrumented import (
 from ._knots import on_given_knots as on_given_knots
 from ._mechanical import MechanicalActuator as MechanicalActuator
 from ._physical import is_physical as is_physical, least_volume as least_volume, require_physical as require_physical
-from ._plant import AbstractPlant as AbstractPlant, Plant as Plant, PlantState as PlantState
+from ._plant import (
+    AbstractPlant as AbstractPlant,
+    Plant as Plant,
+    PlantState as PlantState,
+    converter_of as converter_of,
+)
 from ._pneumatic import PneumaticActuator as PneumaticActuator
 from ._rod import AbstractRodModel as AbstractRodModel, Rod as Rod, RodState as RodState
 from .reduced import *

@@ -7,10 +7,10 @@ from jaxtyping import Array, PyTree
 
 from .._types import StateLeaf, Values
 from ..parameters import nested
-from ..parts import AbstractChamber, Air
+from ..parts import AbstractChamber, Air, Converter
 from ..traces import Drive, Start
-from ._air_path import AbstractAirPath, AirPath, ambient_pressure
-from ._base import Inner
+from ._air_path import AbstractAirPath, AbstractAirPathModel, AbstractConverterPath, AirPath, ambient_pressure
+from ._base import AbstractModel, Inner
 from ._rod import AbstractRodModel, Rod, RodState
 
 
@@ -96,3 +96,9 @@ class Plant(AbstractPlant):
     air_path: AbstractAirPath = nested(default_factory=AirPath)
     rod: Rod = nested(default_factory=Rod)
     air: Air = eqx.field(default_factory=Air)
+
+
+def converter_of(model: AbstractModel) -> Converter | None:
+    """The converter in a model's air path; `None` where it has none."""
+    path = model.air_path if isinstance(model, AbstractPlant | AbstractAirPathModel) else None
+    return path.converter if isinstance(path, AbstractConverterPath) else None

@@ -18,6 +18,7 @@ from vgtjax.identification import (
     slow_blocks,
     smooth,
 )
+from vgtjax.plants import AirPath, Plant, Rod
 
 TRUTH = {
     "converter.membrane_stiffness": 2200.0,
@@ -323,6 +324,17 @@ def test_offsets_are_read_at_rest(noisy, ramp):
         assert pressure.std_error == pytest.approx(60 / np.sqrt(200), rel=0.1)
     assert sensor_offset(PRINTED, ramp, "p_act").value == pytest.approx(OFFSETS["p_act"][0], abs=40)
     assert not sensor_offset(PRINTED, ramp.replace(x_d=None), "x_d").known
+
+
+def test_a_plant_of_parts_rests_by_its_own_converter(ramp):
+    """A magnet of half the force closes its valve at a higher duty of a ramp."""
+    printed = PRINTED.converter.magnetic_force.coefficients
+    converter = vgtjax.Converter(magnetic_force=0.5 * printed)
+    found = [
+        sensor_offset(model, ramp, "p_act").std_error
+        for model in (Plant(AirPath(converter), Rod()), vgtjax.Actuator(converter), PRINTED)
+    ]
+    assert found[0] == found[1] < found[2]  # more samples at rest
 
 
 def test_holds_and_ramps_are_told_apart(clean, ramp):
