@@ -3,7 +3,7 @@
 import dataclasses
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy.typing import ArrayLike
 
 from .._errors import InputError
@@ -13,6 +13,8 @@ Samples = Float[np.ndarray, " samples"]
 
 FLOOR = {"x_d": 1e-7, "p_act": 1.0, "f_vane": 1e-4}
 """m, Pa and N; no sensor of such a bench is better, and a noise-free record must not get an infinite weight."""
+GAP = 5.0
+"""A step over this many median steps is a gap."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False, init=False)
@@ -112,6 +114,12 @@ def as_channel(trace: str, name: str, values: "Channel | ArrayLike", time: Array
         return Channel(np.asarray(time), np.asarray(values), unit=unit)
     except InputError as error:
         raise InputError(f"{trace}: {name}: {error}", "traces") from None
+
+
+def gaps_of(time: Samples) -> Int[np.ndarray, " gaps"]:
+    """Samples before which times have a gap."""
+    steps = np.diff(time)
+    return 1 + np.flatnonzero(steps > GAP * np.median(steps) * (1 + 1e-6)) if len(steps) else np.zeros(0, int)
 
 
 def _require_increasing(time: Samples) -> None:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from ._assignment import Assigned
-from ._channel import Samples
+from ._channel import Samples, gaps_of
 from ._trace import SENSOR_PRESSURE_OFFSET
 from .files import Entry, Recording
 
@@ -17,8 +17,6 @@ SENSOR_POSITION_OFFSET = 0.5e-3
 """m; position sensors are trusted to within half a millimetre."""
 HIGHEST_BOOST = 2e6
 """Pa gauge; no turbine inlet sees 20 bar."""
-GAP = 5.0
-"""A step over this many median steps is a gap."""
 SHORTEST, LONGEST = 1e-6, 0.5
 """s; no bench samples faster or more slowly, but time in another unit than it says seems to: milliseconds of a record
 at 1 kHz, taken for seconds, are a sample a second."""
@@ -84,10 +82,9 @@ def check_gaps(recording: Recording, entry: Entry, time: Samples, rows: Numbers)
 
     **Raises:** `InputError`.
     """
-    steps = np.diff(time)
-    gaps = steps > GAP * np.median(steps) * (1 + 1e-6) if len(steps) else np.zeros(0, bool)  # five, but for rounding
-    if np.any(gaps):
-        at = int(np.argmax(gaps)) + 1
+    steps, gaps = np.diff(time), gaps_of(time)
+    if len(gaps):
+        at = int(gaps[0])
         raise recording.fail(
             f"time has a gap of {steps[at - 1]:g} where the median step is {np.median(steps):g}",
             "split the trace there, or record it without loss",

@@ -15,6 +15,7 @@ from ._assignment import Assigned, Assignment
 from ._channel import Channel, Samples
 from ._checks import TRAVEL, check_finite, check_gaps, check_numbers, check_range, ends_of
 from ._clocks import Clocks
+from ._ends_of_range import at_ends_of_range
 from ._signals import SIGNALS
 from ._source import Sources
 from ._trace import ASSUMED_RESERVOIR, STANDARD_ATMOSPHERE, Trace
@@ -68,13 +69,16 @@ def load_trace(
     for signal, assigned in assignment.found.items():
         valid = _valid(records[signal])
         values = _to_si(recording, assigned, records[signal], clocks.rows[signal], atmosphere, ends.get(signal))
-        signals[signal] = Channel(clocks.time[signal], values, valid)
         if not np.all(valid):
             notes.append(
                 f"{recording.noun} '{assigned.entry.label}': {np.sum(~valid)} samples are marked as invalid and skipped"
             )
             if SIGNALS[signal].role == "input":  # a model can't be driven by what nobody knows
-                check_gaps(recording, assigned.entry, signals[signal].time, clocks.rows[signal][valid])
+                check_gaps(recording, assigned.entry, clocks.time[signal][valid], clocks.rows[signal][valid])
+        if SIGNALS[signal].role == "measured":
+            valid, said = _within_range(values, valid)
+            notes += [f"{recording.noun} '{assigned.entry.label}': {sentence}" for sentence in said]
+        signals[signal] = Channel(clocks.time[signal], values, valid)
     # Without a duty nothing flows to a reservoir.
     if "pwm" in signals and not {"p_res", "f_drive"} & signals.keys():
         reservoir = f"{ASSUMED_RESERVOIR:.0f} Pa absolute is assumed for the reservoir"
@@ -94,6 +98,16 @@ def _read(recording: Recording, assigned: Assigned) -> Record:
 
 def _valid(record: Record) -> np.ndarray:
     return np.ones(len(record.value), dtype=bool) if record.valid is None else record.valid
+
+
+def _within_range(values: Samples, valid: np.ndarray) -> tuple[np.ndarray, list[str]]:
+    """Which samples are valid and not at an end of their sensor's range, and a note on those that are."""
+    beyond = np.zeros(len(values), dtype=bool)
+    beyond[valid] = at_ends_of_range(values[valid])
+    if not np.any(beyond):
+        return valid, []
+    said = f"{np.sum(beyond)} of {len(values)} samples are at an end of what their sensor shows, and skipped"
+    return valid & ~beyond, [f"{said}; use one with a wider range"]
 
 
 def _to_si(

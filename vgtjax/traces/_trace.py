@@ -9,7 +9,7 @@ from jaxtyping import Float, Int, PyTree
 from numpy.typing import ArrayLike
 
 from .._errors import InputError
-from ._channel import Channel, Samples, as_channel
+from ._channel import Channel, Samples, as_channel, gaps_of
 from ._drive import Drive, Ramp, Start
 from ._duty import FARTHEST_EDGE, STRAIGHT, beside, edges_of, inside, onto
 from ._grid import same_clock, share_time
@@ -350,6 +350,13 @@ def require(trace: Trace, needs: tuple[str, ...]) -> None:
                     f"{trace.name}: what drives this model must be valid from {trace.time[0]:g} to "
                     f"{trace.time[-1]:g} s, but {column} is so from {time[0]:g} to {time[-1]:g} s; cut the trace with "
                     "a window",
+                    "traces",
+                )
+            gaps = gaps_of(time)
+            if column == "p_act" and len(gaps):  # of inputs none is read
+                raise InputError(
+                    f"{trace.name}: what drives this model must be valid throughout, but p_act is not from "
+                    f"{time[gaps[0] - 1]:g} to {time[gaps[0]]:g} s; cut the trace with a window",
                     "traces",
                 )
 

@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+import scipy
 from bad_traces import BAD_TRACES, HEADER, ROWS, BadTrace, text, with_cell, with_header, without_column
 
 import vgtjax
@@ -223,3 +224,52 @@ def test_a_long_cell_is_not_repeated_in_full(load):
 def test_path_may_be_text_and_the_name_chosen(load, tmp_path: pathlib.Path):
     load(text())
     assert vgtjax.load_trace(str(tmp_path / "bench.csv"), name="first").name == "first"
+
+
+def _noisy(noise=0.6, lowest=-np.inf, seed=3, behind=0.0):
+    """mbar: a fall from atmosphere to -620 mbar and back, at 1 kHz, with noise, of a sensor that shows no less."""
+    time = np.arange(4000) * 1e-3
+    signal = -620 * (np.clip(time / 0.5, 0, 1) - np.clip((time - 2) / 0.5, 0, 1))
+    white = noise * np.random.default_rng(seed).normal(size=len(time))
+    return np.maximum(signal + scipy.signal.lfilter([1.0], [1.0, -behind], white), lowest)
+
+
+def _recorded(values, digits=4):
+    rows = [f"{0.001 * k:.3f},40,{value:.{digits}f},-800,1.0" for k, value in enumerate(values)]
+    return "\n".join(["time [s],pwm [%],p_act [mbar gauge],p_res [mbar gauge],x_d [mm]", *rows])
+
+
+def test_samples_at_an_end_of_a_sensors_range_are_skipped(load):
+    """The sensor shows no less than -600 mbar; the chamber was below that from 0.484 to 2.016 s."""
+    trace = load(_recorded(_noisy(lowest=-600.0)))
+    (note,) = trace.notes
+    assert re.fullmatch(
+        r"column 'p_act': \d+ of 4000 samples are at an end of what their sensor shows, and skipped; use one with a "
+        "wider range",
+        note,
+    )
+    left = trace.sampled("p_act")
+    assert not np.any((left.time > 0.486) & (left.time < 2.014))
+    # Beside the end four deviations of the noise, 2.4 mbar: 2 ms of the fall. Nothing else is missing.
+    assert len(left.time) == pytest.approx(4000 - 1532 - 4, abs=4)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        pytest.param(_noisy(), id="a sensor that shows all"),
+        pytest.param(_noisy(behind=0.78), id="behind a filter"),
+        pytest.param(_noisy(noise=0.0), id="a simulated signal without noise"),
+        pytest.param(np.round(_noisy()), id="a record coarser than its noise"),
+        pytest.param(np.repeat(_noisy()[::10], 10), id="a slow sensor whose values are repeated"),
+    ],
+)
+def test_a_signal_at_rest_is_at_no_end_of_its_range(load, values):
+    assert load(_recorded(values)).notes == ()
+
+
+def test_a_pressure_that_drives_a_rod_may_have_no_gap(load):
+    trace = load(_recorded(_noisy(lowest=-600.0)))
+    sentence = r"what drives this model must be valid throughout, but p_act is not from 0\.48\d to 2\.0\d+ s; cut"
+    with pytest.raises(vgtjax.InputError, match=sentence):
+        vgtjax.simulate(vgtjax.MechanicalActuator(), trace)
