@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 import vgtjax
-from vgtjax.estimation import Calibration, ConfidenceInterval, TraceResult
+from vgtjax.estimation import Calibration, ConfidenceInterval, TraceResult, interval_tells
 from vgtjax.parameters import Bounds
 from vgtjax.plants import on_given_knots
 
@@ -83,8 +83,12 @@ def calibrated(
     intervals = [tuple(found) if np.all(np.isfinite(found)) else None for found in calibration.intervals.tolist()]
     columns = zip(entries, errors, ends, known, intervals, strict=True)
     estimates = {entry: Estimate(*found) for entry, *found in columns}
+    values, positive = (
+        dict(zip(entries, each.tolist(), strict=False)) for each in (calibration.values, calibration.transform.positive)
+    )
     for entry, interval in (profiled or {}).items():
-        believed = estimates[entry].identifiable and interval is not None
+        told = interval is not None and (not positive[entry] or interval_tells(values[entry], interval))
+        believed = estimates[entry].identifiable and told
         estimates[entry] = dataclasses.replace(estimates[entry], interval=interval, identifiable=believed)
     return tabulate(calibration.task.plant, calibration.model, estimates, calibration.task.bounds)
 

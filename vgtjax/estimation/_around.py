@@ -9,7 +9,7 @@ import numpy as np
 from ._calibration import Calibration
 from ._calibrator import Calibrator
 from ._evaluation import Steps
-from ._least_squares import NORMAL_95
+from ._least_squares import FACTOR, NORMAL_95
 from ._profiles import Profiles, profiling
 from ._programs import run_alone
 from ._slices import WORDS, End, Slices, slicing
@@ -64,9 +64,16 @@ class Around:
         return found | {name: None for each in lower for name in each.carried_by if name in entries}
 
 
+def interval_tells(value: float, interval: ConfidenceInterval) -> bool:
+    """Whether a 95 % interval of a positive value ends within a factor of ten to either side, as it must where the
+    value is called determined."""
+    low, high = interval
+    return low is not None and high is not None and low * FACTOR >= value and high <= value * FACTOR
+
+
 def look_around(calibrator: Calibrator, profiles: Literal["flagged", "all", "none"] = "flagged") -> Around:
-    """Slices at the end of a calibration, and profiles of the parameters whose errors they cast doubt on, of all, or of
-    none.
+    """Slices at the end of a calibration, and profiles of the parameters whose errors they cast doubt on and of those
+    that are hardly determined, of all, or of none.
 
     **Arguments:** `calibrator`: at its end, as `run_alone(start_fit(task).ending())` leaves it.
     """
@@ -77,8 +84,16 @@ def looking_around(calibrator: Calibrator, profiles: Literal["flagged", "all", "
     """`look_around` as a computation."""
     end = End.of(calibrator)
     slices = yield from slicing(end)
-    flagged = [] if profiles == "none" else slices.flagged()
+    flagged = [] if profiles == "none" else _doubtful(end, slices)
     if profiles == "all":
         everything = [*flagged, *(entry for entry in end.entries if entry not in flagged)]
         return Around(slices, (yield from profiling(end, everything, len(everything))))
     return Around(slices, (yield from profiling(end, flagged)))
+
+
+def _doubtful(end: End, slices: Slices) -> list[str]:
+    """What needs a profile: first what hardly passes for determined, whose linear error depends on where a search has
+    ended (a damping whose force is below the noise has the longer error the smaller it is), then what slices flag."""
+    hardly = end.found.borderline(end.problem.transform.positive).tolist()
+    named = [entry for entry, is_hardly in zip(end.entries, hardly, strict=True) if is_hardly]
+    return list(dict.fromkeys([*named, *slices.flagged()]))

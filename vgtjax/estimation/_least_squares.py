@@ -20,9 +20,14 @@ WORST_CONDITION = 1e6
 """Of columns of unit length, up to which squaring them loses nothing that a second pass does not bring back."""
 NORMAL_95 = 1.959964
 """Standard errors on either side that hold 95 % of a normal distribution."""
-VAGUE = math.log(10.0) / NORMAL_95
-"""Standard error of a logarithm beyond which the 95 % interval goes farther than a factor of ten to either side: the
+FACTOR = 10.0
+"""To either side, what the 95 % interval of a determined positive value may reach."""
+VAGUE = math.log(FACTOR) / NORMAL_95
+"""Standard error of a logarithm beyond which the 95 % interval goes farther than `FACTOR` to either side: the
 traces don't tell such a value, and what a linear model says over such a distance is no word about them."""
+BORDERLINE = VAGUE / 2
+"""Standard error of a logarithm beyond which the linear model alone does not decide that a value is determined: its
+interval is a factor of three to either side, over which derivatives of other places say other things."""
 BLOCK = 2048
 """Rows of a tall matrix that are worked on at a time: half a megabyte."""
 HUBER = 2.0
@@ -58,6 +63,10 @@ class LeastSquares:
     def tells(self, logarithms: Bool[np.ndarray, " unknowns"]) -> Bool[np.ndarray, " unknowns"]:
         """Which unknowns are determined, those that are `logarithms` to a factor of ten to either side at least."""
         return self.determined & ~(logarithms & (np.nan_to_num(self.std_errors) > VAGUE))
+
+    def borderline(self, logarithms: Bool[np.ndarray, " unknowns"]) -> Bool[np.ndarray, " unknowns"]:
+        """Which of those that it tells are `logarithms` whose standard error is above `BORDERLINE`."""
+        return self.tells(logarithms) & logarithms & (np.nan_to_num(self.std_errors) > BORDERLINE)
 
     def vague(self, logarithms: Bool[np.ndarray, " unknowns"]) -> Float[np.ndarray, "directions unknowns"]:
         """Combinations of unknowns that are logarithms, each of length one, along which one of these has a standard

@@ -75,8 +75,26 @@ def test_open_ends_are_null(calibration, ends, limits, interval):
         "bounded": (pytest.approx(value * np.exp(-2.5 * error)), pytest.approx(high)),
     }
     assert row.interval == expected[interval]
-    assert row.identifiable == (interval != "none")
+    assert row.identifiable == (interval == "bounded")  # a positive value to a factor of ten to either side
     assert row.std_error is not None
+
+
+@pytest.mark.parametrize(
+    ("below", "above", "told"), [(9.9, 9.9, True), (10.1, 9.9, False), (9.9, 10.1, False), (64.0, 66.0, False)]
+)
+def test_a_profile_beyond_a_factor_of_ten_tells_no_value(calibration, below, above, told):
+    """The linear error tells it; where a search has ended elsewhere it does not, and the profile is the same."""
+    name = "diaphragm.stiffness"
+    number = calibration.task.selection.entries.index(name)
+    error = float(calibration.uncertainty.std_errors[number])
+    assert calibration.determined[number]
+    ends = (-np.log(below) / error, np.log(above) / error)
+    profile = Profile(name, error, (-2.0, 0.0, 2.0), (4.0, 0.0, 4.0), ends, (-np.inf, np.inf))
+    around = Around(Slices([], 0, 0), Profiles({name: profile}, [], 0))
+    (row,) = [row for row in calibrated(calibration, around.intervals(calibration)) if row.name == name]
+    value = float(calibration.values[number])
+    assert row.interval == (pytest.approx(value / below), pytest.approx(value * above))
+    assert row.identifiable == told
 
 
 @pytest.fixture

@@ -13,6 +13,8 @@ from vgtjax.estimation import (
     NORMAL_95,
     End,
     Point,
+    Slice,
+    Slices,
     look_around,
     plan_task,
     profiling,
@@ -20,6 +22,7 @@ from vgtjax.estimation import (
     slicing,
     start_calibration,
 )
+from vgtjax.estimation._around import _doubtful
 from vgtjax.parameters import Transform
 
 ROWS, NAMES = 60, ("a", "b", "c")
@@ -205,6 +208,18 @@ def test_a_bound_ends_a_profile():
 def test_profiles_are_as_many_as_are_wanted():
     found = driven(profiling(ended(), NAMES, most=2))
     assert (list(found.profiles), found.left_out) == (["a", "b"], ["c"])
+
+
+def test_what_is_hardly_determined_has_a_profile_before_what_slices_flag():
+    """Standard errors of 1, 0.5 and 0.1 of logarithms: factors of 7, 2.7 and 1.2 to either side."""
+    columns = COLUMNS[:, :3] / np.array([1.0, 0.5, 0.1])
+    point = Point(REMAINS, columns)
+    logarithms = dataclasses.replace(free(), positive=np.ones(3, bool))
+    problem = Known(lambda seen: columns @ seen[0] + REMAINS, logarithms)
+    end = End(problem, np.zeros(3), point, point.uncertainty(ROWS), NAMES)
+    bent = Slice(0, {"a": 0.1, "b": 0.2, "c": 0.9}, (-2.0, 2.0), (8.0, 8.0), (2.0, 2.0))
+    assert _doubtful(end, Slices([bent], 0, 2)) == ["a", "c"]
+    assert _doubtful(dataclasses.replace(end, problem=ended().problem), Slices([bent], 0, 2)) == ["c"]  # no logarithms
 
 
 @pytest.fixture(scope="module")
