@@ -257,14 +257,18 @@ class Calibration(Printed):
     @property
     def noise_ratios(self) -> dict[tuple[str, str], float]:
         """What remains of each channel of each fitted trace, by their names, in units of the noise that it has to meet
-        (`noise_to_meet`)."""
+        (`noise_to_meet`): root mean squares, without samples that are outliers, of which one in two hundred would
+        double it."""
         found = {}
         fitted = (result for result in self.traces if result.use == "fit")
         for result, sensors in zip(fitted, self.sensors, strict=True):
             for channel, met in result.channels.items():
                 measured = result.trace.sampled(channel)
                 assert measured is not None, "what is compared was measured"
-                found[result.trace.name, channel] = met.rmse / noise_to_meet(sensors[channel], measured, channel)
+                left = (met.measured - met.simulated)[sensors[channel].trust > 0]
+                found[result.trace.name, channel] = float(np.std(left)) / noise_to_meet(
+                    sensors[channel], measured, channel
+                )
         return found
 
     @property

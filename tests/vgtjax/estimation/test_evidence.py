@@ -137,6 +137,10 @@ def test_outliers_are_found():
     assert run.sensors[0]["x_d"].outliers == pytest.approx(0.02, abs=0.01)
     assert run.traces[0].noise["x_d"] == pytest.approx(8e-6, rel=0.1)
     assert np.all(np.abs(scores(run)) < 4)
+    # What remains is noise; with outliers it is sqrt(1 + 0.02 30^2) times as much, and looks like a model that lacks
+    # something. They spoil 8 % of the third differences, by which the signal's noise is taken for a sixth too large.
+    assert run.traces[0].rmse["x_d"] > 3 * 8e-6
+    assert 0.8 < run.noise_ratios[run.traces[0].trace.name, "x_d"] < 1.1
 
 
 def test_an_interrupted_fit_goes_on_among_its_corrections(plain):
