@@ -15,7 +15,7 @@ from ._assignment import Assigned, Assignment
 from ._channel import Channel, Samples
 from ._checks import TRAVEL, check_finite, check_gaps, check_numbers, check_range, ends_of
 from ._clocks import Clocks
-from ._ends_of_range import at_ends_of_range
+from ._no_measurements import at_ends_of_range, repeated
 from ._signals import SIGNALS
 from ._source import Sources
 from ._trace import ASSUMED_RESERVOIR, STANDARD_ATMOSPHERE, Trace
@@ -76,7 +76,7 @@ def load_trace(
             if SIGNALS[signal].role == "input":  # a model can't be driven by what nobody knows
                 check_gaps(recording, assigned.entry, clocks.time[signal][valid], clocks.rows[signal][valid])
         if SIGNALS[signal].role == "measured":
-            valid, said = _within_range(values, valid)
+            valid, said = _measurements(values, valid)
             notes += [f"{recording.noun} '{assigned.entry.label}': {sentence}" for sentence in said]
         signals[signal] = Channel(clocks.time[signal], values, valid)
     # Without a duty nothing flows to a reservoir.
@@ -100,14 +100,22 @@ def _valid(record: Record) -> np.ndarray:
     return np.ones(len(record.value), dtype=bool) if record.valid is None else record.valid
 
 
-def _within_range(values: Samples, valid: np.ndarray) -> tuple[np.ndarray, list[str]]:
-    """Which samples are valid and not at an end of their sensor's range, and a note on those that are."""
+def _measurements(values: Samples, valid: np.ndarray) -> tuple[np.ndarray, list[str]]:
+    """Which samples are valid and say what a sensor measured, and a note on those that are valid only."""
+    notes = []
+    again = np.zeros(len(values), dtype=bool)
+    if np.all(valid):
+        again = repeated(values)
+    if np.any(again):
+        left = np.sum(~again)
+        notes.append(f"each value stands for several samples, so only the first counts: {left} of {len(values)}")
+        valid = valid & ~again
     beyond = np.zeros(len(values), dtype=bool)
     beyond[valid] = at_ends_of_range(values[valid])
-    if not np.any(beyond):
-        return valid, []
-    said = f"{np.sum(beyond)} of {len(values)} samples are at an end of what their sensor shows, and skipped"
-    return valid & ~beyond, [f"{said}; use one with a wider range"]
+    if np.any(beyond):
+        said = f"{np.sum(beyond)} of {len(values)} samples are at an end of what their sensor shows, and skipped"
+        notes.append(f"{said}; use one with a wider range")
+    return valid & ~beyond, notes
 
 
 def _to_si(

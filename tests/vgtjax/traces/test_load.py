@@ -261,11 +261,24 @@ def test_samples_at_an_end_of_a_sensors_range_are_skipped(load):
         pytest.param(_noisy(behind=0.78), id="behind a filter"),
         pytest.param(_noisy(noise=0.0), id="a simulated signal without noise"),
         pytest.param(np.round(_noisy()), id="a record coarser than its noise"),
-        pytest.param(np.repeat(_noisy()[::10], 10), id="a slow sensor whose values are repeated"),
     ],
 )
 def test_a_signal_at_rest_is_at_no_end_of_its_range(load, values):
+    """Nor does a logger repeat its values."""
     assert load(_recorded(values)).notes == ()
+
+
+@pytest.mark.parametrize("times", [2, 5, 10])
+def test_of_values_that_a_logger_repeats_the_first_count(load, times):
+    slow = _noisy()[::times]
+    trace = load(_recorded(np.repeat(slow, times)))
+    said = f"each value stands for several samples, so only the first counts: {len(slow)} of {times * len(slow)}"
+    assert trace.notes == (f"column 'p_act': {said}",)
+    found = trace.sampled("p_act")
+    np.testing.assert_allclose(found.time, 1e-3 * times * np.arange(len(slow)), atol=1e-12)
+    np.testing.assert_allclose(found.value, 101013 + 100 * slow, atol=0.01)  # of what the file's digits leave
+    assert len(trace.time) == 4000
+    assert trace.channels["x_d"].value.shape == (4000,)
 
 
 def test_a_pressure_that_drives_a_rod_may_have_no_gap(load):

@@ -1,4 +1,4 @@
-"""A sensor that stands at the end of its range: what it shows there is not what it measures."""
+"""Samples that are no measurements: those of a sensor at an end of its range, and values that a logger repeats."""
 
 import numpy as np
 from jaxtyping import Bool
@@ -16,6 +16,8 @@ one half come through."""
 TURNING = 0.6
 """Share of third differences that have another sign than the one before, from which they are noise: 0.77 of white
 noise, 0.73 behind a low pass, and far less than half of a smooth signal that was simulated without any."""
+LIKE = 0.9
+"""Share of all runs of one value that must be as long as the usual one, or a sample more or less."""
 NORMAL_MEDIAN = 0.6744897501960817
 """Median size of a standard normal deviate."""
 
@@ -35,6 +37,21 @@ def at_ends_of_range(values: Samples) -> Bool[np.ndarray, " samples"]:
         if noise > NOISY * _step_of(values):
             outside |= np.abs(values - end) <= NEAR * noise
     return outside
+
+
+def repeated(values: Samples) -> Bool[np.ndarray, " samples"]:
+    """Which samples only repeat the one before, where a logger writes a slow sensor at the rate of a faster one: each
+    of its values stands for two samples or more, always as many.
+
+    A signal without noise, and one whose record is coarser than its noise, repeats values by itself.
+    """
+    again = np.append(False, np.diff(values) == 0)
+    lengths = np.diff(np.flatnonzero(np.append(~again, True)))
+    usual = np.median(lengths)
+    alike = np.mean(np.abs(lengths - usual) <= 1)
+    if usual < 2 or alike < LIKE or _noise_of(values[~again]) <= NOISY * _step_of(values):
+        return np.zeros(len(values), dtype=bool)
+    return again
 
 
 def _longest_run(here: Bool[np.ndarray, " samples"]) -> int:
