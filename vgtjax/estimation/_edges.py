@@ -19,7 +19,7 @@ from ._edge_times import Edges, known_beforehand
 from ._evaluation import Evaluated, Evaluation, Steps, ask, side_by_side
 from ._evidence import by_trace
 from ._holds import sample_interval
-from ._least_squares import reduce_rows
+from ._least_squares import finite_columns, reduce_rows
 from ._point import Coordinates, Point
 from ._residuals import FitProblem
 from ._search import SPREAD
@@ -183,7 +183,7 @@ def find_edges(
     plain, edges = problem.without_edges(), problem.edges
     assert edges is not None, "what edges move is not known"
     point = Point.of(plain, *((slopes.at, slopes.evaluated) if here is None else here), slopes)
-    columns, parameters = _columns(plain, edges), point.columns
+    columns, parameters = finite_columns(_columns(plain, edges)), finite_columns(point.columns)
     columns = np.pad(columns, ((0, len(parameters) - len(columns)), (0, 0)))  # rows of what is known of parameters
     if beyond_delays:
         parameters = np.column_stack([parameters, _sums(columns, edges.late)])

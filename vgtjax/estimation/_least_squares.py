@@ -184,8 +184,10 @@ def _gram(blocks: Iterable[Float[np.ndarray, "rows all"]]) -> Float[np.ndarray, 
 
 
 def finite_columns(columns: Columns) -> Columns:
-    """Columns with zeros for those that are not finite."""
-    return np.where(np.all(np.isfinite(columns), axis=0), columns, 0.0)
+    """Columns with zeros for those whose length is not finite: of 1e160, say, where a simulation explodes."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        squares = np.einsum("ij,ij->j", columns, columns)
+    return np.where(np.isfinite(squares), columns, 0.0)
 
 
 def determined_within(columns: Columns, scale: float, worst: float) -> Bool[np.ndarray, " unknowns"]:

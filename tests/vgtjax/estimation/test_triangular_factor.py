@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vgtjax.estimation import _least_squares
+from vgtjax.estimation import _least_squares, estimate_uncertainty
 from vgtjax.estimation._least_squares import reduce_rows
 
 ROWS, UNKNOWNS = 500, 6
@@ -81,3 +81,17 @@ def test_a_column_that_is_not_finite_becomes_zeros():
 def test_values_beyond_their_squares():
     matrix = columns(10.0, np.random.default_rng(5)) * 1e200
     assert np.all(np.isfinite(triangular_factor(matrix)))
+
+
+@pytest.mark.parametrize("size", [1e160, 1e300, np.inf, np.nan])
+def test_an_exploded_column_spoils_no_other(size):
+    """Its square is no number; next to its length every other would be too short to matter."""
+    rng = np.random.default_rng(3)
+    matrix, residuals = rng.normal(size=(ROWS, UNKNOWNS)), rng.normal(size=ROWS)
+    exploded = matrix.copy()
+    exploded[:, 2] = size * matrix[:, 2]
+    found = estimate_uncertainty(*reduce_rows(residuals, exploded), ROWS)
+    expected = estimate_uncertainty(*reduce_rows(residuals, np.delete(matrix, 2, axis=1)), ROWS)
+    assert found.determined.tolist() == [True, True, False, True, True, True]
+    np.testing.assert_allclose(np.delete(found.values, 2), expected.values, rtol=1e-10)  # rounding
+    np.testing.assert_allclose(np.delete(found.std_errors, 2), expected.std_errors, rtol=1e-10)
