@@ -11,12 +11,16 @@ from .._errors import InputError
 from ..parameters import Selection, select
 from ..parts import IsothermalChamber
 from ..plants import AbstractModel, Actuator, Initial, Instrumented
-from ..traces import Trace
+from ..traces import START_WINDOW, Trace
 from ._evidence import Unknown
 
 SETTLING = 0.03
 """s after which friction, plunger and the rod's velocity have forgotten how they began; where they did is not free, so
 what sensors show before that is no residual."""
+LEAST_MOVED = {"x_d": 1e-4, "p_act": 1e3}
+"""m and Pa; ten usual differences, to which searches come by themselves."""
+FEWEST = 5
+"""Samples of a parabola: with fewer it has no noise to lose."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -55,16 +59,15 @@ def instrumented(
         _require(channel, "gain", ("x_d", "p_act", *inputs), traces)
     for channel in shifted:
         _require(channel, "offset", inputs, traces)
-    numbers = {id(trace): number for number, trace in enumerate(starting, 1)}
-    nowhere = jnp.zeros(len(starting))
-    bench = Instrumented(model, initial=Initial(nowhere, nowhere, nowhere))
+    later = {id(trace): _numbered(model, trace, number) for number, trace in enumerate(starting, 1)}
+    bench = Instrumented(model, initial=_initial(model, [(trace, later[id(trace)]) for trace in starting]))
     wanted = [*(f"gain.{channel}" for channel in unknown.gain), *(f"offset.{channel}" for channel in shifted)]
     for number, trace in enumerate(starting):
         wanted += [f"initial.{state}[{number}]" for state in _free_states(model, trace)]
     known = {f"gain.{channel}": part for channel, part in gains.items()}
     known |= {f"offset.{channel}": size for channel, size in offsets.items()}
     stated = {entry: size for entry, size in known.items() if entry in wanted}
-    numbered = [_numbered(model, trace, numbers[id(trace)]) if id(trace) in numbers else trace for trace in traces]
+    numbered = [later.get(id(trace), trace) for trace in traces]
     return Bench(bench, select(bench, [*selection.entries, *wanted]), stated, numbered)
 
 
@@ -96,6 +99,32 @@ def _numbered(model: AbstractModel, trace: Trace, number: int) -> Trace:
         if np.any(later[channel])
     }
     return trace.replace(start_number=number, **kept)
+
+
+def _initial(model: AbstractModel, traces: Sequence[tuple[Trace, Trace]]) -> Initial:
+    """By how much traces begin elsewhere than where the numbered ones would have them begin, as far as their first
+    samples tell; zero for what hardly moves, and for what is no sensor of the model.
+
+    A rod that has gone two millimetres on is two hundred usual differences away, where no search comes to.
+
+    **Arguments:** `traces`: each whole, and numbered.
+    """
+    moved = np.zeros((2, len(traces)))
+    for number, (whole, later) in enumerate(traces):
+        mean = later.start()
+        for place, (channel, value) in enumerate((("x_d", mean.position), ("p_act", mean.pressure))):
+            away = _first_value(whole, channel) - float(value) if channel in model.sensed else 0.0
+            moved[place, number] = away if abs(away) > LEAST_MOVED[channel] else 0.0
+    return Initial(jnp.asarray(moved[0]), jnp.asarray(moved[1]), jnp.zeros(len(traces)))
+
+
+def _first_value(trace: Trace, channel: str) -> float:
+    """Where a channel begins by a parabola through its first samples; NaN without enough of them."""
+    seen = trace.channels.get(channel)
+    first = None if seen is None else seen.within(trace.time[0], trace.time[0] + START_WINDOW)
+    if first is None or len(first.time) < FEWEST:
+        return np.nan
+    return float(np.polyfit(first.time - trace.time[0], first.value, 2)[-1])
 
 
 def _inputs(model: AbstractModel, traces: Sequence[Trace]) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from known_truth import FREE, TRUTH, bench
+from known_truth import FREE, NOISE, TRUTH, bench
 from support import duty_trace
 
 import vgtjax
@@ -15,6 +15,7 @@ from vgtjax.plants import Initial, Instrumented
 
 BEGIN = 0.16
 """s; while the rod moves, and the gas has cooled down by expanding."""
+LONG = {"x_d": "position", "p_act": "pressure"}
 STARTS = ("initial.x_d[0]", "initial.p_act[0]", "initial.T_act[0]")
 
 
@@ -51,6 +52,35 @@ def test_parameters_are_right_although_a_trace_begins_while_the_rod_moves(found)
     assert set(STARTS) == set(found.instruments)
     assert found.uncertainty.scale == pytest.approx(1.0, abs=0.1)
     assert np.all(np.abs(scores(found)) < 4)
+
+
+@pytest.mark.parametrize("begin", [0.1, 0.13, 0.2])
+def test_a_search_begins_near_where_a_trace_does(begin):
+    """What is fitted begins 30 ms later, where the rod has gone a millimetre on, and its mean is later still."""
+    whole = bench(13)
+    task = plan([whole.window(begin, float(whole.time[-1]))], "evidence")
+    place = int(np.searchsorted(whole.time, begin - 1e-6))
+    guess = dict(zip(task.selection.entries, np.asarray(task.selection.pack(task.model)).tolist(), strict=True))
+    for channel, away, near in (("x_d", 1e-3, 1e-4), ("p_act", 2e3, 1e3)):
+        first = float(getattr(whole, channel)[place]) - getattr(task.fit[0].start(), LONG[channel])
+        assert abs(first) > away
+        assert abs(guess[f"initial.{channel}[0]"] - first) < near  # parabolas are no exact motion
+
+
+def test_a_search_begins_at_the_mean_where_hardly_anything_moves():
+    """Or where too few samples tell of it: at 50 Hz, three of the first 50 ms."""
+    rng, time = np.random.default_rng(4), np.arange(0, 0.5, 1e-3)
+    still = vgtjax.Trace(
+        time,
+        pwm=np.full(500, 40.0),
+        x_d=2e-3 + rng.normal(0, NOISE["x_d"], 500),
+        p_act=8e4 + rng.normal(0, NOISE["p_act"], 500),
+    )
+    ramp = vgtjax.Trace(time[::20], pwm=np.full(25, 40.0), x_d=0.02 * time[::20], p_act=8e4 - 2e4 * time[::20])
+    for trace in (still, ramp):
+        task = plan([trace], "evidence")
+        guess = dict(zip(task.selection.entries, np.asarray(task.selection.pack(task.model)).tolist(), strict=True))
+        assert [guess[entry] for entry in STARTS] == [0.0, 0.0, 0.0]
 
 
 def test_the_start_state_is_found_with_its_error(cut, found):
