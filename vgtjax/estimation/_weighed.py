@@ -10,7 +10,7 @@ from ..parameters import build_transform, parameter_table
 from ._calibration import Calibration, comparing
 from ._evaluation import Evaluated, Steps, ask
 from ._evidence import DELAY_SCALE, LONGEST_DELAY
-from ._least_squares import LeastSquares, estimate_uncertainty, reduce_rows
+from ._least_squares import LeastSquares, estimate_uncertainty, finite_columns, reduce_rows
 from ._measured import Sensors
 from ._progress import Progress
 from ._residuals import FitProblem, build_fit_problem
@@ -84,8 +84,7 @@ class Linearised:
         """Seen with the noise of these sensors."""
         problem = self._with_noise(sensors)
         residuals = problem.residuals_of(self.evaluated.observed)
-        columns = problem.columns_of(self.evaluated.columns, self.at)
-        columns = np.where(np.isfinite(columns).all(0), columns, 0.0)
+        columns = finite_columns(problem.columns_of(self.evaluated.columns, self.at))
         pinned = np.asarray(problem.transform.pinned(self.at, residuals @ columns))
         trace, block = _owners(problem)
         return Weighed(residuals, np.where(pinned, 0.0, columns), trace, block, problem.count - problem.offsets)
