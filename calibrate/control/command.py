@@ -12,7 +12,7 @@ from ..output.files import REPORT, SUMMARY, read_json, write_json, write_text
 from ..output.margins import least_margins
 from ..resumable import run_once
 from .job import ControlJob, prepare_control
-from .outcome import Outcome, look_at, summarise, tabulate
+from .outcome import Outcome, look_at, slides, summarise, tabulate
 from .report import render
 from .terminal import table
 from .traces import trace_csv, trace_name
@@ -50,11 +50,14 @@ def _compute(job: ControlJob, out: pathlib.Path) -> None:
         sample = cost_on_target(first, table_of.period)
     with console.status("linearising the loops"):
         margins = sliding_margins(job.controllers, job.groups[0], lanes=table_of.lanes)
-    outcome = Outcome(tuple(groups), margins, used, sample_seconds, sample, time.monotonic() - began)
+    seen = slides(job, tuple(groups))
+    outcome = Outcome(tuple(groups), margins, seen, used, sample_seconds, sample, time.monotonic() - began)
     rows, summary = tabulate(outcome), summarise(job, outcome)
     took = f"{1e6 * sample_seconds:.3g} us a sample"
     console.print(f"{table_of.design} knows {job.belief}; it measures {', '.join(summary['measures'])}; {took} here")
     console.print(table(rows))
+    if seen is not None:
+        console.print(seen.sentence if seen.slides else f"warning: {seen.sentence}")
     console.print(least_margins(margins))
     write_json(out / SUMMARY, summary)
     _write_traces(outcome, out / TRACES)

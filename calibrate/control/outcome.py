@@ -8,13 +8,23 @@ from typing import Any
 import jax
 import numpy as np
 
-from vgtjax.control import AbstractController, Margins, Scenario, StepAnswer, channels_used, close_loop, replay
+from vgtjax.control import (
+    AbstractController,
+    Margins,
+    Scenario,
+    StepAnswer,
+    WithFallback,
+    channels_used,
+    close_loop,
+    replay,
+)
 from vgtjax.plants import AbstractModel
-from vgtjax.tuning import Cases, ClosedLoops
+from vgtjax.tuning import Cases, ClosedLoops, Sliding, sliding
 
 from ..fmu.cost import SampleCost
 from ..output.files import finite
 from ..output.margins import list_margins
+from ..output.sliding import list_sliding, warnings
 from .job import ControlJob
 
 CHANNELS = {
@@ -39,6 +49,8 @@ class Outcome:
 
     groups: tuple[ClosedLoops, ...]
     margins: dict[str, dict[str, Margins]]
+    sliding: Sliding | None
+    """How far an observer that switches slides in all closed loops."""
     measures: tuple[str, ...]
     sample_seconds: float
     sample: SampleCost | None
@@ -49,6 +61,15 @@ class Outcome:
     def loops(self) -> list[tuple[ClosedLoops, int]]:
         """Every closed loop: its group, and its place there."""
         return [(group, index) for group in self.groups for index in range(len(group))]
+
+
+def slides(job: ControlJob, groups: tuple[ClosedLoops, ...]) -> Sliding | None:
+    """Whether an observer that switches slides in the closed loops of a job; nothing without one."""
+    inside = {
+        name: each.controller if isinstance(each, WithFallback) else each for name, each in job.controllers.items()
+    }
+    judged = zip(job.groups, groups, strict=True)
+    return sliding(inside, *judged, settled=job.study.control.settled)
 
 
 def look_at(controller: AbstractController, cases: Cases) -> tuple[tuple[str, ...], float]:
@@ -84,10 +105,11 @@ def summarise(job: ControlJob, outcome: Outcome) -> dict[str, Any]:
         "sample": None if outcome.sample is None else dataclasses.asdict(outcome.sample),
         "worst": {name: finite(_largest(outcome, name)) for name in ("rms", "peak", "pressure_rms")},
         "loops": [_numbers(group, index) for group, index in outcome.loops],
+        "sliding": list_sliding(outcome.sliding),
         "margins": list_margins(outcome.margins),
         "failed": [str(group.labels[index]) for group, index in outcome.loops if group.failed[index]],
         "failure": next((group.failure for group in outcome.groups if group.failure), None),
-        "notes": list(job.notes),
+        "notes": [*job.notes, *warnings(outcome.sliding)],
         **job.account(outcome.seconds),
     }
 

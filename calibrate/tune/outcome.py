@@ -22,6 +22,7 @@ from vgtjax.tuning import (
 from ..fmu.cost import SampleCost
 from ..output.files import finite
 from ..output.margins import list_margins
+from ..output.sliding import list_sliding, warnings
 from ..study.parameter_file import Entry, Estimate, tabulate
 from .job import TuneJob
 
@@ -66,7 +67,7 @@ class Outcome:
     def remarks(self) -> list[str]:
         """A sentence where gains are worse than the start's along what they were not tuned on, and one where an
         observer that switches does not slide."""
-        return [*self.worse_elsewhere, *(each.sentence for each in [self.sliding] if each and not each.slides)]
+        return [*self.worse_elsewhere, *warnings(self.sliding)]
 
     @property
     def worse_elsewhere(self) -> list[str]:
@@ -120,7 +121,7 @@ def summarise(
         "gap": finite(gap),  # by what part the true closed loops cost more than the smoothed ones, with tuned gains
         "history": list(progress.history),
         "conditions": conditions,
-        "sliding": _sliding(outcome.sliding),
+        "sliding": list_sliding(outcome.sliding),
         "margins": list_margins(outcome.margins),
         "sample": None if sample is None else dataclasses.asdict(sample),
         "cases": {name: _rows(comparison) for name, comparison in comparisons.items()},
@@ -129,11 +130,6 @@ def summarise(
         "notes": [*job.notes, *outcome.remarks],
         **job.account(outcome.seconds),
     }
-
-
-def _sliding(found: Sliding | None) -> dict[str, Any] | None:
-    """SI units; nothing for a controller without an observer that switches."""
-    return None if found is None else {**dataclasses.asdict(found), "slides": found.slides, "sentence": found.sentence}
 
 
 def _rows(comparison: Comparison) -> list[dict[str, Any]]:

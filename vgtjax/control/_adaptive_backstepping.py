@@ -129,7 +129,7 @@ class AdaptiveBackstepping(AbstractController):
         nominal coefficient that is estimated, `beta_0` to `beta_2`.
         """
         memory, velocity = self.differentiator.update(
-            state.differentiator, measurement.position, period, reference.acceleration
+            state.differentiator, measurement.position, period, reference.velocity
         )
         motion = Motion(measurement.position, velocity, measurement.ambient)
         at, now = Moment(motion, measurement.pressure, reference), state.estimate

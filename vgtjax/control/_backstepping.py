@@ -9,14 +9,11 @@ from jaxtyping import Array
 from .._types import Scalar
 from ..parameters import parameter
 from ..plants import Actuator
-from ._base import FULL_DUTY, AbstractController, Log, Measurement, Memory, Reference, saturate
+from ._base import AbstractController, Log, Measurement, Memory, Reference, saturate
 from ._design import Condition, positive
 from ._design_model import DesignModel, Motion, lighter
 from ._differentiator import AbstractDifferentiator, LevantDifferentiator
 from ._pressure_observer import ObservedState, PressureObserver
-
-NEAR_LIMIT = 5.0
-"""%; the duty's distance from a limit within which the rod counts as following the reference the less."""
 
 
 def _differentiator() -> AbstractDifferentiator:
@@ -77,11 +74,9 @@ class Backstepping(AbstractController):
         Logs `velocity` in m/s and by how much the observer's differs from it, `velocity_error`, the observed `pressure`
         in Pa absolute, `deflection` in m and `friction` in N, and the `wanted_pressure` in Pa absolute.
         """
-        # While the duty saturates the rod does not follow.
-        follows = jnp.clip(jnp.minimum(state.duty, FULL_DUTY - state.duty) / NEAR_LIMIT, 0.0, 1.0)
-        expected = follows * reference.acceleration
-        memory, velocity = self.differentiator.update(state.differentiator, measurement.position, period, expected)
-        position = self.differentiator.value(memory, period)
+        expected, position = reference.velocity, measurement.position
+        memory, velocity = self.differentiator.update(state.differentiator, position, period, expected)
+        position = self.differentiator.value(memory, period, expected)
         motion = Motion(position, velocity, measurement.ambient, measurement.turbine)
         observed, rate = self.observer.step(state.observed, motion, state.duty, period)
         wanted = self.wanted_pressure(motion, observed, reference)

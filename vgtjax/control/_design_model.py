@@ -23,6 +23,9 @@ from ..parts import (
 )
 from ..plants import Actuator, StaticMapActuator, fit_flow_map
 
+LEAST_VOLUME = 0.1
+"""Of the chamber's volume on the open stop; half of it is left on the closed one."""
+
 
 class Motion(eqx.Module):
     """Position in m and velocity in m/s of the rod as they are known, atmosphere in Pa, turbine inlet in Pa gauge."""
@@ -183,8 +186,9 @@ class DesignModel(Part):
         return vane_state_after(self.vane_force, self.diaphragm, motion, state, period)
 
     def volume(self, position: Scalar) -> Scalar:
-        """`V` in m3."""
-        return self.chamber.gas_volume(self.diaphragm.displaced_volume(position))
+        """`V` in m3, of which a part is always left: a sensor may show the rod anywhere."""
+        displaced = self.diaphragm.displaced_volume(position)
+        return self.chamber.gas_volume(jnp.minimum(displaced, (1 - LEAST_VOLUME) * self.chamber.volume))
 
     @property
     def gas_energy(self) -> Scalar:

@@ -23,17 +23,21 @@ class AbstractDifferentiator(AbstractDesign):
     def update(self, state: Any, value: Scalar, period: float, expected: Scalar = 0.0) -> tuple[Memory, Scalar]:
         """One sample: what it remembers next, and the derivative a second.
 
-        `expected` is the second derivative since the last sample as far as it is known beforehand, that of a reference
-        for instance: only what differs from it has to be found from the samples, and lags or is bounded.
+        `expected` is the derivative at the sample as far as it is known beforehand, that of a reference for instance:
+        only what differs from it has to be found from the samples, and lags or is bounded.
         """
 
     @abc.abstractmethod
-    def value(self, state: Any, period: float) -> Scalar:
-        """The signal itself at the last sample, as smooth as the estimate has it."""
+    def value(self, state: Any, period: float, expected: Scalar = 0.0) -> Scalar:
+        """The signal itself at the last sample, as smooth as the estimate has it; `expected` as there."""
 
 
 class FilteredSlope(eqx.Module):
-    """Last value, and its filtered derivative a second."""
+    """Last value, and by how much its filtered derivative a second exceeds the one that was expected.
+
+    The excess, not the derivative: however an expected derivative jumps or is missed between two samples, none of it
+    stays behind.
+    """
 
     value: Scalar
     slope: Scalar
@@ -52,11 +56,11 @@ class FilteredDifference(AbstractDifferentiator):
         self, state: FilteredSlope, value: Scalar, period: float, expected: Scalar = 0.0
     ) -> tuple[FilteredSlope, Scalar]:
         """See the base class."""
-        held = self.filter_time * (state.slope + period * expected)
-        slope = (held + (value - state.value)) / (self.filter_time + period)
-        return FilteredSlope(value, slope), slope
+        change = value - state.value - period * expected
+        slope = (self.filter_time * state.slope + change) / (self.filter_time + period)
+        return FilteredSlope(value, slope), slope + expected
 
-    def value(self, state: FilteredSlope, period: float) -> Scalar:
+    def value(self, state: FilteredSlope, period: float, expected: Scalar = 0.0) -> Scalar:
         """The last sample, unfiltered."""
         return state.value
 
@@ -64,10 +68,10 @@ class FilteredDifference(AbstractDifferentiator):
 class LevantDifferentiator(AbstractDifferentiator):
     """Robust exact differentiator of first order (Levant, 1998), one explicit Euler step a sample.
 
-    `z0' = z1 - 1.5 sqrt(L) |s|^(1/2) sign(s)`, `z1' = expected - 1.1 L sign(s)`, `s = z0 - value`, `L` the largest
-    second derivative but for the expected one. Sign and root are those of `s` over `|s| + width`: far below the noise,
-    `width` only keeps the derivatives finite; at or above it, this is the smooth relative, linear inside, where it
-    filters with `sqrt(1.1 L / width)` in rad/s.
+    `z0' = expected + z1 - 1.5 sqrt(L) |s|^(1/2) sign(s)`, `z1' = -1.1 L sign(s)`, `s = z0 - value`, `L` the largest
+    second derivative but for that of the expected one; the derivative is `expected + z1`. Sign and root are those of
+    `s` over `|s| + width`: far below the noise, `width` only keeps the derivatives finite; at or above it, this is the
+    smooth relative, linear inside, where it filters with `sqrt(1.1 L / width)` in rad/s.
     """
 
     largest_second_derivative: Scalar = parameter(5.0, symbol="L", unit="m/s2", source="assumed")
@@ -85,13 +89,13 @@ class LevantDifferentiator(AbstractDifferentiator):
         bound = self.largest_second_derivative
         apart = state.value - value
         softened = jnp.abs(apart) + self.width
-        rate = state.slope - 1.5 * jnp.sqrt(bound / softened) * apart
-        slope = state.slope + period * (expected - 1.1 * bound * apart / softened)
-        return FilteredSlope(state.value + period * rate, slope), slope
+        rate = expected + state.slope - 1.5 * jnp.sqrt(bound / softened) * apart
+        slope = state.slope - period * 1.1 * bound * apart / softened
+        return FilteredSlope(state.value + period * rate, slope), slope + expected
 
-    def value(self, state: FilteredSlope, period: float) -> Scalar:
+    def value(self, state: FilteredSlope, period: float, expected: Scalar = 0.0) -> Scalar:
         """`z0`, which an Euler step has brought to the next sample, less that step."""
-        return state.value - period * state.slope
+        return state.value - period * (state.slope + expected)
 
 
 class ImplicitLevantDifferentiator(AbstractDifferentiator):
@@ -113,15 +117,15 @@ class ImplicitLevantDifferentiator(AbstractDifferentiator):
     ) -> tuple[FilteredSlope, Scalar]:
         """See the base class."""
         bound = self.largest_second_derivative
-        ahead = state.value + period * (state.slope + period * expected) - value
+        ahead = state.value + period * (state.slope + expected) - value
         linear, switched = 1.5 * period * jnp.sqrt(bound), 1.1 * period**2 * bound
         # s + linear sqrt|s| sign(s) + switched sign(s) = ahead; the second form of the root, which does not cancel.
         beyond = jnp.maximum(jnp.abs(ahead) - switched, 0.0)
         root = 2 * beyond / (linear + jnp.sqrt(linear**2 + 4 * beyond))
         sign = jnp.clip(ahead / switched, -1.0, 1.0)
-        slope = state.slope + period * (expected - 1.1 * bound * sign)
-        return FilteredSlope(value + root**2 * sign, slope), slope
+        slope = state.slope - period * 1.1 * bound * sign
+        return FilteredSlope(value + root**2 * sign, slope), slope + expected
 
-    def value(self, state: FilteredSlope, period: float) -> Scalar:
+    def value(self, state: FilteredSlope, period: float, expected: Scalar = 0.0) -> Scalar:
         """`z0` at the last sample."""
         return state.value

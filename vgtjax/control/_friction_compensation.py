@@ -91,7 +91,7 @@ class FrictionCompensation(AbstractController):
     ) -> tuple[ObserverState, Scalar, Log]:
         """See the base class; logs `velocity` in m/s, `friction` in N and the `wanted_pressure` in Pa absolute."""
         memory, velocity = self.differentiator.update(
-            state.differentiator, measurement.position, period, reference.acceleration
+            state.differentiator, measurement.position, period, reference.velocity
         )
         error, error_rate = measurement.position - reference.position, velocity - reference.velocity
         deflection, friction = self._observe(state.deflection, velocity, error, period)

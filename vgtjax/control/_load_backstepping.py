@@ -8,12 +8,14 @@ import jax.numpy as jnp
 from .._types import Scalar
 from ..parameters import parameter
 from ..plants import Actuator
-from ._backstepping import NEAR_LIMIT
 from ._base import FULL_DUTY, AbstractController, Log, Measurement, Memory, Reference, saturate
 from ._design import Condition, positive
 from ._design_model import DesignModel, lighter
 from ._differentiator import AbstractDifferentiator, LevantDifferentiator
 from ._load_observer import LoadEstimate, LoadObserver
+
+NEAR_LIMIT = 5.0
+"""%; the duty's distance from a limit within which the rod counts as following the reference the less."""
 
 
 class LoadState(eqx.Module):
@@ -22,6 +24,8 @@ class LoadState(eqx.Module):
     estimate: LoadEstimate
     differentiator: Memory
     duty: Scalar
+    expected: Scalar
+    """m/s; of the reference's velocity, what the rod took part in."""
 
 
 class Wanted(eqx.Module):
@@ -80,7 +84,8 @@ class LoadBackstepping(AbstractController):
         """At rest, with the chamber at atmosphere."""
         estimate = self.observer.initial_state(measurement.position, measurement.ambient)
         memory = self.differentiator.initial_state(measurement.position)
-        return LoadState(estimate, memory, jnp.zeros_like(measurement.position))
+        nothing = jnp.zeros_like(measurement.position)
+        return LoadState(estimate, memory, nothing, nothing)
 
     def update(
         self, state: LoadState, measurement: Measurement, reference: Reference, period: float
@@ -90,8 +95,10 @@ class LoadBackstepping(AbstractController):
         Logs `velocity` in m/s, the observed `pressure` in Pa absolute, `friction` and `load` in N, the friction
         `level`, the `pressure_deviation` in Pa, and the `wanted_pressure` in Pa absolute of the flow map.
         """
+        # This velocity only drives the bristles, whose force is bounded: an error that stays for a while does no harm.
         near = jnp.clip(jnp.minimum(state.duty, FULL_DUTY - state.duty) / NEAR_LIMIT, 0.0, 1.0)
-        expected = near * self.observer.free(state.estimate) * reference.acceleration
+        follows = near * self.observer.free(state.estimate)
+        expected = state.expected + period * follows * reference.acceleration
         position, ambient = measurement.position, measurement.ambient
         memory, slow = self.differentiator.update(state.differentiator, position, period, expected)
         estimate = self.observer.step(state.estimate, position, slow, ambient, state.duty, period)
@@ -106,7 +113,7 @@ class LoadBackstepping(AbstractController):
             "pressure_deviation": jnp.sqrt(estimate.covariance[2, 2]),
             "wanted_pressure": wanted.pressure,
         }
-        return LoadState(estimate, memory, saturate(duty)), duty, log
+        return LoadState(estimate, memory, saturate(duty), expected), duty, log
 
     def wanted(self, estimate: LoadEstimate, reference: Reference, ambient: Scalar) -> Wanted:
         """The wanted motion, and the virtual control."""

@@ -20,7 +20,7 @@ Covariance = Float[Array, "5 5"]
 AT_REST = (1e-4, 1.0)
 """m/s and Pa; deviation of velocity and pressure of a rod at rest on its stop, with the chamber at atmosphere."""
 NOTICED = 3.0
-"""Deviations of the sensor above zero from which it is off at rest; gradually, from twice of it on altogether."""
+"""Deviations of the sensor above where a rod at rest lies from which it is off; gradually, from twice on altogether."""
 HELD = np.array([True, True, False, True, False])
 """Of the mean: what a stop that takes up all force holds, or hides."""
 
@@ -122,12 +122,13 @@ class LoadObserver(AbstractDesign):
         return LoadEstimate(mean, covariance, nothing, nothing, nothing, self._stop_shown(position))
 
     def _stop_shown(self, position: Scalar) -> Scalar:
-        """Where a sensor that shows this at rest shows that the rod leaves its stop, into which the preload presses it:
+        """Where a sensor that shows this at rest shows that the rod leaves its stop, into which its preload presses it:
         at zero, unless the sensor is off by more than noise explains."""
         body = self.model.diaphragm
         sunk = jnp.clip(body.preload / jnp.maximum(body.stop_stiffness, 1.0), 0.0, self.largest_zero_error)
-        biased = jnp.clip(position / (NOTICED * self.position_noise) - 1, 0.0, 1.0)
-        return jnp.where(position <= self.largest_zero_error, biased * (position + sunk), 0.0)
+        off = position + sunk
+        biased = jnp.clip(off / (NOTICED * self.position_noise) - 1, 0.0, 1.0)
+        return jnp.where(position <= self.largest_zero_error, biased * off, 0.0)
 
     def observed_pressure(self, estimate: LoadEstimate, share: Scalar) -> Scalar:
         """Chamber pressure in Pa absolute, when a share of the load is an error of the flow map in truth."""

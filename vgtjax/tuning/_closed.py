@@ -19,7 +19,9 @@ from ..control import (
     chatter,
     close_loop,
     effort,
+    pressure_peak,
     pressure_rms,
+    sliding_share,
     step_answers,
     tracking_peak,
     tracking_rms,
@@ -51,9 +53,10 @@ class Runs:
 class ClosedLoops(HasEnds, Printed):
     """Closed loops and what each was worth from `settled` seconds on. Prints itself as a table.
 
-    `rms` and `peak` of the true error are in m, `pressure_rms` of the observed pressure in Pa (NaN where none is
-    observed), `effort` and `chatter` in percent of duty, as [`effort`][] and [`chatter`][] have them. `result` says
-    of each run how it ended; figures of one that failed are NaN. `answers` are those to the steps of each reference.
+    `rms` and `peak` of the true error are in m, `pressure_rms` and `pressure_peak` of the observed pressure in Pa (NaN
+    where none is observed), `effort` and `chatter` in percent of duty, as [`effort`][] and [`chatter`][] have them;
+    `sliding` is the share of samples at which the observer slides as [`sliding_share`][] has it. `result` says of each
+    run how it ended; figures of one that failed are NaN. `answers` are those to the steps of each reference.
     """
 
     labels: tuple[Case, ...]
@@ -62,6 +65,8 @@ class ClosedLoops(HasEnds, Printed):
     rms: Float[np.ndarray, " cases"]
     peak: Float[np.ndarray, " cases"]
     pressure_rms: Float[np.ndarray, " cases"]
+    pressure_peak: Float[np.ndarray, " cases"]
+    sliding: Float[np.ndarray, " cases"]
     effort: Float[np.ndarray, " cases"]
     chatter: Float[np.ndarray, " cases"]
     result: RESULTS
@@ -151,6 +156,8 @@ MEASURES = {
     "rms": tracking_rms,
     "peak": tracking_peak,
     "pressure_rms": pressure_rms,
+    "pressure_peak": pressure_peak,
+    "sliding": sliding_share,
     "effort": effort,
     "chatter": chatter,
 }

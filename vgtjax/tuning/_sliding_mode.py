@@ -1,11 +1,13 @@
 """Whether a switching observer slides in its closed loops [5.16]."""
 
 import dataclasses
+from collections.abc import Mapping
 
 import numpy as np
 
 from ..control import AbstractController, PressureObserver, designs_in
 from ._cases import Cases
+from ._closed import ClosedLoops
 from ._problem import CaseCosts
 
 ENOUGH = 0.99
@@ -51,31 +53,43 @@ class Sliding:
         )
 
 
-def sliding(controller: AbstractController, *judged: tuple[Cases, CaseCosts], settled: float) -> Sliding | None:
-    """Whether the controller's observer slides in closed loops that it ran in.
+def sliding(
+    controllers: AbstractController | Mapping[str, AbstractController],
+    *judged: tuple[Cases, CaseCosts | ClosedLoops],
+    settled: float,
+) -> Sliding | None:
+    """Whether an observer slides in closed loops that it ran in.
 
-    The start of a run is left out: no observer slides while it is still finding the pressure. `None` for a controller
+    The start of a run is left out: no observer slides while it is still finding the pressure. `None` for controllers
     without a switching observer, or where no closed loop was good.
 
-    **Arguments:** closed loops, and what they were worth with the controller; `settled` in s, that of the objective.
+    **Arguments:** one controller, or one for each plant by its name; closed loops, and what was seen of them with it;
+    `settled` in s, from which on it was seen.
     """
-    switching = [
-        (f"{prefix}switching_gain", design)
-        for prefix, design in designs_in(controller)
-        if isinstance(design, PressureObserver) and design.switching_gain > 0
-    ]
-    shares = np.concatenate([costs.sliding for _, costs in judged])
-    if not switching or np.all(np.isnan(shares)):
+    rows = []
+    for cases, seen in judged:
+        for label, share, error in zip(cases.labels, seen.sliding, seen.pressure_peak, strict=True):
+            found = _switching(controllers[label.plant] if isinstance(controllers, Mapping) else controllers)
+            if found is not None and not np.isnan(share):
+                rows.append((float(share), float(error), str(label), *found))
+    if not rows:
         return None
-    labels = [str(label) for cases, _ in judged for label in cases.labels]
-    error = float(np.nanmax(np.concatenate([costs.pressure_peak for _, costs in judged])))
-    (name, observer), place = switching[0], int(np.nanargmin(shares))
+    share, _, case, name, observer = min(rows, key=lambda row: row[0])
+    _, error, *_, wrong = max(rows, key=lambda row: row[1])
     return Sliding(
         name=name,
         gain=float(observer.switching_gain),
-        share=float(shares[place]),
-        case=labels[place],
+        share=share,
+        case=case,
         settled=settled,
         pressure_error=error,
-        worth=float(observer.least_switching_gain(error)),
+        worth=float(wrong.least_switching_gain(error)),
     )
+
+
+def _switching(controller: AbstractController) -> tuple[str, PressureObserver] | None:
+    """The observer of a controller that switches, and the name of its gain."""
+    for prefix, design in designs_in(controller):
+        if isinstance(design, PressureObserver) and design.switching_gain > 0:
+            return f"{prefix}switching_gain", design
+    return None

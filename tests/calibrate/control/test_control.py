@@ -46,6 +46,23 @@ levels = [0.006]
 initial = 0.005
 rise = 0.05
 """
+SWITCHING = """
+[control]
+design = "backstepping"
+belief = "printed"
+duration = 0.3
+settled = 0.1
+turbine_pressure = [0]
+gains = {{"observer.injection_rate" = {{value = 0.0}}, "observer.switching_gain" = {{value = 0.5}}}}
+{more}
+[[control.reference]]
+kind = "sine"
+amplitude = 0.002
+rate = 10.0
+offset = 0.005
+[parameters]
+"diaphragm.preload" = {{value = 58.0}}
+"""
 GAINS = {"design": "pi", "parameters": {"proportional_gain": {"value": 9000.0}, "tracking_time": {"value": None}}}
 
 
@@ -115,6 +132,26 @@ def test_it_says_what_the_controller_knew(summary, outcome):
     assert summary["sample"]["operations"] > 100
     assert "pi knows the middle of the population; it measures position, reservoir pressure" in outcome.out
     assert "note: turbine pressure acts on nothing" in outcome.out
+
+
+def test_what_observes_nothing_has_nothing_to_slide(summary):
+    assert summary["sliding"] is None
+
+
+def test_it_warns_of_an_observer_that_does_not_slide(tmp_path):
+    """Behind a fallback, which has no part in the names of gains; one sentence in terminal, summary and report."""
+    text = SWITCHING.format(more="fallback = 'static-balance'")
+    outcome = run_command("control", write(tmp_path, text=text), "--out", tmp_path / "out")
+    assert outcome.status == 0, outcome.err
+    summary = read(tmp_path / "out" / "summary.json")
+    found, sentence = summary["sliding"], summary["sliding"]["sentence"]
+    assert (found["name"], found["gain"], found["slides"]) == ("observer.switching_gain", 0.5, False)
+    assert 0 < found["share"] < 0.99
+    assert found["case"] == "nominal, sine, 0 mbar"
+    assert sentence.startswith("the observer does not slide: observer.switching_gain is 0.5 m/s2")
+    assert summary["notes"][-1] == sentence
+    assert f"warning: {sentence}" in outcome.out.replace("\n", " ")
+    assert "the observer does not slide" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8").lower()
 
 
 def test_it_says_which_gains_ran(summary, folder):

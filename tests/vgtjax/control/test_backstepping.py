@@ -168,8 +168,9 @@ def test_a_pressure_gain_as_printed_lets_the_loop_diverge():
     """`K6 > 0`, which no observer can be built with."""
     printed = eqx.tree_at(lambda o: o.pressure_rate, SLIDING, number(-20.0))
     _, _, _, pressure, _ = map(np.asarray, run_design(derived(printed)))
+    # Not to no number: the design model keeps a part of its chamber, wherever the rod is said to be.
     assert np.max(np.abs(pressure[: round(0.15 / STEP)])) > 10 * 800.0
-    assert not np.all(np.isfinite(pressure))
+    assert np.max(np.abs(pressure[-round(0.05 / STEP) :])) > 10 * 800.0
 
 
 def test_every_gain_is_a_parameter_that_the_error_can_be_differentiated_by():
@@ -227,12 +228,16 @@ def test_the_full_actuator_tracks_from_its_position_alone(actuator):
 def test_a_step_is_answered_without_overshoot_under_gas_that_is_known(actuator):
     plant, flow_map = dataclasses.replace(actuator, vane_force=VANES), fit_flow_map(actuator).flow_map
     scenario = Scenario(control.signal_2(), control.Constant(3e5), sensors=Sensors.bench())
+    # The duty saturates, and the slower differentiator of the defaults finds the rod's own velocity later: 0.12 mm
+    # beyond, where this one has 0.094.
+    quick = control.LevantDifferentiator(3.0, width=2e-3)
 
     @jax.jit
     @jax.vmap
     def follow(known):
         model = DesignModel.for_plant(dataclasses.replace(actuator, vane_force=known), flow_map)
-        run = close_loop(plant, Backstepping(observer=PressureObserver(model)), scenario, 5.0, throw=False)
+        controller = Backstepping(observer=PressureObserver(model), differentiator=quick)
+        run = close_loop(plant, controller, scenario, 5.0, throw=False)
         return run.position, run.pressure - run.log["pressure"]
 
     # Without its values a map is zero.

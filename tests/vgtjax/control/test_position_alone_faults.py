@@ -30,6 +30,16 @@ def test_a_biased_sensor_takes_no_force_of_the_stop_for_load(actuator, controlle
     assert np.max(np.abs(shown[time > 4.0])) < 5e-5
 
 
+@pytest.mark.parametrize("offset", [5e-5, 7e-5])
+def test_a_bias_that_only_undoes_how_far_a_rod_at_rest_sinks_in_is_noticed(actuator, controller, offset):
+    """The preload presses it 49 um into its stop, so that the sensor shows it near zero."""
+    run = control.close_loop(actuator, controller, Scenario(control.signal_2(), sensors=biased(offset)), 5.0)
+    # Half of the 46 N act where the rod counts as half free. Measured: 17 N; 34 N on plants when it went unnoticed.
+    assert np.max(np.abs(run.log["load"])) < 23.0
+    time, shown = np.asarray(run.time), np.asarray(run.error) - offset
+    assert np.max(np.abs(shown[time > 4.0])) < 5e-5
+
+
 @pytest.mark.parametrize("design", [LoadBackstepping, control.FrictionCompensation, control.AdaptiveBackstepping])
 @pytest.mark.parametrize("beyond", [0.014, -0.002])
 def test_a_reference_beyond_the_stops_leaves_nothing_behind(actuator, design, beyond):

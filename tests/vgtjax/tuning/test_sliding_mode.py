@@ -9,7 +9,7 @@ import pytest
 
 import vgtjax
 from vgtjax.control import PI, Backstepping, PressureObserver, Sine
-from vgtjax.tuning import Objective, conditions, conditions_asked, cross_cases, plan_tuning, sliding
+from vgtjax.tuning import Objective, close_loops, conditions, conditions_asked, cross_cases, plan_tuning, sliding
 
 SETTLED = 0.1
 PRELOADS = {"printed": 49.46, "stiff": 58.0}
@@ -75,6 +75,20 @@ def test_of_several_groups_of_closed_loops_the_worst_counts(problem, costs):
     lost = dataclasses.replace(judged[1][1], sliding=np.array([np.nan]), pressure_peak=np.array([np.nan]))
     assert sliding(switching(1.24), judged[0], (second, lost), settled=SETTLED).case == "printed, sine, 0 mbar"
     assert sliding(switching(1.24), (second, lost), settled=SETTLED) is None
+
+
+def test_loops_that_are_closed_without_tuning_say_the_same(problem, costs):
+    """Each plant with a controller of its own; the largest error is worth what its plant's observer makes of it."""
+    loops = close_loops(switching(1.24), problem.cases, settled=SETTLED)
+    np.testing.assert_allclose(loops.sliding, costs[1.24].sliding, atol=1e-12)
+    np.testing.assert_allclose(loops.pressure_peak, costs[1.24].pressure_peak, rtol=1e-6)
+    heavy = vgtjax.replace_parameters(switching(1.24), {"observer.model.diaphragm.mass": 1.26})
+    own = {"printed": switching(1.24), "stiff": heavy}
+    found, one = (sliding(given, (problem.cases, loops), settled=SETTLED) for given in (own, switching(1.24)))
+    assert "stiff" in str(problem.cases.labels[int(np.argmax(loops.pressure_peak))])
+    # Twice the mass of the printed one, half the acceleration.
+    assert found.worth == pytest.approx(0.5 * one.worth, rel=1e-9)
+    assert sliding({**own, "stiff": switching(0.0)}, (problem.cases, loops), settled=SETTLED).case.startswith("printed")
 
 
 def _only(costs, places):
