@@ -140,8 +140,8 @@ def test_what_observes_nothing_has_nothing_to_slide(summary):
 
 def test_it_warns_of_an_observer_that_does_not_slide(tmp_path):
     """Behind a fallback, which has no part in the names of gains; one sentence in terminal, summary and report."""
-    text = SWITCHING.format(more="fallback = 'static-balance'")
-    outcome = run_command("control", write(tmp_path, text=text), "--out", tmp_path / "out")
+    path = write(tmp_path, "fallback = 'static-balance'", SWITCHING)
+    outcome = run_command("control", path, "--out", tmp_path / "out")
     assert outcome.status == 0, outcome.err
     summary = read(tmp_path / "out" / "summary.json")
     found, sentence = summary["sliding"], summary["sliding"]["sentence"]
