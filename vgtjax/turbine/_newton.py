@@ -160,7 +160,7 @@ def _search(problem: AbstractProblem, start: States, first_cfl: Values) -> tuple
         return (at.least > EXACT * rounding) & ~stale & (at.steps <= MOST_STEPS) & jnp.isfinite(at.imbalance)
 
     def onward(at: _Search) -> _Search:
-        # The only place where the balance is looked at: each other would take as long again to compile.
+        # The only place where a search evaluates its problem: a second one would take as long again to compile.
         residual, band = band_of(problem, at.states)
         imbalance = jnp.max(jnp.abs(residual) / balance.usual[None])
         least, most = (jnp.where(at.steps < HASTY_STEPS, *each) for each in zip(GROWTH, CAREFUL_GROWTH, strict=True))
