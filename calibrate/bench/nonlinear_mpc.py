@@ -63,7 +63,7 @@ class NonlinearMPC(AbstractController):
         """See the base class; uses position and atmosphere alone."""
         estimate, memory, before, guess = state
         position, ambient, observer = measurement.position, measurement.ambient, self.observer
-        memory, slow = self.differentiator.update(memory, position, period, reference.acceleration)
+        memory, slow = self.differentiator.update(memory, position, period, reference.velocity)
         estimate = observer.step(estimate, position, slow, ambient, before, period)
         load = estimate.load + observer.friction(estimate, jnp.zeros_like(position))
         x, v, p = estimate.position, estimate.velocity, estimate.pressure

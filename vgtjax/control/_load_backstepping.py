@@ -8,14 +8,12 @@ import jax.numpy as jnp
 from .._types import Scalar
 from ..parameters import parameter
 from ..plants import Actuator
-from ._base import FULL_DUTY, AbstractController, Log, Measurement, Memory, Reference, saturate
+from ._base import AbstractController, Log, Measurement, Memory, Reference, saturate
 from ._design import Condition, positive
 from ._design_model import DesignModel, lighter
 from ._differentiator import AbstractDifferentiator, LevantDifferentiator
 from ._load_observer import LoadEstimate, LoadObserver
-
-NEAR_LIMIT = 5.0
-"""%; the duty's distance from a limit within which the rod counts as following the reference the less."""
+from ._velocity_lag import following, velocity_lag
 
 
 class LoadState(eqx.Module):
@@ -24,8 +22,8 @@ class LoadState(eqx.Module):
     estimate: LoadEstimate
     differentiator: Memory
     duty: Scalar
-    expected: Scalar
-    """m/s; of the reference's velocity, what the rod took part in."""
+    lag: Scalar
+    """m/s; of the reference's velocity, what the rod did not take part in."""
 
 
 class Wanted(eqx.Module):
@@ -96,11 +94,12 @@ class LoadBackstepping(AbstractController):
         `level`, the `pressure_deviation` in Pa, and the `wanted_pressure` in Pa absolute of the flow map.
         """
         # This velocity only drives the bristles, whose force is bounded: an error that stays for a while does no harm.
-        near = jnp.clip(jnp.minimum(state.duty, FULL_DUTY - state.duty) / NEAR_LIMIT, 0.0, 1.0)
-        follows = near * self.observer.free(state.estimate)
-        expected = state.expected + period * follows * reference.acceleration
+        follows = following(state.duty) * self.observer.free(state.estimate)
+        lag = velocity_lag(state.lag, follows, reference, period)
         position, ambient = measurement.position, measurement.ambient
-        memory, slow = self.differentiator.update(state.differentiator, position, period, expected)
+        memory, slow = self.differentiator.update(
+            state.differentiator, position, period, reference.velocity - lag
+        )
         estimate = self.observer.step(state.estimate, position, slow, ambient, state.duty, period)
         wanted = self.wanted(estimate, reference, ambient)
         duty = self._duty(estimate, wanted, ambient)
@@ -113,7 +112,7 @@ class LoadBackstepping(AbstractController):
             "pressure_deviation": jnp.sqrt(estimate.covariance[2, 2]),
             "wanted_pressure": wanted.pressure,
         }
-        return LoadState(estimate, memory, saturate(duty), expected), duty, log
+        return LoadState(estimate, memory, saturate(duty), lag), duty, log
 
     def wanted(self, estimate: LoadEstimate, reference: Reference, ambient: Scalar) -> Wanted:
         """The wanted motion, and the virtual control."""
