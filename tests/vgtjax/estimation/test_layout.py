@@ -7,7 +7,9 @@ from support import duty_trace
 
 import vgtjax
 from vgtjax.estimation import (
+    Evaluation,
     _layout,
+    ask,
     bundle_traces,
     foreseen,
     observe,
@@ -73,6 +75,26 @@ def test_values_and_derivatives_are_those_of_each_alone(shared, actuator, late):
             (theirs,) = bundle.from_lanes(np.asarray(theirs))
             # Rounding, which the seat's steep ramp multiplies; of columns as long as they are.
             assert np.all(np.linalg.norm(mine - theirs, axis=0) <= 1e-9 * np.linalg.norm(theirs, axis=0))
+
+
+@pytest.mark.parametrize("late", [None, LATE])
+def test_fits_side_by_side_get_the_derivatives_of_each_alone(actuator, late):
+    """Lanes of several chunks, the last one partly filled; and beside it a shape of which one chunk is used."""
+    long = bundle_traces(actuator, [recorded(2, 6, (0, 0.05), (70, 1.0), (20, 0.75))])
+    short = bundle_traces(actuator, [FAST], like=long)
+    assert short[0].shape == long[0].shape
+    assert (short[0].owned, long[0].owned) == (2, 18)
+    selection, found = select(actuator, FREE), {}
+    questions = {each[0].owned: Evaluation(actuator, each, late, selection) for each in (long, short)}
+    run_together({owned: ask(each) for owned, each in questions.items()}, found.__setitem__)
+    run_together({"alone": ask(questions[2])}, found.__setitem__)
+    np.testing.assert_array_equal(found["alone"].columns[0], found[2].columns[0])  # whatever runs beside it
+    for owned, each in questions.items():
+        expected = run_alone(ask(each)).columns[0]
+        lengths = np.linalg.norm(expected[:owned], axis=(0, 1))
+        assert np.all(lengths[1] > 0)
+        # Rounding, which the seat's steep ramp multiplies; of columns as long as they are.
+        assert np.all(np.linalg.norm(found[owned].columns[0] - expected, axis=(0, 1)) <= 1e-9 * lengths)
 
 
 def test_reverse_mode_finds_what_forward_mode_does_in_a_shape_with_room(shared, actuator):
