@@ -97,9 +97,7 @@ class LoadBackstepping(AbstractController):
         follows = following(state.duty) * self.observer.free(state.estimate)
         lag = velocity_lag(state.lag, follows, reference, period)
         position, ambient = measurement.position, measurement.ambient
-        memory, slow = self.differentiator.update(
-            state.differentiator, position, period, reference.velocity - lag
-        )
+        memory, slow = self.differentiator.update(state.differentiator, position, period, reference.velocity - lag)
         estimate = self.observer.step(state.estimate, position, slow, ambient, state.duty, period)
         wanted = self.wanted(estimate, reference, ambient)
         duty = self._duty(estimate, wanted, ambient)

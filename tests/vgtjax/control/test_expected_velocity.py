@@ -15,6 +15,7 @@ from vgtjax.control import (
     Sensors,
     close_loop,
 )
+from vgtjax.control._velocity_lag import following, velocity_lag
 
 PERIOD = 1e-3
 JUMPS = np.random.default_rng(3).uniform(-30.0, 30.0, 400)
@@ -83,6 +84,30 @@ def test_while_the_duty_saturates_the_velocity_is_not_lost(actuator):
     # 1.22 of it; and 2.8 when the differentiator was told of no acceleration while the duty saturated.
     apart = np.abs(np.gradient(np.asarray(run.error), PERIOD))
     assert np.max(missed[rising]) < 1.5 * np.max(apart[rising])
+
+
+@pytest.mark.parametrize(("duty", "share"), [(0.0, 1.0), (1.0, 0.8), (50.0, 0.0), (98.0, 0.6), (100.0, 1.0)])
+def test_the_lag_is_what_the_reference_gains_meanwhile_and_ends_with_it(duty, share):
+    """A reference that moves for 0.2 s along a parabola and back: nothing is left of the lag where it rests again."""
+    acceleration = np.where(np.arange(300) < 100, 2.0, np.where(np.arange(300) < 200, -2.0, 0.0))
+    velocity, nothing = PERIOD * np.cumsum(acceleration), np.zeros(300)
+    asked = control.Reference(nothing, *map(jnp.asarray, (velocity, acceleration)), nothing)
+
+    def sample(lag, reference):
+        lag = velocity_lag(lag, following(jnp.asarray(duty)), reference, PERIOD)
+        return lag, lag
+
+    lag = np.asarray(jax.lax.scan(sample, jnp.asarray(0.0), asked)[1])
+    # Rounding of a sum of a hundred.
+    np.testing.assert_allclose(lag, share * velocity, atol=1e-15)
+    assert lag[-1] == pytest.approx(0.0, abs=1e-15)
+
+
+def test_a_lag_never_exceeds_the_velocity_of_the_reference():
+    """What was missed on the way up is none of what the rod lacks once the reference is slower, or turns round."""
+    for velocity, left in ((0.05, 0.05), (0.0, 0.0), (-0.05, 0.0)):
+        reference = control.Reference(*map(jnp.asarray, (0.0, velocity, 0.0, 0.0)))
+        assert float(velocity_lag(jnp.asarray(0.2), jnp.asarray(1.0), reference, PERIOD)) == left
 
 
 def test_a_sensor_that_shows_the_rod_in_the_wall_leaves_a_number(actuator):
