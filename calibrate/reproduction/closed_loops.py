@@ -205,7 +205,8 @@ ROWS = (
         printed="negligible error",
         rule=Between(0.0, 0.1),
         ours=_overshoot,
-        reason=f"A hundredth of the stroke is 0.1 mm. At the highest turbine pressure the duty saturates. {_KNOWS}",
+        reason="A hundredth of the stroke is 0.1 mm. At the highest turbine pressure the duty saturates, and the rod's "
+        f"own velocity, which the slow differentiator has to find then, is found late. {_KNOWS}",
     ),
     _row(
         id="loop-adaptive",

@@ -14,7 +14,6 @@ from ._design import Condition, positive
 from ._design_model import DesignModel, Motion, lighter
 from ._differentiator import AbstractDifferentiator, LevantDifferentiator
 from ._pressure_observer import ObservedState, PressureObserver
-from ._velocity_lag import following, velocity_lag
 
 
 def _differentiator() -> AbstractDifferentiator:
@@ -27,8 +26,6 @@ class BacksteppingState(eqx.Module):
     observed: ObservedState
     differentiator: Memory
     duty: Scalar
-    lag: Scalar
-    """m/s; of the reference's velocity, what the rod did not take part in."""
 
 
 class Backstepping(AbstractController):
@@ -67,8 +64,7 @@ class Backstepping(AbstractController):
         """At rest, with the chamber at atmosphere."""
         observed = self.observer.initial_state(measurement.ambient)
         memory = self.differentiator.initial_state(measurement.position)
-        nothing = jnp.zeros_like(measurement.position)
-        return BacksteppingState(observed, memory, nothing, nothing)
+        return BacksteppingState(observed, memory, jnp.zeros_like(measurement.position))
 
     def update(
         self, state: BacksteppingState, measurement: Measurement, reference: Reference, period: float
@@ -78,8 +74,7 @@ class Backstepping(AbstractController):
         Logs `velocity` in m/s and by how much the observer's differs from it, `velocity_error`, the observed `pressure`
         in Pa absolute, `deflection` in m and `friction` in N, and the `wanted_pressure` in Pa absolute.
         """
-        lag = velocity_lag(state.lag, following(state.duty), reference, period)
-        expected, position = reference.velocity - lag, measurement.position
+        expected, position = reference.velocity, measurement.position
         memory, velocity = self.differentiator.update(state.differentiator, position, period, expected)
         position = self.differentiator.value(memory, period, expected)
         motion = Motion(position, velocity, measurement.ambient, measurement.turbine)
@@ -94,7 +89,7 @@ class Backstepping(AbstractController):
             "friction": self.observer.model.friction_force(velocity, observed.deflection),
             "wanted_pressure": wanted,
         }
-        return BacksteppingState(observed, memory, saturate(duty), lag), duty, log
+        return BacksteppingState(observed, memory, saturate(duty)), duty, log
 
     def surface(self, motion: Motion, reference: Reference) -> Array:
         """`s1` in m/s [5.22]."""

@@ -8,12 +8,14 @@ import jax.numpy as jnp
 from .._types import Scalar
 from ..parameters import parameter
 from ..plants import Actuator
-from ._base import AbstractController, Log, Measurement, Memory, Reference, saturate
+from ._base import FULL_DUTY, AbstractController, Log, Measurement, Memory, Reference, saturate
 from ._design import Condition, positive
 from ._design_model import DesignModel, lighter
 from ._differentiator import AbstractDifferentiator, LevantDifferentiator
 from ._load_observer import LoadEstimate, LoadObserver
-from ._velocity_lag import following, velocity_lag
+
+NEAR_LIMIT = 5.0
+"""%; the duty's distance from a limit within which the rod counts as following the reference the less."""
 
 
 class LoadState(eqx.Module):
@@ -94,8 +96,8 @@ class LoadBackstepping(AbstractController):
         `level`, the `pressure_deviation` in Pa, and the `wanted_pressure` in Pa absolute of the flow map.
         """
         # This velocity only drives the bristles, whose force is bounded: an error that stays for a while does no harm.
-        follows = following(state.duty) * self.observer.free(state.estimate)
-        lag = velocity_lag(state.lag, follows, reference, period)
+        follows = _following(state.duty) * self.observer.free(state.estimate)
+        lag = _velocity_lag(state.lag, follows, reference, period)
         position, ambient = measurement.position, measurement.ambient
         memory, slow = self.differentiator.update(state.differentiator, position, period, reference.velocity - lag)
         estimate = self.observer.step(state.estimate, position, slow, ambient, state.duty, period)
@@ -154,3 +156,18 @@ class LoadBackstepping(AbstractController):
         rate = self.wanted_rate(estimate, wanted) - self.pressure_gain * (estimate.pressure - wanted.pressure)
         flow = model.flow_for(rate, estimate.position, estimate.velocity, estimate.pressure)
         return model.flow_map.duty_for(flow, estimate.pressure, ambient)
+
+
+def _following(duty: Scalar) -> Scalar:
+    """From 1, where the last duty in percent leaves room, to 0 at its limits."""
+    return jnp.clip(jnp.minimum(duty, FULL_DUTY - duty) / NEAR_LIMIT, 0.0, 1.0)
+
+
+def _velocity_lag(lag: Scalar, follows: Scalar, reference: Reference, period: float) -> Scalar:
+    """By how much in m/s a rod stays behind its reference one sample later, between none and the whole velocity.
+
+    It grows by what the reference accelerates while the rod follows less than wholly. A reference that rests leaves
+    none, so that nothing stays behind, whatever was missed before.
+    """
+    missed = lag + period * (1 - follows) * reference.acceleration
+    return jnp.clip(missed, jnp.minimum(reference.velocity, 0.0), jnp.maximum(reference.velocity, 0.0))

@@ -319,7 +319,12 @@ def test_known_rows(reproduced, id, verdict, ours):
 
 
 LOOPS = ["loop-pi", "loop-friction-observer", "loop-backstepping-peak", "loop-backstepping-rms", "loop-response"]
-LOOPS += ["loop-overshoot", "loop-observed-pressure", "loop-adaptive", "fleet-adaptive-peak", "loop-load-learned"]
+LOOPS += ["loop-observed-pressure", "loop-adaptive", "fleet-adaptive-peak", "loop-load-learned"]
+
+
+def test_a_step_under_gas_that_saturates_the_duty_goes_too_far(reproduced):
+    entry = reproduced.table["loop-overshoot"]
+    assert (entry["verdict"], max(entry["ours"]) < 0.15) == ("missed with our inputs", True)  # 0.12 mm
 
 
 @pytest.mark.parametrize("loop", LOOPS)

@@ -228,19 +228,22 @@ def test_the_full_actuator_tracks_from_its_position_alone(actuator):
 def test_a_step_is_answered_without_overshoot_under_gas_that_is_known(actuator):
     plant, flow_map = dataclasses.replace(actuator, vane_force=VANES), fit_flow_map(actuator).flow_map
     scenario = Scenario(control.signal_2(), control.Constant(3e5), sensors=Sensors.bench())
+    # The duty saturates, and the slower differentiator of the defaults finds the rod's own velocity later: 0.12 mm
+    # beyond, where this one has 0.094.
+    quick = control.LevantDifferentiator(3.0, width=2e-3)
 
     @jax.jit
     @jax.vmap
     def follow(known):
         model = DesignModel.for_plant(dataclasses.replace(actuator, vane_force=known), flow_map)
-        run = close_loop(plant, Backstepping(observer=PressureObserver(model)), scenario, 5.0, throw=False)
+        controller = Backstepping(observer=PressureObserver(model), differentiator=quick)
+        run = close_loop(plant, controller, scenario, 5.0, throw=False)
         return run.position, run.pressure - run.log["pressure"]
 
     # Without its values a map is zero.
     both = jax.tree.map(lambda *leaves: jnp.stack(leaves), VANES, HysteresisMap())
     (position, _), (unseen, misled) = map(np.asarray, follow(both))
-    # What is asked for: 90 % within half a second, and no more than 0.1 mm beyond. Measured: 0.081 mm, and 0.12 where
-    # the differentiator takes a rod whose duty saturates for one that follows.
+    # What is asked for: 90 % within half a second, and no more than 0.1 mm beyond.
     assert np.argmax(position > 0.9 * 0.008) < 3500
     assert np.max(position) < 0.0081
     # Vanes of 5 N that nobody knows of count as pressure as long as the rod slides.

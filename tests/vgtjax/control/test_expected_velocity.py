@@ -15,7 +15,7 @@ from vgtjax.control import (
     Sensors,
     close_loop,
 )
-from vgtjax.control._velocity_lag import following, velocity_lag
+from vgtjax.control._load_backstepping import _following, _velocity_lag
 
 PERIOD = 1e-3
 JUMPS = np.random.default_rng(3).uniform(-30.0, 30.0, 400)
@@ -94,7 +94,7 @@ def test_the_lag_is_what_the_reference_gains_meanwhile_and_ends_with_it(duty, sh
     asked = control.Reference(nothing, *map(jnp.asarray, (velocity, acceleration)), nothing)
 
     def sample(lag, reference):
-        lag = velocity_lag(lag, following(jnp.asarray(duty)), reference, PERIOD)
+        lag = _velocity_lag(lag, _following(jnp.asarray(duty)), reference, PERIOD)
         return lag, lag
 
     lag = np.asarray(jax.lax.scan(sample, jnp.asarray(0.0), asked)[1])
@@ -107,7 +107,7 @@ def test_a_lag_never_exceeds_the_velocity_of_the_reference():
     """What was missed on the way up is none of what the rod lacks once the reference is slower, or turns round."""
     for velocity, left in ((0.05, 0.05), (0.0, 0.0), (-0.05, 0.0)):
         reference = control.Reference(*map(jnp.asarray, (0.0, velocity, 0.0, 0.0)))
-        assert float(velocity_lag(jnp.asarray(0.2), jnp.asarray(1.0), reference, PERIOD)) == left
+        assert float(_velocity_lag(jnp.asarray(0.2), jnp.asarray(1.0), reference, PERIOD)) == left
 
 
 def test_a_sensor_that_shows_the_rod_in_the_wall_leaves_a_number(actuator):
