@@ -31,10 +31,10 @@ TraceJacobian = Float[np.ndarray, "time 2 parameters"] | dict[str, Float[np.ndar
 LaneJacobian = Float[Array, "lanes sample channel parameters"]
 Inputs = tuple[Drive, Slope | None]
 
-CHUNK = 8
-"""Lanes whose tangents go through a segment together where one device has all of them: what a vector register of 512
-bits holds. Tangents of a unit's 184 lanes at once took 1.7 times the processor's time of chunks of 8, chunks of 4 lanes
-1.5 times, of 23 lanes 3.7 times."""
+REGISTER = 64
+"""Bytes of a vector register, 512 bits: as many lanes of a device as it holds take their tangents through a segment
+together. In double precision fits side by side, each on one device, took 1.7 times the processor's time with 184 lanes
+at once, 1.5 times with 4 and 3.7 times with 23; a fit alone 1.2 times with 384 lanes a device at once, as with 16."""
 
 
 def jacobian(
@@ -165,14 +165,14 @@ def observe_together(
     dynamic: tuple[Any, ...],
     static: tuple[Any, ...],
     substeps: Int[np.ndarray, ""] | Int[Array, ""],
-    chunks: Int[np.ndarray, ""] | Int[Array, ""],
+    owned: Int[np.ndarray, ""] | Int[Array, ""],
 ) -> tuple[Float[Array, "fits lanes sample channel"] | None, Float[Array, "fits ..."] | None, RESULTS | None]:
     """What is observed of many fits, their derivatives and ends, each on one device: `observe` of each, or
     `observe_with_jacobian` where there is a selection, or `observe_backwards` where there is a cotangent.
 
     **Arguments:** the arrays of `(model, selection, bundle, delay, cotangent)` with a leading axis of fits, the rest of
-    it, and the steps an interval and the chunks of lanes of all of them: those of its own would make every fit wait for
-    the others.
+    it, and of all of them the steps an interval and the most lanes that belong to a trace: those of its own would make
+    every fit wait for the others.
     """
 
     def one(leaves: tuple[Any, ...]) -> tuple[Array | None, Array | None, RESULTS | None]:
@@ -181,7 +181,7 @@ def observe_together(
         if cotangent is not None:
             return None, _backwards(model, selection, bundle, delay, cotangent), None
         if selection is not None:
-            return _linearise(model, selection, bundle, delay, lambda tree: tree, chunks=chunks)
+            return _linearise(model, selection, bundle, delay, lambda tree: tree, owned=owned)
         bundle = bundle if delay is None else bundle.with_late_duty(delay)[0]
         _, observed, ended = _nominal(model, bundle)
         return observed, None, ended
@@ -209,10 +209,10 @@ def _linearise(
     delay: Scalar | None,
     place: Callable[[Any], Any],
     values: Pushed | None = None,
-    chunks: Int[np.ndarray, ""] | Int[Array, ""] | None = None,
+    owned: Int[np.ndarray, ""] | Int[Array, ""] | None = None,
 ) -> tuple[Lanes, LaneJacobian, RESULTS]:
     """What is observed, its derivatives and how the simulations ended; `place` says on which devices the lanes are,
-    `values` are those that `push_values` gives. With `chunks` lanes go so many times `CHUNK` after each other."""
+    `values` are those that `push_values` gives. `owned` is how many lanes are needed, all of them by default."""
     slope = None
     if delay is not None:
         bundle, slope = bundle.with_late_duty(delay)
@@ -223,10 +223,7 @@ def _linearise(
     first, observed, ended = _nominal(with_tables(model, values[0][1]), bundle)
     first, inputs = place((first, (bundle.lane_drive, slope)))
 
-    if chunks is None:
-        ends, by_start, by_parameter = _push_lanes(choose, values, first, inputs, bundle)
-    else:
-        ends, by_start, by_parameter = _push_chunks(choose, values, first, inputs, bundle, chunks)
+    ends, by_start, by_parameter = _push_chunks(choose, values, first, inputs, bundle, place, owned)
     at_start = _chain(choose, values, bundle, ends)
     # A sum of products over seven states, lanes innermost: one fused loop, where a dot would transpose everything.
     total = by_parameter
@@ -255,24 +252,30 @@ def _push_chunks(
     first: State,
     inputs: Inputs,
     bundle: Bundle,
-    chunks: Int[np.ndarray, ""] | Int[Array, ""],
+    place: Callable[[Any], Any],
+    owned: Int[np.ndarray, ""] | Int[Array, ""] | None,
 ) -> tuple[Array, Array, Array]:
-    """`_push_lanes` of the first `chunks` times `CHUNK` lanes, which are all that belong to a trace.
+    """`_push_lanes`, a `REGISTER` of lanes of every device at a time: all of them on the devices where `place` spreads
+    them, or on one those that belong to a trace, the first `owned`.
 
     Those that only fill up a shape repeat its first lane, and have its tangents.
     """
-    lanes = len(bundle.lane_trace)
-    whole = -(-lanes // CHUNK)
+    lanes, devices = len(bundle.lane_trace), jax.device_count() if owned is None else 1
+    together = REGISTER // jax.tree.leaves(first)[0].dtype.itemsize
+    whole = -(-lanes // (devices * together))
+    chunks = whole if owned is None else -(-owned // together)
 
     def cut(leaf):
-        padded = jnp.pad(leaf, [(0, 0)] * (leaf.ndim - 1) + [(0, whole * CHUNK - lanes)], mode="edge")
-        return jnp.moveaxis(padded.reshape(*leaf.shape[:-1], whole, CHUNK), -2, 0)
+        padded = jnp.pad(leaf, [(0, 0)] * (leaf.ndim - 1) + [(0, devices * whole * together - lanes)], mode="edge")
+        apart = jnp.moveaxis(padded.reshape(*leaf.shape[:-1], devices, whole, together), -2, 0)
+        return apart.reshape(whole, *leaf.shape[:-1], devices * together)
 
-    cuts = jax.tree.map(cut, (first, inputs))
+    cuts = place(jax.tree.map(cut, (first, inputs)))
 
     def push(number):
         mine = jax.tree.map(lambda leaf: jax.lax.dynamic_index_in_dim(leaf, number, 0, keepdims=False), cuts)
-        return _push_lanes(choose, values, *mine, bundle)
+        ends, by_start, by_parameter = _push_lanes(choose, values, *place(mine), bundle)
+        return place((jnp.moveaxis(ends, 0, -1), by_start, by_parameter))
 
     def onward(number, found):
         return jax.tree.map(
@@ -280,17 +283,16 @@ def _push_chunks(
         )
 
     nothing = jax.tree.map(lambda each: jnp.zeros((whole, *each.shape), each.dtype), jax.eval_shape(push, 0))
-    ends, *observed = jax.lax.fori_loop(0, chunks, onward, nothing)
-    owned = jnp.arange(lanes) < jnp.sum(-(-jnp.asarray(bundle.samples) // SEGMENT))
-    ends = ends.reshape(-1, *ends.shape[2:])[:lanes]
-    ends = jnp.where(owned[:, None, None], ends, ends[0])
+    found = jax.lax.fori_loop(0, chunks, onward, place(nothing))
+    mine = jnp.arange(lanes) < jnp.sum(-(-jnp.asarray(bundle.samples) // SEGMENT))
 
     def joined(leaf):
-        side_by_side = jnp.moveaxis(leaf, 0, -2).reshape(*leaf.shape[1:-1], -1)[..., :lanes]
-        return jnp.where(owned, side_by_side, side_by_side[..., :1])
+        apart = jnp.moveaxis(leaf.reshape(*leaf.shape[:-1], devices, together), 0, -2)
+        side_by_side = apart.reshape(*leaf.shape[1:-1], -1)[..., :lanes]
+        return jnp.where(mine, side_by_side, side_by_side[..., :1])
 
-    by_start, by_parameter = map(joined, observed)
-    return ends, by_start, by_parameter
+    ends, by_start, by_parameter = map(joined, found)
+    return jnp.moveaxis(ends, -1, 0), by_start, by_parameter
 
 
 def _push_lanes(
