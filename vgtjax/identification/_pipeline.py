@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from ..estimation import bundle_traces, observe
 from ..parameters import parameter_table, replace_parameters
 from ..parts import AbstractVaneMap, ForcePolynomial
-from ..plants import Actuator, MechanicalActuator
+from ..plants import Actuator, AirPath, MechanicalActuator, Plant
 from ..simulation import first_failure
 from ..traces import Trace
 from ._axis import identify_axis
@@ -21,7 +21,7 @@ from ._lugre import identify_lugre
 from ._magnetic_force import identify_magnetic_force
 from ._mechanical_fit import mechanical_fit
 from ._plunger import identify_plunger
-from ._result import Identified, Test
+from ._result import Identified, NotPossible, Test, bench_test
 from ._second_order import identify_mass_and_damping
 from ._spring import identify_spring
 from ._vane_force import identify_vane_map, identify_vane_polynomial
@@ -29,6 +29,15 @@ from ._vane_force import identify_vane_map, identify_vane_polynomial
 SPRING = (identify_spring,)
 PNEUMATIC = (identify_magnetic_force, identify_flow_areas, identify_plunger)
 MECHANICAL = (identify_mass_and_damping, identify_dahl, identify_lugre, mechanical_fit)
+
+
+@bench_test("pneumatic half", "2.58", "None.")
+def own_air_path(model: Any, traces: Sequence[Trace]) -> Identified:
+    """Says that an air path of one's own has no bench test."""
+    raise NotPossible(
+        "the tests of magnetic force, orifices and plunger read an AirPath, and that of this plant is "
+        f"{type(model.air_path).__name__}; fit its parameters to the traces instead"
+    )
 
 
 def plan(model: Any, traces: Sequence[Trace]) -> list[tuple[Test, list[Trace]]]:
@@ -42,7 +51,7 @@ def plan(model: Any, traces: Sequence[Trace]) -> list[tuple[Test, list[Trace]]]:
     if isinstance(model, MechanicalActuator) and driven:
         return [(identify_axis, driven)]
     quiet = [trace for trace in traces if not has_gas(trace)] or everything
-    pneumatic = PNEUMATIC if isinstance(model, Actuator) else ()
+    pneumatic = PNEUMATIC if isinstance(model, Actuator) else (own_air_path,) if isinstance(model, Plant) else ()
     tests: list[tuple[Test, list[Trace]]] = [(test, quiet) for test in SPRING]
     tests += [(test, everything) for test in pneumatic]
     tests += [(test, quiet) for test in MECHANICAL]
@@ -56,9 +65,13 @@ def plan(model: Any, traces: Sequence[Trace]) -> list[tuple[Test, list[Trace]]]:
 def identify(model: Any, traces: Sequence[Trace]) -> Iterator[tuple[Any, Identified]]:
     """Runs the tests that the traces allow, each on the model that the earlier ones left.
 
-    Yields that model and what was found, one test at a time. A test whose values leave a model that can't be simulated
-    along the traces any more, whatever their errors, changes nothing and says so.
+    Yields that model and what was found, one test at a time. A [`Plant`][] of the parts of an [`Actuator`][] is
+    identified as one; an air path of another make has no test, which is said. A test whose values leave a model that
+    can't be simulated along the traces any more, whatever their errors, changes nothing and says so.
     """
+    of_parts = isinstance(model, Plant) and isinstance(model.air_path, AirPath)
+    if of_parts:
+        model = Actuator(air_path=model.air_path, rod=model.rod, air=model.air)
     for test, mine in plan(model, traces):
         found = test(model, mine)
         moved = apply(model, found)
@@ -67,7 +80,7 @@ def identify(model: Any, traces: Sequence[Trace]) -> Iterator[tuple[Any, Identif
             limitations = (*found.limitations, refused)
             moved, found = model, dataclasses.replace(found, values={}, std_errors={}, limitations=limitations)
         model = moved
-        yield model, found
+        yield (Plant(model.air_path, model.rod, model.air) if of_parts else model), found
 
 
 def apply(model: Any, found: Identified) -> Any:

@@ -1,5 +1,7 @@
 """Identification of the pneumatic half: known parameters are found again, with errors that are honest."""
 
+import itertools
+
 import numpy as np
 import pytest
 from support import duty_trace, rms
@@ -8,6 +10,7 @@ import vgtjax
 from vgtjax import PneumaticActuator, replace_parameters, simulate
 from vgtjax.estimation import clustered_errors, determined_within
 from vgtjax.identification import (
+    _pipeline,
     holds,
     identify_flow_areas,
     identify_magnetic_force,
@@ -335,6 +338,27 @@ def test_a_plant_of_parts_rests_by_its_own_converter(ramp):
         for model in (Plant(AirPath(converter), Rod()), vgtjax.Actuator(converter), PRINTED)
     ]
     assert found[0] == found[1] < found[2]  # more samples at rest
+
+
+def test_a_plant_of_parts_is_identified_as_the_actuator_of_these(clean):
+    """Its springs, then its magnetic force; and it stays a plant of parts, with what was found."""
+    plant = Plant(PRINTED.air_path, PRINTED.rod, PRINTED.air)
+    theirs, ours = (list(itertools.islice(_pipeline.identify(model, clean), 2)) for model in (PRINTED, plant))
+    for (actuator, expected), (model, found) in zip(theirs, ours, strict=True):
+        assert type(model) is Plant
+        assert found.name == expected.name
+        assert found.values.keys() == expected.values.keys() > set()
+        for name, value in found.values.items():
+            np.testing.assert_array_equal(value, expected.values[name])
+            np.testing.assert_array_equal(vgtjax.get_parameter(model, name), vgtjax.get_parameter(actuator, name))
+
+
+def test_an_air_path_of_another_make_is_not_passed_over_without_a_word(clean):
+    tests = [test for test, _ in _pipeline.plan(Plant(), clean)]
+    assert not set(tests) & set(_pipeline.PNEUMATIC)
+    found = _pipeline.own_air_path(Plant(), clean)
+    assert (found.values, tests.count(_pipeline.own_air_path)) == ({}, 1)
+    assert "fit its parameters to the traces instead" in found.limitations[0]
 
 
 def test_holds_and_ramps_are_told_apart(clean, ramp):
