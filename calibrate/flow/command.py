@@ -13,6 +13,7 @@ from vgtjax.plants import Rod
 
 from ..output.console import console
 from ..output.files import REPORT, SUMMARY, write_json, write_text
+from ..output.software import software
 from ..resumable import run_once
 from ..study.disturbances import PulsationTable
 from ..study.read import fingerprint, load_study
@@ -75,6 +76,7 @@ def _compute(subject: Subject, out: pathlib.Path) -> None:
         "pulsation": None if pulse is None else pulse.summary(),
         "notes": notes,
         "wall_seconds": round(seconds, 3),
+        "software": software(),
     }
     write_text(out / "map.csv", found.to_csv())
     write_text(out / "passage.csv", to_csv(along))

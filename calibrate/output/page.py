@@ -1,9 +1,7 @@
 """What the HTML reports have in common: templates, plots inside the file, versions."""
 
 import datetime
-import importlib.metadata
 import itertools
-import platform
 from typing import Any
 
 import jinja2
@@ -11,7 +9,7 @@ import markupsafe
 import plotly.graph_objects as go
 import plotly.offline
 
-_PACKAGES = ("vgtjax", "jax", "jaxlib", "equinox", "diffrax", "optimistix", "lineax", "numpy")
+from .software import software
 
 
 def render_page(template: str, **values: Any) -> str:
@@ -26,9 +24,7 @@ def render_page(template: str, **values: Any) -> str:
     environment.filters |= {"number": _number, "sentence": _sentence, "figure": _Figures()}
     return environment.get_template(template).render(
         date=datetime.datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z"),
-        versions={name: importlib.metadata.version(name) for name in _PACKAGES},
-        python=platform.python_version(),
-        machine=platform.machine(),
+        software=software(),
         plotly=plotly.offline.get_plotlyjs(),
         **values,
     )

@@ -12,6 +12,7 @@ from vgtjax.estimation import Unknown
 from vgtjax.parameters import Bounds
 from vgtjax.traces import STANDARD_ATMOSPHERE, TRAVEL
 
+from ..output.software import software
 from .channels import sources_of
 from .disturbances import Disturbance
 from .given import options_given
@@ -45,8 +46,8 @@ class StudyJob:
         }
 
     def account(self, seconds: float) -> dict[str, Any]:
-        """What every summary says of its study."""
-        return {"wall_seconds": round(seconds, 3), "study_sha256": self.fingerprint}
+        """What every summary says of its study, and of what computed it."""
+        return {"wall_seconds": round(seconds, 3), "study_sha256": self.fingerprint, "software": software()}
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -33,8 +33,10 @@ def test_the_study_is_inside_word_by_word(page, fitted):
 
 
 @pytest.mark.parametrize("package", ["vgtjax", "jax", "jaxlib", "equinox", "diffrax", "optimistix", "lineax", "numpy"])
-def test_versions_are_inside(page, package):
-    assert f"{package} {importlib.metadata.version(package)}" in page.text("p")
+def test_versions_are_inside_and_in_the_summary(page, package, fitted):
+    version = importlib.metadata.version(package)
+    assert f"{package} {version}" in page.text("p")
+    assert read(fitted.out / "summary.json")["software"][package] == version
 
 
 def test_the_fingerprint_is_that_of_the_summary(page, fitted):
