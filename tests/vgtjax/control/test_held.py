@@ -57,8 +57,8 @@ def test_in_a_closed_loop_a_gap_is_soon_forgotten(actuator):
     apart = np.abs(np.asarray(lost.position - good.position))
     # Ten samples of a rod at up to 10 mm/s: 13 um were measured.
     assert 5e-6 < np.max(apart) < 1e-4
-    # Where it slides; at a reversal the friction that was learned since shows, within the noise of the sensor. With 16
-    # seeds of it: at most 1.3 um (0.6 to 0.8 s) and 6.7 um, of 8 um of noise.
+    # Where it slides; at a reversal the friction that was learned since shows, within the noise of the sensor, 8 um.
+    # With 16 seeds of it: at most 1.3 um where it slides (0.6 to 0.8 s), 6.7 um at this reversal, 7.8 um at the next.
     late = np.asarray(lost.time)
     assert np.max(apart[(late > 0.35) & (late < 0.5)]) < 3e-6
     assert np.max(apart[late > 0.5]) < 8e-6
