@@ -134,7 +134,7 @@ def _write(job: Job, unit: Unit, folder: pathlib.Path, outcome: Fitted | Simulat
         return
     calibration, around = outcome.calibration, outcome.around
     usable = calibration.converged and outcome.certificate.passed
-    table = calibrated(calibration, {} if around is None else around.intervals(calibration), usable=usable)
+    table = calibrated(calibration, around, usable=usable)
     note = passivity_note(calibration.model)
     if note is not None:
         console.print(f"warning: {'' if unit.name is None else f'{unit.name}: '}{note}")

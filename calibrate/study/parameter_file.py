@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 import vgtjax
-from vgtjax.estimation import Calibration, ConfidenceInterval, TraceResult, interval_tells
+from vgtjax.estimation import Around, Calibration, ConfidenceInterval, TraceResult
 from vgtjax.parameters import Bounds
 from vgtjax.plants import on_given_knots
 
@@ -69,27 +69,22 @@ def tabulate(
     return found
 
 
-def calibrated(
-    calibration: Calibration, profiled: Mapping[str, ConfidenceInterval | None] | None = None, *, usable: bool = True
-) -> list[Entry]:
+def calibrated(calibration: Calibration, around: Around | None = None, *, usable: bool = True) -> list[Entry]:
     """Every entry of the fitted model, free and held.
 
-    **Arguments:** `profiled`: intervals by profiles, in place of the linear ones; `None` where one says nothing;
+    **Arguments:** `around`: the misfit around the end, whose intervals take the place of the linear ones;
     `usable`: whether the fit stands behind its values at all.
     """
     entries = calibration.task.selection.entries
-    known = (calibration.determined & usable).tolist()
-    errors, ends = calibration.std_errors.tolist(), calibration.at_bound.tolist()
-    intervals = [tuple(found) if np.all(np.isfinite(found)) else None for found in calibration.intervals.tolist()]
-    columns = zip(entries, errors, ends, known, intervals, strict=True)
-    estimates = {entry: Estimate(*found) for entry, *found in columns}
-    values, positive = (
-        dict(zip(entries, each.tolist(), strict=False)) for each in (calibration.values, calibration.transform.positive)
-    )
-    for entry, interval in (profiled or {}).items():
-        told = interval is not None and (not positive[entry] or interval_tells(values[entry], interval))
-        believed = estimates[entry].identifiable and told
-        estimates[entry] = dataclasses.replace(estimates[entry], interval=interval, identifiable=believed)
+    known = (calibration.determined if around is None else around.determined(calibration)) & usable
+    intervals = {
+        entry: tuple(found) if np.all(np.isfinite(found)) else None
+        for entry, found in zip(entries, calibration.intervals.tolist(), strict=True)
+    }
+    if around is not None:
+        intervals |= around.intervals(calibration)
+    columns = zip(entries, calibration.std_errors.tolist(), calibration.at_bound.tolist(), known.tolist(), strict=True)
+    estimates = {entry: Estimate(error, end, told, intervals[entry]) for entry, error, end, told in columns}
     return tabulate(calibration.task.plant, calibration.model, estimates, calibration.task.bounds)
 
 

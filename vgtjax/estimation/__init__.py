@@ -3,7 +3,6 @@
 from ._around import (
     Around as Around,
     ConfidenceInterval as ConfidenceInterval,
-    interval_tells as interval_tells,
     look_around as look_around,
     looking_around as looking_around,
 )

@@ -5,6 +5,7 @@ import dataclasses
 from typing import Literal
 
 import numpy as np
+from jaxtyping import Bool
 
 from ._calibration import Calibration
 from ._calibrator import Calibrator
@@ -63,11 +64,25 @@ class Around:
         lower = [each for each in self.slices.slices if each.verdict == "downhill"]
         return found | {name: None for each in lower for name in each.carried_by if name in entries}
 
+    def determined(self, calibration: Calibration) -> Bool[np.ndarray, " parameters"]:
+        """Which entries a fit has determined by their linear errors and by these intervals.
 
-def interval_tells(value: float, interval: ConfidenceInterval) -> bool:
-    """Whether a 95 % interval of a positive value ends within a factor of ten to either side, as it must where the
-    value is called determined."""
-    low, high = interval
+        An interval tells a positive value where it ends within a factor of ten to either side, and a value that may
+        have either sign where it is not open on both sides.
+        """
+        found = calibration.determined.copy()
+        intervals, entries = self.intervals(calibration), calibration.task.selection.entries
+        for number, name in enumerate(entries):
+            if name in intervals:
+                positive = bool(calibration.transform.positive[number])
+                value, interval = float(calibration.values[number]), intervals[name]
+                found[number] &= _ends_within(value, interval) if positive else interval is not None
+        return found
+
+
+def _ends_within(value: float, interval: ConfidenceInterval | None) -> bool:
+    """Whether a 95 % interval of a positive value ends within `FACTOR` to either side."""
+    low, high = interval or (None, None)
     return low is not None and high is not None and low * FACTOR >= value and high <= value * FACTOR
 
 

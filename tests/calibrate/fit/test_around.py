@@ -65,7 +65,7 @@ def test_open_ends_are_null(calibration, ends, limits, interval):
     error = float(calibration.uncertainty.std_errors[number])
     profile = Profile(name, error, (-2.0, 0.0, 2.0), (4.0, 0.0, 4.0), ends, limits)
     around = Around(Slices([], 0, 0), Profiles({name: profile}, [], 0))
-    (row,) = [row for row in calibrated(calibration, around.intervals(calibration)) if row.name == name]
+    (row,) = [row for row in calibrated(calibration, around) if row.name == name]
     value = float(calibration.values[number])
     low, high = value * np.exp(-3 * error), value * np.exp(3 * error)
     expected = {
@@ -91,7 +91,7 @@ def test_a_profile_beyond_a_factor_of_ten_tells_no_value(calibration, below, abo
     ends = (-np.log(below) / error, np.log(above) / error)
     profile = Profile(name, error, (-2.0, 0.0, 2.0), (4.0, 0.0, 4.0), ends, (-np.inf, np.inf))
     around = Around(Slices([], 0, 0), Profiles({name: profile}, [], 0))
-    (row,) = [row for row in calibrated(calibration, around.intervals(calibration)) if row.name == name]
+    (row,) = [row for row in calibrated(calibration, around) if row.name == name]
     value = float(calibration.values[number])
     assert row.interval == (pytest.approx(value / below), pytest.approx(value * above))
     assert row.identifiable == told
