@@ -1,7 +1,6 @@
 """`python -m calibrate COMMAND`, which is the script `vgtjax-calibrate` too."""
 
 import importlib.util
-import os
 import sys
 
 EXTRA = ("click", "jinja2", "platformdirs", "plotly", "pydantic", "rich")
@@ -16,9 +15,6 @@ def main(**options: str) -> None:
         remedy = "run pip install '.[app]' in a clone of vgtjax"
         print(f"error: the command line needs {names}; {remedy}", file=sys.stderr)
         sys.exit(2)
-    # Matrices here are tall and narrow: a second thread of BLAS gains nothing, and where simulations keep the cores
-    # busy its threads wait for each other, half of the time of an identification. Once NumPy is loaded, too late.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from .command_line import main as command_line
 
     command_line(**options)

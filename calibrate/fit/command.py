@@ -91,10 +91,9 @@ def _fitting(job: Job, unit: Unit, folder: pathlib.Path) -> Steps[Fitted]:
     who = "" if unit.name is None else f"{unit.name}: "
     saved = ProgressFile(folder, Progress, f"{who}the fit")
     calibrator = yield from starting_fit(plan(job, unit), saved.progress)
-    resumed = saved.progress is not None
     for note in calibrator.notes:
         console.print(f"note: {who}{note}")
-    known = saved.facts if resumed else (yield from beforehand.knowing(calibrator))
+    known = saved.facts or (yield from beforehand.knowing(calibrator))
     beforehand.say(known, who)
 
     def show(progress: Progress) -> None:
@@ -163,8 +162,8 @@ def _summary(fitted: Fitted, job: Job, unit: Unit, table: Sequence[Entry]) -> di
         **_of_the_search(calibration),
         **_of_the_bench(calibration),
         "unidentifiable_at_start": fitted.undetermined,
-        "expected_relative_error_at_start": fitted.known_before.get("expected_relative_error", {}),
-        "check": {name: fitted.known_before.get(name, []) for name in ("null", "nearly_null", "next", "sentences")},
+        "expected_relative_error_at_start": fitted.known_before["expected_relative_error"],
+        "check": {name: fitted.known_before[name] for name in ("null", "nearly_null", "next", "sentences")},
         "friction_is_passive": passivity_note(calibration.model) is None,
         "sentence": verdict(fitted, table),
         "found": [

@@ -32,4 +32,4 @@ class Fitted:
     @property
     def undetermined(self) -> list[str]:
         """Free entries that the traces did not determine at the start."""
-        return list(self.known_before.get("undetermined", ()))
+        return list(self.known_before["undetermined"])

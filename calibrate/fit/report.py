@@ -44,7 +44,7 @@ def render(job: Job, unit: Unit, fitted: Fitted, table: list[Entry]) -> str:
         seconds=fitted.seconds,
         undetermined=fitted.undetermined,
         sentence=verdict(fitted, table),
-        before=fitted.known_before.get("sentences", []),
+        before=fitted.known_before,
         table=table,
         start=start_as_study(calibration),
         besides=[*found_besides(calibration), *taken_for_exact(calibration.task)],

@@ -30,8 +30,8 @@ from ..traces import Trace
 
 CANNOT_SHOW = (
     "this cannot show a wrong structure (another law of friction or vane force), a gain of a sensor that is off, or a "
-    "held value that is wrong, as the campaigns have the same, nor how well a fit finds out that the duty is late, as "
-    "they begin with what was found"
+    "held value that is wrong, as the campaigns have the same, nor how well a search from the study's start values "
+    "ends or finds out that the duty is late, as each campaign begins at the truth and with what was found"
 )
 BURN_IN = 2000
 """Samples after which a coloured noise has forgotten how it began."""

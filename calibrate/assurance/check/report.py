@@ -32,7 +32,7 @@ def render(
         sentences=sentences,
         exact=exact,
         errors=sorted(errors.items(), key=lambda pair: -pair[1]),
-        gains=gains,
+        gains=[gain.summary() for gain in gains],
         figure=errors_figure(errors) if errors else None,
         inf=np.inf,
     )

@@ -160,6 +160,11 @@ def sensors(summary, _):
         }
 
 
+def expected(summary, _):
+    for name, error in summary["expected_relative_error_at_start"].items():
+        yield {"expected of": name, "relative error, %": "" if error is None else shown(100 * error, 2)}
+
+
 TABLES = {
     ("name", "symbol"): parameters,
     ("trace", "use"): met,
@@ -169,6 +174,7 @@ TABLES = {
     ("parameter", "verdict"): profiles,
     ("trace", "SHA-256 of its file"): hashes,
     ("sensor", "serial"): sensors,
+    ("expected of", "relative error, %"): expected,
 }
 """What each table shows of the files, by the beginning of its heading."""
 

@@ -166,6 +166,7 @@ def test_a_slow_loop_alone_calls_for_a_lively_run():
     (said,) = remedies(known, next_runs(task, known))
     assert said.startswith(("a run of levels, ", "a run of step, "))
     assert "diaphragm.mass to" in said
+    assert "friction.bristle_damping to" in said
     assert "diaphragm.stiffness" not in said
 
 
