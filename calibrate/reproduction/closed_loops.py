@@ -92,9 +92,12 @@ def _response() -> Found:
 
 def _overshoot() -> Found:
     """mm above the step."""
-    found = runs("backstepping", "Signal 2")
-    above = np.max(found.position - found.reference[:, -1:], axis=1)
-    return Found(tuple(1e3 * np.maximum(above, 0.0)))
+
+    def above(course: str) -> tuple[float, ...]:
+        found = runs("backstepping", course)
+        return tuple(1e3 * np.maximum(np.max(found.position - found.reference[:, -1:], axis=1), 0.0))
+
+    return Found(above("Signal 2"), {"slower": _listed(above("Signal 2 in half a second"))})
 
 
 def _fleet(controller: str, measure: str) -> Found:
@@ -196,7 +199,7 @@ ROWS = (
         unit="s",
         rule=Between(0.0, 0.5),
         ours=_response,
-        reason=f"The reference takes half a second; errors are at most {{peak}} mm, {{rms}} mm RMS. {_KNOWS}",
+        reason=f"The reference jumps, as printed; errors are {{rms}} mm RMS with the step itself. {_KNOWS}",
     ),
     _row(
         id="loop-overshoot",
@@ -205,8 +208,9 @@ ROWS = (
         printed="negligible error",
         rule=Between(0.0, 0.1),
         ours=_overshoot,
-        reason="A hundredth of the stroke is 0.1 mm. At the highest turbine pressure the duty saturates, and the rod's "
-        f"own velocity, which the slow differentiator has to find then, is found late. {_KNOWS}",
+        reason="A hundredth of the stroke is 0.1 mm. While the duty saturates, after a jump at any turbine pressure, "
+        "the rod's own velocity, which the slow differentiator has to find then, is found late; where the reference "
+        f"takes half a second, it is {{slower}} mm. {_KNOWS}",
     ),
     _row(
         id="loop-adaptive",
@@ -271,6 +275,26 @@ ROWS = (
         ours=lambda: _fleet("backstepping, printed", "unseen"),
         reason="{middle} Pa in the middle of them: what is wrong with the model is taken for pressure. "
         f"{_KNOWS_PRINTED}",
+        slow=True,
+    ),
+    _row(
+        id="fleet-load-peak",
+        quantity="backstepping that learns the load, Signal 1: peak error on the worst of twenty turbochargers",
+        where="section 5.4.3.2, Figure 5.23",
+        printed="within ±0.05 mm, with the chamber pressure measured",
+        rule=Between(0.0, WIDE),
+        ours=lambda: _fleet("load learned", "peak"),
+        reason=f"{{within}} of {{units}} stay within 0.05 mm; plants are fits to simulated traces. {_KNOWS_PRINTED}",
+        slow=True,
+    ),
+    _row(
+        id="fleet-load-rms",
+        quantity="backstepping that learns the load, Signal 1: RMS error on the worst of twenty turbochargers",
+        where="section 5.4.3.2, Figure 5.23",
+        printed="within ±0.05 mm, with the chamber pressure measured",
+        rule=Between(0.0, WIDE),
+        ours=lambda: _fleet("load learned", "rms"),
+        reason=f"{{middle}} mm in the middle of them; plants are fits to simulated traces. {_KNOWS_PRINTED}",
         slow=True,
     ),
 )

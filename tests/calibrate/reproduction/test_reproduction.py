@@ -319,12 +319,12 @@ def test_known_rows(reproduced, id, verdict, ours):
 
 
 LOOPS = ["loop-pi", "loop-friction-observer", "loop-backstepping-peak", "loop-backstepping-rms", "loop-response"]
-LOOPS += ["loop-observed-pressure", "loop-adaptive", "fleet-adaptive-peak", "loop-load-learned"]
+LOOPS += ["loop-observed-pressure", "loop-adaptive", "fleet-adaptive-peak", "loop-load-learned", "fleet-load-rms"]
 
 
-def test_a_step_under_gas_that_saturates_the_duty_goes_too_far(reproduced):
+def test_a_jump_that_saturates_the_duty_goes_too_far(reproduced):
     entry = reproduced.table["loop-overshoot"]
-    assert (entry["verdict"], max(entry["ours"]) < 0.15) == ("missed with our inputs", True)  # 0.12 mm
+    assert (entry["verdict"], max(entry["ours"]) < 0.25) == ("missed with our inputs", True)  # 0.19 mm
 
 
 @pytest.mark.parametrize("loop", LOOPS)
@@ -335,7 +335,9 @@ def test_closed_loops_with_gains_of_ours_are_as_good_as_the_thesis_reports(repro
     assert len(set(entry["ours"])) == len(entry["ours"]) == 3
 
 
-@pytest.mark.parametrize("loop", ["loop-knocker", "fleet-backstepping-peak", "fleet-observed-pressure"])
+@pytest.mark.parametrize(
+    "loop", ["loop-knocker", "fleet-backstepping-peak", "fleet-observed-pressure", "fleet-load-peak"]
+)
 def test_what_the_print_or_a_strangers_plant_does_not_give_is_said(reproduced, loop):
     """Pulses as weak as printed, and a design model that is not the plant's."""
     assert reproduced.table[loop]["verdict"] == "missed with our inputs"
