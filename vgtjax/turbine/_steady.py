@@ -110,11 +110,12 @@ class _Steady(AbstractProblem):
         return self.balance(states)
 
     def is_flow(self, states: States) -> Bool[Array, ""]:
-        """Whether all cells flow the same way, as mass does. Blades push gas on in the direction that it has, so that
-        one cell of closed vanes may flow back and its neighbours make up for that."""
+        """Whether all cells of blades flow the same way, as mass does. They push gas on in the direction that it
+        has, so that one cell of closed vanes may flow back and its neighbours make up for that."""
         speeds = unpack(states)[1] / self.balance.scale[1]
         slow = jnp.max(jnp.abs(speeds)) < LEAST_SPEED
-        return slow | jnp.all(speeds > 0) | jnp.all(speeds < 0)
+        free = jnp.asarray(self.balance.passage.row) == 0
+        return slow | jnp.all(free | (speeds > 0)) | jnp.all(free | (speeds < 0))
 
     def eased(self, share: Values) -> "_Steady":
         """A share of the pressure difference, and a wheel so much slower that its speed ratio stays."""
