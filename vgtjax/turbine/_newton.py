@@ -43,6 +43,10 @@ class AbstractProblem(eqx.Module):
         """Mass (kg/s), momentum (N), moment of momentum (N m) and energy (W) of each cell."""
 
     @abc.abstractmethod
+    def is_flow(self, states: States) -> Bool[Array, ""]:
+        """Whether states that balance are those of a flow, and not only of numbers that cells allow."""
+
+    @abc.abstractmethod
     def eased(self, share: Values) -> "AbstractProblem":
         """An easier problem on the way to this one: near a share of 0 hardly anything moves, at 1 it is this one."""
 
@@ -139,7 +143,7 @@ def _continue(problem: AbstractProblem, start: States, first_cfl: float, careful
         near = jnp.where(at.known > 0, at.point.states, problem.eased_start(start, share))
         cfl = jnp.where(at.attempts == 0, first_cfl, careful_cfl)
         point, imbalance = _search(problem.eased(share), near, cfl)
-        found = _is_good(imbalance, start)
+        found = _is_good(imbalance, start) & problem.is_flow(point.states)
         advance = at.advance * jnp.where(found, 2.0, 0.5)
         known = jnp.where(found, share, at.known)
         return _Way(point.where(found, at.point), known, imbalance, advance, at.attempts + 1)

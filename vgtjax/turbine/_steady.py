@@ -19,6 +19,9 @@ from ._riemann import States, pack, unpack
 FIRST_CFL, CAREFUL_CFL, NEAR_CFL = 5.0, 1.0, 1e8
 """Lengths of the first step of the search in transits of a cell by sound: from the first guess; by continuation, which
 a wheel at twice its design speed needs; and from a flow nearby, where plain Newton steps, half as many, get there."""
+LEAST_SPEED = 0.01
+"""Over that of sound, what the fastest gas of a passage needs for its direction to mean anything: where a wheel pumps
+against the pressure before it, and at rest, gas goes to and fro by rounding."""
 
 
 class Flow(eqx.Module):
@@ -105,6 +108,14 @@ class _Steady(AbstractProblem):
     def __call__(self, states: States) -> Float[Array, "cells 4"]:
         """See the base class."""
         return self.balance(states)
+
+    def is_flow(self, states: States) -> Bool[Array, ""]:
+        """Whether all cells of blades flow the same way, as mass does. They push gas on in the direction that it
+        has, so that one cell of closed vanes may flow back and its neighbours make up for that."""
+        speeds = unpack(states)[1] / self.balance.scale[1]
+        slow = jnp.max(jnp.abs(speeds)) < LEAST_SPEED
+        free = jnp.asarray(self.balance.passage.row) == 0
+        return slow | jnp.all(free | (speeds > 0)) | jnp.all(free | (speeds < 0))
 
     def eased(self, share: Values) -> "_Steady":
         """A share of the pressure difference, and a wheel so much slower that its speed ratio stays."""

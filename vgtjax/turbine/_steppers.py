@@ -71,6 +71,10 @@ class _Stage(AbstractProblem):
         """See the base class."""
         return (self.balance.stored(states) - self.before) / self.duration + self.balance(states)
 
+    def is_flow(self, states: States) -> Bool[Array, ""]:
+        """Gas may go both ways while it fills a passage."""
+        return jnp.ones((), bool)
+
     def eased(self, share: Values) -> "_Stage":
         """The same over a share of the time."""
         return _Stage(self.balance, self.before, share * self.duration)

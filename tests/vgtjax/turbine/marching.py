@@ -152,3 +152,14 @@ def solution(phi, speed, friction, total_pressure, outlet_pressure):
     assert found is not None
     assert abs(found[0] / outlet_pressure - 1) < 1e-5  # met, not passed by at a velocity that is too much
     return found[1:]
+
+
+def choked_flow(phi, speed, friction, total_pressure):
+    """Most mass flow in kg/s that passes: with more, gas is as fast as sound along the meridian before the end."""
+    parts = parts_of(phi, speed, friction)
+    passes, most = 0.0, np.sqrt(2 * CP * T0 / (1 + (2 * np.pi * HEIGHT / RATIO) ** 2)) * 0.5
+    while most - passes > 1e-9:
+        velocity = 0.5 * (passes + most)
+        found = marched(parts, velocity, total_pressure)
+        passes, most = (passes, velocity) if found is None else (velocity, most)
+    return marched(parts, passes, total_pressure)[1]

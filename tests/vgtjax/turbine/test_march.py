@@ -10,8 +10,9 @@ import pytest
 from scipy.optimize import brentq
 
 import vgtjax
-from vgtjax.turbine import Explicit, Gas, Implicit, Nozzle, march
+from vgtjax.turbine import VANES, WHEEL, Explicit, Gas, Implicit, Nozzle, march
 
+from . import filling
 from .ducts import duct, plenum, solve
 from .lagging import late_moment
 
@@ -230,6 +231,17 @@ def test_the_force_of_a_pulsation_is_quasi_steady(vane_angle, apart):
     ]
     # 0.005 and 0.007 N: what is of second order in the rate.
     np.testing.assert_allclose(differ, expected, rtol=0, atol=0.01)
+
+
+@pytest.mark.parametrize(("vane_angle", "within"), [(30.0, 0.02), (5.0, 0.15)])
+def test_the_force_is_late_as_differential_equations_say(vane_angle, within):
+    """At 2 bar, where the pressure of that pulsation rises fastest: 0.382 N at 5 deg, of which 224 cells miss 13 %, 448
+    3 % and the 112 of the test above 46 %; 0.094 N the other way at 30 deg, of which they miss 1.4, 0.7 and 4 %."""
+    passage = NOZZLE.passage(np.radians(vane_angle), 9000.0, 224)
+    friction = [float(np.max(passage.friction[passage.row == number])) for number in (VANES, WHEEL)]
+    exact = filling.late_moment(np.radians(vane_angle), 9000.0, friction, 2e5, OUTLET, rate=1e7) / 1e7
+    flow = solve(passage, NOZZLE.inlet(2e5, 900.0), OUTLET, Gas())
+    assert float(late_moment(passage, flow, 2e5, OUTLET)) == pytest.approx(exact, rel=within)
 
 
 def last(values, stepper):

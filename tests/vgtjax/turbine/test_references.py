@@ -13,7 +13,7 @@ from vgtjax.parts import Stage
 from vgtjax.turbine import VANES, WHEEL, Gas, Inlet, Passage
 
 from .ducts import solve
-from .marching import solution
+from .marching import choked_flow, solution
 
 GAS = Gas()
 REFERENCES = reference("gas_flow")
@@ -73,14 +73,14 @@ LIKE_THE_PRINTED = 0.08 / 14.6e-3, 0.25 / (1.6 * 18e-3)
 """Friction of the vanes and of the wheel in 1/m as another program has it: the loss over the length of a blade."""
 
 
-def through_nozzle(vane_angle, total_pressure, speed, friction=None):
+def through_nozzle(vane_angle, total_pressure, speed, friction=None, outlet=1.05e5):
     """Flow through the default nozzle at 224 cells, moment on a vane and friction of both rows in 1/m; angle in rad."""
     passage = STAGE.nozzle.passage(vane_angle, speed)
     row = np.asarray(passage.row)
     if friction is not None:
         given = np.select([row == VANES, row == WHEEL], friction, 0.0)
         passage = eqx.tree_at(lambda each: each.friction, passage, jnp.asarray(given))
-    flow = solve(passage, STAGE.nozzle.inlet(total_pressure, 900.0), 1.05e5, GAS)
+    flow = solve(passage, STAGE.nozzle.inlet(total_pressure, 900.0), outlet, GAS)
     assert bool(flow.converged)
     moment, _ = STAGE.nozzle.vane_moment(passage, flow)
     return flow, float(moment), [float(np.max(passage.friction[row == number])) for number in (VANES, WHEEL)]
@@ -93,9 +93,10 @@ def through_nozzle(vane_angle, total_pressure, speed, friction=None):
         ((4.0, 2e5, 17600.0), 1e-2),
         ((15.0, 4.5e5, 24000.0), 1e-2),
         ((30.0, 2e5, 0.0), 1e-2),
+        ((5.0, 2e5, 8000.0), 4e-2),
         ((4.0, 1.6e5, 0.0), 0.13),
     ],
-    ids=["open", "closed", "fast", "locked", "closed and locked"],
+    ids=["open", "closed", "fast", "locked", "closed and slow", "closed and locked"],
 )
 def test_turbines_as_differential_equations_have_them(state, moment_within):
     """Marched along `m` by LSODA, whose own error is 1e-8.
@@ -103,15 +104,24 @@ def test_turbines_as_differential_equations_have_them(state, moment_within):
     224 cells: second order leaves up to 0.16 % of flow, 0.23 % of power and 0.85 % of the moment. Closed vanes before a
     wheel that stands still are harder: nearly all of the swirl, 25 times the meridional velocity, is lost in the first
     ten cells of the wheel, whose pressure the vanes feel. There 1 % of the flow and 12 % of the moment are missing,
-    with 448 cells 0.2 and 2.3 %.
+    with 448 cells 0.2 and 2.3 %; behind nearly closed ones a wheel at half of its design speed has 3.3 % too little.
     """
     vane_angle, total_pressure, speed = state
     angle = np.radians(vane_angle)
     flow, moment, friction = through_nozzle(angle, total_pressure, speed)
     mass_flow, power, turning = solution(angle, speed, friction, total_pressure, 1.05e5)
     assert float(flow.mass_flow) == pytest.approx(mass_flow, rel=0.2 * moment_within)
-    assert float(flow.power) == pytest.approx(power, rel=4e-3)
+    assert float(flow.power) == pytest.approx(power, rel=0.4 * moment_within)
     assert moment == pytest.approx(turning, rel=moment_within)
+
+
+@pytest.mark.parametrize("vane_angle", [5.0, 8.0])
+def test_what_passes_a_choked_nozzle_at_most(vane_angle):
+    """As much as differential equations let by before gas is as fast as sound along the meridian, which it is where it
+    enters the wheel: 0.20 and 0.11 % more, by the second order of 224 cells."""
+    angle, speed = np.radians(vane_angle), 12000.0
+    flow, _, friction = through_nozzle(angle, 3e5, speed, outlet=0.6e5)
+    assert float(flow.mass_flow) == pytest.approx(choked_flow(angle, speed, friction, 3e5), rel=3e-3)
 
 
 FORCES = {2e5: (5.9, 4.3, 13.0, 22.0), 3e5: (17.5, 9.9, 23.0, 37.0)}
