@@ -20,6 +20,8 @@ from ._recurring import Periodic
 from ._reference import AbstractSignal, Constant, Sine, number
 
 TURN = 2 * np.pi
+COPPER = 3.93e-3
+"""1/K; by which part copper's resistance rises from 20 degC on (IEC 60028)."""
 CYCLE_SECONDS = 120.0
 """s; a cycle of a four-stroke engine at 1 rpm."""
 
@@ -65,6 +67,23 @@ class CoilSupply(AbstractAlteration):
     def constant(cls, factor: float | Scalar) -> "CoilSupply":
         """The same factor at all times."""
         return cls(Constant(factor))
+
+    @classmethod
+    def for_coil(cls, voltage: float, rated_voltage: float, warmer: float = 0.0) -> "CoilSupply":
+        """A coil at `voltage` V, and `warmer` K than where the magnetic force was found at `rated_voltage` V.
+
+        The mean current is that of the voltage over copper's resistance, and the force goes with its square, as long
+        as the iron does not saturate: near saturation it changes less.
+
+        **Raises:** `InputError` for a voltage that is not above zero, or a coil colder than copper may be.
+        """
+        resistance = 1 + COPPER * warmer
+        if not (voltage > 0 and rated_voltage > 0 and resistance > 0):
+            raise InputError(
+                f"a coil needs voltages above zero and a resistance, but has {voltage:g} V for {rated_voltage:g} V and "
+                f"is {warmer:g} K warmer; give V, V and K"
+            )
+        return cls.constant((voltage / rated_voltage / resistance) ** 2)
 
     def altered(self, plant: AbstractModel, time: Scalar) -> AbstractModel:
         """See the base class.

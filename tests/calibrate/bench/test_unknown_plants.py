@@ -1,12 +1,15 @@
 """The controller for plants that nobody knows, on a few of them at the hard corners; the benchmark has a hundred."""
 
+import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from support import optimised
 
 import vgtjax
 from calibrate.bench.cases.unknown_plants import Course, Surroundings, draw, follow
-from vgtjax.control import LoadBackstepping
+from vgtjax.control import Constant, LoadBackstepping, Scenario, Sensors, Steps, close_loop
 
 PLANTS = 5
 SEED = 40961
@@ -37,3 +40,25 @@ def test_signal_2_half_a_second_after_its_step(errors):
     after = errors[1]
     assert np.max(after.peak) < 0.1e-3
     assert np.max(after.overshoot) < 0.1e-3
+
+
+def test_what_the_closed_stop_taught_is_soon_forgotten():
+    """Two seconds of a reference beyond it, whose force is taken for load; 70 um were measured half a second later, and
+    9 um after a second."""
+    asked = Steps(jnp.array([0.2, 2.2, 4.2]), jnp.array([0.005, 0.014, 0.005]), 0.0, 0.02)
+    controller = LoadBackstepping.for_plant(vgtjax.Actuator())
+
+    @eqx.filter_jit
+    def run(plants, keys):
+        def lane(plant, key):
+            scenario = Scenario(asked, Constant(3e5), sensors=Sensors.bench(), key=key)
+            loop = close_loop(plant, controller, scenario, 6.2)
+            return loop.time, jnp.abs(loop.error), loop.log["load"]
+
+        return jax.vmap(lane, out_axes=(None, 0, 0))(plants, keys)
+
+    with optimised():
+        time, error, load = map(np.asarray, run(draw(PLANTS, SEED), jax.random.split(jax.random.key(SEED), PLANTS)))
+    assert np.min(load[:, (time > 4.0) & (time < 4.2)]) > 30.0
+    assert np.max(error[:, time > 4.7]) < 0.1e-3
+    assert np.max(error[:, time > 5.2]) < 0.05e-3

@@ -107,6 +107,15 @@ def test_only_a_converter_has_a_supply(actuator):
         close_loop(reduced, ConstantDuty(50.0), scenario(CoilSupply.constant(0.9)), SHORT)
 
 
+def test_a_coil_pulls_with_the_square_of_its_current():
+    """A tenth less voltage is 0.81; copper that has a tenth more resistance the same again as a division."""
+    for given, factor in (((12.0, 12.0), 1.0), ((10.8, 12.0), 0.81), ((12.0, 12.0, 0.1 / 3.93e-3), 1 / 1.21)):
+        assert float(CoilSupply.for_coil(*given).factor(jnp.asarray(0.0))) == pytest.approx(factor, rel=1e-12)
+    for bad in ((0.0, 12.0), (12.0, -1.0), (12.0, 12.0, -300.0)):
+        with pytest.raises(vgtjax.InputError, match="needs voltages above zero and a resistance"):
+            CoilSupply.for_coil(*bad)
+
+
 def test_pulsation_is_felt_and_not_seen():
     plant = vgtjax.Actuator(vane_force=ForcePolynomial())
     gas = {"turbine": Constant(1e5)}

@@ -214,6 +214,26 @@ def test_on_its_stop_the_rod_teaches_nothing_of_the_load(controller):
     assert np.linalg.eigvalsh(np.asarray(after.covariance)).min() > 0
 
 
+def test_at_rest_what_was_learned_grows_as_unsure_as_it_was_beforehand_and_no_more(controller):
+    """On the stop nothing is excited, so nothing winds up: a process that keeps to a deviation, with its memory."""
+    observer, period, seconds, part = controller.observer, 1e-3, 12.0, 0.1
+    known = np.array([observer.load_deviation, observer.level_deviation])
+    memory = np.array([observer.load_memory, observer.level_memory])
+    start = observer.initial_state(jnp.asarray(0.0), AMBIENT)
+    sure = start.covariance.at[3, 3].mul(part**2).at[4, 4].mul(part**2)
+    zero = jnp.asarray(0.0)
+
+    def step(state, _):
+        state = observer.step(state, zero, zero, AMBIENT, zero, period)
+        return state, jnp.diag(state.covariance)[3:]
+
+    start = eqx.tree_at(lambda s: s.covariance, start, sure)
+    _, found = jax.lax.scan(step, start, length=round(seconds / period))
+    assert np.all(np.asarray(found) <= known**2)
+    expected = known**2 * (1 - (1 - part**2) * np.exp(-2 * seconds / memory))
+    np.testing.assert_allclose(found[-1], expected, rtol=2 * period / memory.min())  # implicit steps of Euler
+
+
 def test_what_was_learned_is_projected_on_what_is_physical(controller):
     observer = controller.observer
     beyond = somewhere(observer).mean.at[2].set(-1e3).at[3].set(1e3).at[4].set(-3.0)
