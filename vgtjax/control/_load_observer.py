@@ -245,14 +245,19 @@ class LoadObserver(AbstractDesign):
         return jnp.dot(error, jnp.linalg.solve(estimate.covariance, error))
 
 
-def transition(observer: LoadObserver, state: LoadEstimate, ambient: Scalar, period: float) -> Covariance:
-    """`(1 - h J)^-1` of one linearly implicit step, `J` the Jacobian of the rates; by elimination."""
+def transition(
+    observer: LoadObserver, state: LoadEstimate, ambient: Scalar, period: float, secant: float = SECANT
+) -> Covariance:
+    """`(1 - h J)^-1` of one linearly implicit step, `J` the Jacobian of the rates; by elimination.
+
+    **Arguments:** `secant`: Pa to either side over which the flow map's slope is taken.
+    """
     h, model, right = period, observer.model, jnp.eye(5, dtype=state.mean.dtype)
     body, (position, _, pressure, _, _) = model.diaphragm, state.mean
     swept = model.exponent * body.area * pressure / model.volume(position)
     elastic = model.load * model.friction.bristle_stiffness * state.deflection
     damping = body.damping + model.load * model.friction.viscous_damping
-    flows = 1 - h * _pressure_slope(model, state, ambient)
+    flows = 1 - h * _pressure_slope(model, state, ambient, secant)
     load = right[3] / (1 + h / observer.load_memory)
     level = right[4] / (1 + h / observer.level_memory)
     pull = body.stiffness * right[0] + body.area * right[2] / flows + load + elastic * level
@@ -261,11 +266,11 @@ def transition(observer: LoadObserver, state: LoadEstimate, ambient: Scalar, per
     return jnp.stack([right[0] + h * speed, speed, (right[2] + h * swept * speed) / flows, load, level])
 
 
-def _pressure_slope(model: DesignModel, state: LoadEstimate, ambient: Scalar) -> Scalar:
+def _pressure_slope(model: DesignModel, state: LoadEstimate, ambient: Scalar, secant: float) -> Scalar:
     """Of the pressure's rate over the pressure in 1/s, from a little below to a little above it."""
     position, velocity, pressure, _, _ = state.mean
 
     def rate(at: Scalar) -> Scalar:
         return model.pressure_rate(model.flow_map(state.duty, at, ambient), position, velocity, at)
 
-    return (rate(pressure + SECANT) - rate(pressure - SECANT)) / (2 * SECANT)
+    return (rate(pressure + secant) - rate(pressure - secant)) / (2 * secant)

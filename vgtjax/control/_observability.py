@@ -10,6 +10,7 @@ from ._held import answer, begin
 from ._load_backstepping import LoadBackstepping
 from ._load_observer import LoadEstimate, transition
 from ._loop import ClosedLoop
+from ._pressure_observer import SECANT
 
 KNOWN_BEFOREHAND = (1e-4, 1e-2, 1e3)
 """m, m/s and Pa; position, velocity and pressure that count as one. Load and friction level have deviations."""
@@ -28,13 +29,16 @@ def estimates(controller: LoadBackstepping, run: ClosedLoop, period: float) -> L
 
 @eqx.filter_jit
 def observability(
-    controller: LoadBackstepping, run: ClosedLoop, samples: int, *, period: float = 1e-3
+    controller: LoadBackstepping, run: ClosedLoop, samples: int, *, period: float = 1e-3, secant: float = SECANT
 ) -> Float[Array, "windows 5"]:
     """Singular values of the observability matrix over windows of so many samples, the largest first.
 
     Columns are scaled by what is known beforehand, rows by the noise of the position: a direction whose singular value
     is above one is told by the samples of its window, one that is below is not; of a rod on its stop none is. The
     manual's page of derivations has them along Signals 1 and 2.
+
+    **Arguments:** `period`: between samples in s; `secant`: Pa to either side over which the slope of the flow map is
+    taken, by default as the observer does.
 
     **Raises:** `InputError` for a window of less than five samples, or one that is longer than the run.
     """
@@ -53,7 +57,7 @@ def observability(
 
     def onward(matrix: Array, inputs: tuple[LoadEstimate, Array]) -> tuple[Array, Array]:
         state, ambient = inputs
-        matrix = transition(observer, state, ambient, period) @ matrix
+        matrix = transition(observer, state, ambient, period, secant) @ matrix
         return matrix, observer.free(state) * matrix[0]
 
     def window(inputs: tuple[LoadEstimate, Array]) -> Array:
