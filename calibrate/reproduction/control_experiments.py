@@ -34,6 +34,8 @@ temperature then moves away from the atmosphere's."""
 SEED = 5
 DUTY_BEFORE = 51.0
 """%; about what holds the rod at 4 mm."""
+JUMP = 1e-4
+"""s; less than a sample, so that no sample sees Signal 2 between its levels, nor a derivative of it."""
 FRICTIONLESS = 0.02
 """N; so little that a swing is not friction's."""
 PRINTED_PULSE, STRONG_PULSE = 2.0, 4.0
@@ -64,9 +66,9 @@ SLOW = (np.array([0.1, 0.11, 20.11]), np.array([0.004, 0.005, 0.0058]))
 COURSES = {
     "slow": Course(lambda: control.Ramps(*SLOW, rounding=0.01), 20.0, 0.004),
     "Signal 1": Course(control.signal_1, SETTLED + control.SIGNAL_1_PERIOD),
-    "Signal 2": Course(control.signal_2, 8.0),
+    "Signal 2": Course(lambda: control.signal_2(rise=JUMP), 8.0),
 }
-"""The slow one goes a millimetre at once and then 0.04 mm/s; that of the thesis is a picture."""
+"""The slow one goes a millimetre at once and then 0.04 mm/s; that of the thesis is a picture. Signal 2 jumps [5.45]."""
 
 
 @functools.cache
