@@ -16,6 +16,8 @@ KNOCKED = 0.067
 """mm; what the knocker leaves [section 5.3.3]. A loop that swings by more is said to hunt."""
 LATE = 5.0
 """s before its end in which a run is looked at for a swing that does not die."""
+RESPONSE = 0.5
+"""s; in which Signal 2 is answered [section 5.4.1.4]."""
 ANSWERED = 0.9
 """Share of a step after which it is answered."""
 FINE, WIDE = 0.005, 0.05
@@ -83,21 +85,18 @@ def _learned() -> Found:
 
 
 def _response() -> Found:
-    """Time in s from the step to `ANSWERED` of it."""
+    """Time in s from the step to `ANSWERED` of it, and the largest error in mm from the printed time after it on."""
     found = runs("backstepping", "Signal 2")
     begin = found.time[np.argmax(found.reference[0] > 0.0) - 1]
     answered = found.position >= ANSWERED * found.reference[:, -1:]
-    return Found(tuple(found.time[answered.argmax(axis=1)] - begin), _errors("backstepping", "Signal 2"))
+    return Found(tuple(found.time[answered.argmax(axis=1)] - begin), {"later": _listed(found.peak(begin + RESPONSE))})
 
 
 def _overshoot() -> Found:
     """mm above the step."""
-
-    def above(course: str) -> tuple[float, ...]:
-        found = runs("backstepping", course)
-        return tuple(1e3 * np.maximum(np.max(found.position - found.reference[:, -1:], axis=1), 0.0))
-
-    return Found(above("Signal 2"), {"slower": _listed(above("Signal 2 in half a second"))})
+    found = runs("backstepping", "Signal 2")
+    above = np.max(found.position - found.reference[:, -1:], axis=1)
+    return Found(tuple(1e3 * np.maximum(above, 0.0)))
 
 
 def _fleet(controller: str, measure: str) -> Found:
@@ -197,9 +196,10 @@ ROWS = (
         where="section 5.4.1.4, Figure 5.21",
         printed="500 ms",
         unit="s",
-        rule=Between(0.0, 0.5),
+        rule=Between(0.0, RESPONSE),
         ours=_response,
-        reason=f"The reference jumps, as printed; errors are {{rms}} mm RMS with the step itself. {_KNOWS}",
+        reason=f"The reference jumps, as printed. From {RESPONSE:g} s after it on, errors are at most {{later}} mm. "
+        f"{_KNOWS}",
     ),
     _row(
         id="loop-overshoot",
@@ -208,9 +208,8 @@ ROWS = (
         printed="negligible error",
         rule=Between(0.0, 0.1),
         ours=_overshoot,
-        reason="A hundredth of the stroke is 0.1 mm. While the duty saturates, after a jump at any turbine pressure, "
-        "the rod's own velocity, which the slow differentiator has to find then, is found late; where the reference "
-        f"takes half a second, it is {{slower}} mm. {_KNOWS}",
+        reason="A hundredth of the stroke is 0.1 mm. After the jump the duty saturates at all pressures, and the rod's "
+        f"own velocity, which the slow differentiator has to find then, is found late. {_KNOWS}",
     ),
     _row(
         id="loop-adaptive",
@@ -278,23 +277,25 @@ ROWS = (
         slow=True,
     ),
     _row(
-        id="fleet-load-peak",
-        quantity="backstepping that learns the load, Signal 1: peak error on the worst of twenty turbochargers",
+        id="fleet-load-learned-peak",
+        quantity="backstepping, load learned, Signal 1: peak error on the worst of twenty simulated turbochargers",
         where="section 5.4.3.2, Figure 5.23",
         printed="within ±0.05 mm, with the chamber pressure measured",
         rule=Between(0.0, WIDE),
         ours=lambda: _fleet("load learned", "peak"),
-        reason=f"{{within}} of {{units}} stay within 0.05 mm; plants are fits to simulated traces. {_KNOWS_PRINTED}",
+        reason="{middle} mm in the middle of them; {within} of {units} stay within 0.05 mm. Gains ours, as they are by "
+        f"default; plants are fits to simulated traces. {_KNOWS_PRINTED}",
         slow=True,
     ),
     _row(
-        id="fleet-load-rms",
-        quantity="backstepping that learns the load, Signal 1: RMS error on the worst of twenty turbochargers",
-        where="section 5.4.3.2, Figure 5.23",
-        printed="within ±0.05 mm, with the chamber pressure measured",
-        rule=Between(0.0, WIDE),
-        ours=lambda: _fleet("load learned", "rms"),
-        reason=f"{{middle}} mm in the middle of them; plants are fits to simulated traces. {_KNOWS_PRINTED}",
+        id="fleet-load-learned-pressure",
+        quantity="pressure, load learned, Signal 1: RMS error on the worst of twenty simulated turbochargers",
+        where="section 5.4.1.4, Figure 5.20",
+        printed="100 Pa",
+        unit="Pa",
+        rule=Between(0.0, OBSERVED),
+        ours=lambda: _fleet("load learned", "unseen"),
+        reason=f"{{middle}} Pa in the middle of them. Gains ours. {_KNOWS_PRINTED}",
         slow=True,
     ),
 )

@@ -28,14 +28,14 @@ from . import experiments, loops
 
 SETTLED = 2.0
 """s from the start, after which errors count."""
-JUMP = 1e-4
-"""s that the jump of Signal 2 takes: less than a sample."""
 EXPONENT = 1.3
 """Of the air in the observer's model: 1 keeps its temperature as [5.4], 1.4 all of its heat as the plant, whose
 temperature then moves away from the atmosphere's."""
 SEED = 5
 DUTY_BEFORE = 51.0
 """%; about what holds the rod at 4 mm."""
+JUMP = 1e-4
+"""s; less than a sample, so that no sample sees Signal 2 between its levels, nor a derivative of it."""
 FRICTIONLESS = 0.02
 """N; so little that a swing is not friction's."""
 PRINTED_PULSE, STRONG_PULSE = 2.0, 4.0
@@ -66,11 +66,9 @@ SLOW = (np.array([0.1, 0.11, 20.11]), np.array([0.004, 0.005, 0.0058]))
 COURSES = {
     "slow": Course(lambda: control.Ramps(*SLOW, rounding=0.01), 20.0, 0.004),
     "Signal 1": Course(control.signal_1, SETTLED + control.SIGNAL_1_PERIOD),
-    "Signal 2": Course(lambda: control.signal_2(JUMP), 8.0),
-    "Signal 2 in half a second": Course(control.signal_2, 8.0),
+    "Signal 2": Course(lambda: control.signal_2(rise=JUMP), 8.0),
 }
-"""The slow one goes a millimetre at once and then 0.04 mm/s; that of the thesis is a picture. Signal 2 jumps as
-printed, and takes the thesis's response time to rise."""
+"""The slow one goes a millimetre at once and then 0.04 mm/s; that of the thesis is a picture. Signal 2 jumps [5.45]."""
 
 
 @functools.cache

@@ -43,7 +43,7 @@ def measure() -> Section:
         "What the position tells",
         f"Singular values of the observability matrix of `LoadObserver` over windows of {WINDOW:g} s, in units of what "
         "is known beforehand: closed loops of the printed actuator with the sensors of a bench. A direction near one "
-        "or below is told no better than it was known. The flow map has the slope of the observer, over 1 kPa to either "
+        "or below is told no better than it was known. The flow map's slope is the observer's, over 1 kPa to either "
         f"side; the last column has the least of the values with the slope over {NARROW:g} Pa.",
         ("window", "begins at s", "rod at mm", "singular values", "least, narrow slope"),
     )

@@ -41,6 +41,8 @@ STEP, LEVEL = 3.0, 0.008
 """s and m; Signal 2 [5.45]."""
 ANSWER = 0.5
 """s from the step."""
+RISE, JUMP = 0.5, 1e-4
+"""s that the step of Signal 2 takes: one that a rod can follow, and less than a sample, as [5.45] prints it."""
 LATE = 4e-3
 """s"""
 PULSATION = 0.2
@@ -97,6 +99,8 @@ class Course:
     pressure: float
     frequency: float = 0.0
     late: bool = False
+    rise: float = RISE
+    """s that Signal 2 takes for its step; below the sampling time it jumps, as printed."""
 
     @property
     def turbine(self) -> AbstractSignal:
@@ -111,7 +115,8 @@ class Course:
 
     def __str__(self) -> str:
         shaken = f", {PULSATION:.0%} at {self.frequency:g} Hz" if self.frequency else ""
-        return f"{self.name}, {self.pressure / 100:g} mbar{shaken}{f', {1e3 * LATE:g} ms late' if self.late else ''}"
+        late = f", {1e3 * LATE:g} ms late" if self.late else ""
+        return f"{self.name}{', a jump' if self.rise == JUMP else ''}, {self.pressure / 100:g} mbar{shaken}{late}"
 
 
 PRESSURES = (0.0, 1.5e5, 3e5)
@@ -123,6 +128,8 @@ COURSES = (
     *(Course("Signal 2", pressure) for pressure in PRESSURES),
     *(Course("Signal 2", 3e5, frequency) for frequency in (33.0, 67.0)),
     *(Course("Signal 2", pressure, late=True) for pressure in (0.0, 3e5)),
+    *(Course("Signal 2", pressure, rise=JUMP) for pressure in (0.0, 3e5)),
+    Course("Signal 2", 3e5, late=True, rise=JUMP),
 )
 
 
@@ -146,7 +153,8 @@ def measure() -> Section:
         "One controller on plants that it does not know",
         "`LoadBackstepping` on the printed design model, with default gains, measures the position with 8 um of noise, "
         f"and nothing else. {PLANTS} plants around the printed actuator, with a vane force. From rest; errors count "
-        f"from {SETTLED:g} s on, those of Signal 2 from {ANSWER:g} s after the step on.",
+        f"from {SETTLED:g} s on, those of Signal 2 from {ANSWER:g} s after the step on. "
+        f"Its step takes {RISE:g} s, or is the jump that is printed.",
         ("course", "RMS error", "worst", "peak", "overshoot", "observed pressure", "95 %", "duty's chatter"),
     )
     controller = control.LoadBackstepping.for_plant(vgtjax.Actuator())
@@ -206,7 +214,7 @@ def follow(
 ) -> Errors:
     """Closed loops of all plants along a course; for so many seconds, or a whole period and the time after a step."""
     stepping = course.name == "Signal 2"
-    signal = control.signal_2() if stepping else control.signal_1()
+    signal = control.signal_2(course.rise) if stepping else control.signal_1()
     settled, end = (STEP + ANSWER, STEP + 2.0) if stepping else (SETTLED, SETTLED + PERIOD)
     count = len(around.noise)
     keys = jax.random.split(jax.random.key(NOISE_SEED), count)

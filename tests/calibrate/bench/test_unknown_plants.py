@@ -8,13 +8,17 @@ import pytest
 from support import optimised
 
 import vgtjax
-from calibrate.bench.cases.unknown_plants import Course, Surroundings, draw, follow
+from calibrate.bench.cases.unknown_plants import JUMP, Course, Surroundings, draw, follow
 from vgtjax.control import Constant, LoadBackstepping, Scenario, Sensors, Steps, close_loop
 
 PLANTS = 5
 SEED = 40961
 """No benchmark has these plants."""
-CORNERS = (Course("Signal 1", 3e5, 33.0, late=True), Course("Signal 2", 3e5, late=True))
+CORNERS = (
+    Course("Signal 1", 3e5, 33.0, late=True),
+    Course("Signal 2", 3e5, late=True),
+    Course("Signal 2", 3e5, late=True, rise=JUMP),
+)
 """Highest turbine pressure, and a duty that is 4 ms late; along Signal 1 the pressure pulsates by 20 % besides."""
 
 
@@ -37,7 +41,15 @@ def test_signal_1_over_a_whole_period(errors):
 
 def test_signal_2_half_a_second_after_its_step(errors):
     """Within 0.1 mm, and no further above it; 53 um of both were measured."""
-    after = errors[1]
+    _answered(errors[1])
+
+
+def test_signal_2_that_jumps_as_printed_half_a_second_later(errors):
+    """The same is asked; of the benchmark's hundred plants 65 um were measured half a second later, 98 um above."""
+    _answered(errors[2])
+
+
+def _answered(after):
     assert np.max(after.peak) < 0.1e-3
     assert np.max(after.overshoot) < 0.1e-3
 
