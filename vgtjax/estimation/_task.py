@@ -153,9 +153,7 @@ def plan_task(
     model = replace_parameters(model, values or {})
     channels = model.sensed if channels is None else channels
     _check_channels(channels, fit)
-    _check_sensors(gains or {}, "gains", "number", "use its relative standard uncertainty")
-    _check_sensors(offsets or {}, "offsets", "number", "use its standard uncertainty in the unit of its channel")
-    require_positive("starts", starts, "number of places", "use 1 for the start values alone")
+    _check_stated(gains or {}, offsets or {}, starts)
     fit, inputs = read_inputs(model, fit, unknown)
     validate, _ = read_inputs(model, validate, unknown)
     selection, known, gains = select(model, free, fixed), _by_entry(model, deviations or {}), dict(gains or {})
@@ -188,6 +186,12 @@ def _check_channels(channels: Sequence[str], fit: Sequence[Trace]) -> None:
         )
     if not any(name in trace.channels for trace in fit for name in known):
         raise InputError(f"a fit needs a trace with {' or '.join(known)}, but there is none; record it", "traces")
+
+
+def _check_stated(gains: Mapping[str, float], offsets: Mapping[str, float], starts: int) -> None:
+    _check_sensors(gains, "gains", "number", "use its relative standard uncertainty")
+    _check_sensors(offsets, "offsets", "number", "use its standard uncertainty in the unit of its channel")
+    require_positive("starts", starts, "number of places", "use 1 for the start values alone")
 
 
 def _check_sensors(stated: Mapping[str, float], argument: str, what: str, remedy: str) -> None:
