@@ -5,11 +5,13 @@ import dataclasses
 import numpy as np
 
 from ._beginning import transform_of
-from ._evidence import EVIDENT
+from ._bundle import CHANNELS
+from ._evidence import EVIDENT, by_trace, learn_sensors
 from ._holds import Holds, read_holds, sample_interval
 from ._point import Point
 from ._residuals import FitProblem
 from ._search import LevenbergMarquardt
+from ._sensors import noise_to_meet
 from ._task import Task
 
 MEETS_NOISE = 1.05
@@ -34,8 +36,28 @@ def delay_told(task: Task, search: LevenbergMarquardt) -> float:
 
 def meets_noise(search: LevenbergMarquardt) -> bool:
     """Whether a search without corrections ended where the traces leave their noise, which few samples tell badly."""
-    limit = max(MEETS_NOISE, 1 + 2 * NOISE_ERROR / float(np.sqrt(search.problem.count)))
-    return 2 * search.progress.searched <= limit
+    return 2 * search.progress.searched <= _most_left(search)
+
+
+def leaves_noise(task: Task, search: LevenbergMarquardt) -> bool:
+    """Whether a search ended where the traces leave no more than noise, whatever outliers and filters of sensors they
+    have, of which no search knows before its corrections: without outliers, and as `noise_to_meet` has it."""
+    observed = by_trace(search.problem.bundles, search.slopes.evaluated)
+    sensors = learn_sensors(task.traces, task.channels, observed, observed, task.unknown)
+    squares, count = 0.0, 0
+    for trace, seen, known in zip(task.traces, observed, sensors, strict=True):
+        for channel, sensor in known.items():
+            measured = trace.sampled(channel)
+            assert measured is not None, "what a sensor has learned from was measured"
+            left = (sensor.values - seen[trace.rows(channel), CHANNELS.index(channel)])[sensor.trust > 0]
+            squares += len(left) * (float(np.std(left)) / noise_to_meet(sensor, measured, channel)) ** 2
+            count += len(left)
+    return bool(squares <= _most_left(search) * count)
+
+
+def _most_left(search: LevenbergMarquardt) -> float:
+    """Chi^2 a sample that noise may leave."""
+    return max(MEETS_NOISE, 1 + 2 * NOISE_ERROR / float(np.sqrt(search.problem.count)))
 
 
 def holds_of_duty(task: Task, search: LevenbergMarquardt) -> Holds | None:

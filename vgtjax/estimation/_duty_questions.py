@@ -7,7 +7,15 @@ import numpy as np
 
 from ._beginning import first_progress
 from ._duties import Late, as_recorded, read_duties
-from ._duty import delay_told, holds_beside_edges, holds_of_duty, may_be_linear, meets_noise, tells_of_delay
+from ._duty import (
+    delay_told,
+    holds_beside_edges,
+    holds_of_duty,
+    leaves_noise,
+    may_be_linear,
+    meets_noise,
+    tells_of_delay,
+)
 from ._edges import NEAR_ENOUGH, ROUNDS, alike, edges_of, find_edges, moved, possible, show_in, whole_samples
 from ._evaluation import Steps
 from ._progress import Progress, Report, quiet
@@ -130,8 +138,9 @@ def _asking_of_edges(calibrator: C, report: Report, *, differing: bool = False) 
     A search that knew nothing of the edges may have been led to where another one does not come back from: plungers
     of 0.4 of the truth, forty standard errors off, and every trace met. So where it ended is one place to search from,
     with the edges that are found from there, and where it began is the other. Edges that are later than their record
-    need a delay, and are asked again beside one. What is tried is not reported: a fit that
-    is interrupted meanwhile tries all of it again.
+    need a delay, and are asked again beside one. Outliers and filtered noise are no misfit there: no search knows of
+    them before its corrections, and edges were given up that had met the traces. What is tried is not reported: a fit
+    that is interrupted meanwhile tries all of it again.
     """
     task, progress = calibrator.task, calibrator.minimiser.progress
     read = read_duties(task.fit, progress.linear, ())
@@ -158,10 +167,10 @@ def _asking_of_edges(calibrator: C, report: Report, *, differing: bool = False) 
         coordinates = (*begin[:-1], there.coordinates[-1])
         end = yield from _searching_edges(calibrator, there.moving_edges(coordinates, there.late, there.edges))
         ended = end.minimiser.progress
-        may_be = possible(ended.edges, delay=ended.late)
-        if not (may_be or end.is_lost()):
+        may_be, lost = possible(ended.edges, delay=ended.late), end.is_lost()
+        if not (may_be or lost):
             break
-        met = may_be and not end.is_lost() and meets_noise(end.minimiser)
+        met = may_be and not lost and (meets_noise(end.minimiser) or leaves_noise(end.task, end.minimiser))
         better = calibrator.worth(best.minimiser.progress.searched - ended.searched)
         if met and better and not (differing and alike(ended.edges)):
             best, there = end, ended
