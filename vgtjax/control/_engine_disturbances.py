@@ -70,12 +70,12 @@ class CoilSupply(AbstractAlteration):
 
     @classmethod
     def for_coil(cls, voltage: float, rated_voltage: float, warmer: float = 0.0) -> "CoilSupply":
-        """A coil at `voltage` V, and `warmer` K than where the magnetic force was found at `rated_voltage` V.
+        """A coil at `voltage` V, `warmer` K above the 20 degC at which its force was found with `rated_voltage` V.
 
         The mean current is that of the voltage over copper's resistance, and the force goes with its square, as long
         as the iron does not saturate: near saturation it changes less.
 
-        **Raises:** `InputError` for a voltage that is not above zero, or a coil colder than copper may be.
+        **Raises:** `InputError` for a voltage that is not above zero, or a coil so cold that it has no resistance.
         """
         resistance = 1 + COPPER * warmer
         if not (voltage > 0 and rated_voltage > 0 and resistance > 0):
