@@ -36,7 +36,8 @@ def asking_beside_edges(calibrator: C, report: Report) -> Steps[C]:
     progress = ended.minimiser.progress
     if progress.edges and not all(progress.edges) and not ended.is_lost():
         holds = holds_beside_edges(ended.task, ended.minimiser, ended.minimiser.problem)
-        decided = holds.decided and holds.linear == progress.linear and meets_noise(ended.minimiser)
+        met = meets_noise(ended.minimiser) or leaves_noise(ended.task, ended.minimiser)
+        decided = holds.decided and holds.linear == progress.linear and met
         ended.minimiser.progress = dataclasses.replace(progress, hold_decided=decided)
     return ended
 
