@@ -83,7 +83,9 @@ def _pulled(problem: FitProblem, slopes: Slopes, combined: Float[np.ndarray, " r
     except SimulationError:
         return None
     more = problem.pulled_edges(cotangent, len(slopes.at))
-    return (np.sum(answer.columns, axis=0) + more) * np.asarray(problem.transform.slope(slopes.at))
+    return (problem.with_held_delay(np.sum(answer.columns, axis=0)) + more) * np.asarray(
+        problem.transform.slope(slopes.at)
+    )
 
 
 def _spread(problem: FitProblem, slopes: Slopes, combined: Float[np.ndarray, " rows"]) -> Steps[Coordinates]:

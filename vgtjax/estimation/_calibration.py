@@ -312,7 +312,7 @@ def comparing(
     for use, traces, edges in (("fit", task.fit, task.edges), ("validate", task.validate, ())):
         read = read_duties(traces, task.linear, edges, delay)
         bundles = bundle_traces(model, read, task.stepping, bundles)
-        evaluated = yield from ask(Evaluation(model, bundles, delay if task.late_duty else None))
+        evaluated = yield from ask(Evaluation(model, bundles, delay or None))
         observed, failures = by_trace(bundles, evaluated), evaluated.failures(bundles)
         known = sensors if use == "fit" and sensors is not None else white_sensors(traces, task.channels)
         of_errors = task.traces if use == "fit" else read

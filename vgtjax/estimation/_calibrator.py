@@ -34,7 +34,7 @@ from ._progress import Progress, Report, quiet
 from ._residuals import FitProblem
 from ._search import LevenbergMarquardt
 from ._searches import beginning_again, from_second_guess, searching, searching_once
-from ._slopes import Slopes, places_around
+from ._slopes import Slopes, by_delay_alone, places_around
 from ._task import Task
 
 HELD_MATTERS = 9.0
@@ -214,7 +214,16 @@ def foreseen(task: Task) -> list[list[Evaluation]]:
         plain, model=with_sharp_seat(plain.model), bundles=sharp_bundles(task.model, task.traces, task.stepping)
     )
     sharp = [[exact]] if task.unknown.numerics else []
-    return [[plain] * WIDE, [plain], *sharp, [dataclasses.replace(slopes, cotangent=nothing)]]
+    certificate = [dataclasses.replace(slopes, cotangent=nothing)]
+    return [[plain] * WIDE, [plain], *sharp, *_foreseen_of_delay(task, problem, progress), certificate]
+
+
+def _foreseen_of_delay(task: Task, problem: FitProblem, progress: Progress) -> list[list[Evaluation]]:
+    """What the question is asked by whether a duty is late that was taken for timely."""
+    if progress.late or not task.late_duty:
+        return []
+    late = dataclasses.replace(problem, transform=transform_of(task, dataclasses.replace(progress, late=True)))
+    return [[by_delay_alone(late, np.array(progress.coordinates))]]
 
 
 def corrected_calibration(

@@ -6,6 +6,7 @@ import numpy as np
 
 from ._beginning import transform_of
 from ._bundle import CHANNELS
+from ._evaluation import Steps
 from ._evidence import EVIDENT, by_trace, learn_sensors
 from ._holds import Holds, read_holds, sample_interval
 from ._point import Point
@@ -22,16 +23,12 @@ NOISE_ERROR = 3.0
 themselves: of `noise_level`'s square, by drawing white noise."""
 
 
-def tells_of_delay(task: Task, search: LevenbergMarquardt) -> bool:
-    """Whether the traces tell of a delay where a search ended that took the duty for timely."""
-    found = _with_delay(task, search).uncertainty(search.problem.count)
-    return bool(found.determined[-1] and abs(found.values[-1]) > EVIDENT * found.std_errors[-1])
-
-
-def delay_told(task: Task, search: LevenbergMarquardt) -> float:
-    """The coordinate of the delay that traces tell of there."""
-    found = _with_delay(task, search).uncertainty(search.problem.count)
-    return float(search.progress.coordinates[-1] - found.values[-1])
+def delay_told(task: Task, search: LevenbergMarquardt) -> Steps[float | None]:
+    """The coordinate of the delay that traces tell of where a search ended that took the duty for timely; `None` where
+    they tell of none."""
+    found = (yield from _with_delay(task, search)).uncertainty(search.problem.count)
+    evident = bool(found.determined[-1] and abs(found.values[-1]) > EVIDENT * found.std_errors[-1])
+    return float(search.progress.coordinates[-1] - found.values[-1]) if evident else None
 
 
 def meets_noise(search: LevenbergMarquardt) -> bool:
@@ -60,29 +57,31 @@ def _most_left(search: LevenbergMarquardt) -> float:
     return max(MEETS_NOISE, 1 + 2 * NOISE_ERROR / float(np.sqrt(search.problem.count)))
 
 
-def holds_of_duty(task: Task, search: LevenbergMarquardt) -> Holds | None:
+def holds_of_duty(task: Task, search: LevenbergMarquardt) -> Steps[Holds | None]:
     """How duties were held by what the traces tell where a search ended; `None` where that is not to be asked."""
     progress, problem = search.progress, search.problem
     if not (task.unknown.duty_hold and progress.converged and progress.hold_decided is None) or progress.lost:
         return None
     scale, freedom = float(problem.transform.scale[-1]), problem.count - problem.offsets
     delay = scale * progress.coordinates[-1]
-    if not (meets_noise(search) or leaves_noise(task, search)):  # what a wrong model leaves over looks like a late duty, too
+    if not (
+        meets_noise(search) or leaves_noise(task, search)
+    ):  # what a wrong model leaves over looks like a late duty, too
         return Holds((), delay, False)
-    point = _with_delay(task, search)
+    point = yield from _with_delay(task, search)
     holds = read_holds(point.residuals, point.columns, problem.owner, task.fit, delay, scale, freedom, task.linear)
     # No delay, and yet not held: neither is evident.
     return holds if progress.late or not holds.linear else Holds((), delay, False)
 
 
-def holds_beside_edges(task: Task, search: LevenbergMarquardt, knowing: FitProblem) -> Holds:
+def holds_beside_edges(task: Task, search: LevenbergMarquardt, knowing: FitProblem) -> Steps[Holds]:
     """How duties were held by what traces without edges tell, whatever the times of the edges of the others.
 
     **Arguments:** `knowing`: the problem of the search, knowing what edges move.
     """
     scale, delay = float(search.problem.transform.scale[-1]), float(search.progress.coordinates[-1])
     held = _held(task)
-    point, freedom = _with_delay(task, search, knowing), knowing.count - knowing.offsets
+    point, freedom = (yield from _with_delay(task, search, knowing)), knowing.count - knowing.offsets
     return read_holds(
         point.residuals, point.columns, knowing.owner, task.fit, scale * delay, scale, freedom, task.linear, held
     )
@@ -98,9 +97,10 @@ def _held(task: Task) -> list[float]:
     return [sample_interval(trace) for trace in task.fit if len(trace.edges())]
 
 
-def _with_delay(task: Task, search: LevenbergMarquardt, problem: FitProblem | None = None) -> Point:
+def _with_delay(task: Task, search: LevenbergMarquardt, problem: FitProblem | None = None) -> Steps[Point]:
     """The linear problem where a search stands, with the delay of the duty free; by default that of the search."""
     here = np.asarray(search.progress.coordinates)
     transform = transform_of(task, dataclasses.replace(search.progress, late=True))
     problem = dataclasses.replace(search.problem if problem is None else problem, transform=transform)
-    return Point.of(problem, here, search.slopes.evaluated, search.slopes)
+    slopes = search.slopes if search.problem.delay_is_free else (yield from search.slopes.with_delay(problem))
+    return Point.of(problem, here, search.slopes.evaluated, slopes)

@@ -14,7 +14,6 @@ from ._duty import (
     leaves_noise,
     may_be_linear,
     meets_noise,
-    tells_of_delay,
 )
 from ._edges import NEAR_ENOUGH, ROUNDS, alike, edges_of, find_edges, moved, possible, show_in, whole_samples
 from ._evaluation import Steps
@@ -35,7 +34,7 @@ def asking_beside_edges(calibrator: C, report: Report) -> Steps[C]:
     ended = yield from _asking_of_delay_beside_edges(calibrator, report)
     progress = ended.minimiser.progress
     if progress.edges and not all(progress.edges) and not ended.is_lost():
-        holds = holds_beside_edges(ended.task, ended.minimiser, ended.minimiser.problem)
+        holds = yield from holds_beside_edges(ended.task, ended.minimiser, ended.minimiser.problem)
         met = meets_noise(ended.minimiser) or leaves_noise(ended.task, ended.minimiser)
         decided = holds.decided and holds.linear == progress.linear and met
         ended.minimiser.progress = dataclasses.replace(progress, hold_decided=decided)
@@ -73,7 +72,7 @@ def _asking_of_hold(calibrator: C, report: Report) -> Steps[C]:
     if progress.late and not progress.corrections:
         report(progress)
         ended = (yield from ended.correcting()) or ended
-    holds = holds_of_duty(ended.task, ended.minimiser)
+    holds = yield from holds_of_duty(ended.task, ended.minimiser)
     if holds is None:
         return ended
     progress = ended.minimiser.progress
@@ -95,7 +94,7 @@ def _asking_of_slow_holds(calibrator: C, report: Report) -> Steps[C]:
     if calibrator.is_lost() or meets_noise(search):
         return calibrator
     what_moves = yield from edges_of(task, search.problem, edges, search.slopes.at, delay=search.progress.late)
-    holds = holds_beside_edges(task, search, search.problem.with_edges(what_moves))
+    holds = yield from holds_beside_edges(task, search, search.problem.with_edges(what_moves))
     if not holds.linear:
         return calibrator
     begin = search.progress.began or first_progress(task).coordinates
@@ -114,7 +113,7 @@ def _asking_of_delay(calibrator: C, report: Report) -> Steps[C]:
     small minimum, where slopes tell of no other.
     """
     timely = (yield from calibrator.correcting()) or calibrator
-    told = timely.is_lost() or tells_of_delay(calibrator.task, timely.minimiser)
+    told = timely.is_lost() or (yield from delay_told(calibrator.task, timely.minimiser)) is not None
     if not told and meets_noise(timely.minimiser):
         return timely
     late = yield from _searching_late(calibrator, timely.minimiser.progress, report if told else quiet)
@@ -190,8 +189,8 @@ def _asking_of_delay_beside_edges(ended: C, report: Report) -> Steps[C]:
     if not (progress.linear and progress.edges) or progress.late or ended.is_lost():
         return ended
     timely = (yield from ended.correcting()) or ended
-    delay = delay_told(ended.task, timely.minimiser)
-    if delay < 0 or not tells_of_delay(ended.task, timely.minimiser):
+    delay = yield from delay_told(ended.task, timely.minimiser)
+    if delay is None or delay < 0:
         return ended
     onward = progress.moving_edges((*progress.coordinates[:-1], delay), True, progress.edges)
     end = yield from _searching_edges(ended, onward)

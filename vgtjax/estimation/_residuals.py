@@ -76,8 +76,19 @@ class FitProblem(eqx.Module):
     def evaluation(self, coordinates: Float[np.ndarray, " coordinates"], *, slopes: bool = False) -> Evaluation:
         """The question what the sensors would see at coordinates, and how that changes with them."""
         model, delay = self.at(coordinates)
-        late = None if delay is None else float(delay)
+        late = float(delay) if delay is not None and self.delay_is_free else None
         return Evaluation(model, self.bundles, late, self.selection if slopes else None)
+
+    @property
+    def delay_is_free(self) -> bool:
+        """Whether the duty may be late where it is simulated; if it may not, no step is spent on a jump in between."""
+        return self.late_duty and bool(self.transform.lower[-1] < self.transform.upper[-1])
+
+    def with_held_delay(self, columns: Float[np.ndarray, "... columns"]) -> Float[np.ndarray, "... coordinates"]:
+        """Derivatives with respect to all coordinates, zero for a delay that is not free and was not asked for."""
+        if self.delay_is_free or not self.late_duty:
+            return columns
+        return np.concatenate([columns, np.zeros((*columns.shape[:-1], 1))], axis=-1)
 
     @property
     def placed_edges(self) -> Edges | None:

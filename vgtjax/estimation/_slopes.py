@@ -14,9 +14,9 @@ import numpy as np
 from jaxtyping import Float
 
 from .._errors import SimulationError
-from ..parameters import select
+from ..parameters import Selection, select
 from ._bundle import Bundle
-from ._evaluation import Evaluated, Steps, ask
+from ._evaluation import Evaluated, Evaluation, Steps, ask
 from ._least_squares import LeastSquares
 from ._residuals import FitProblem
 
@@ -40,6 +40,7 @@ class Slopes:
     evaluated: Evaluated
     columns: Columns
     around: Sequence[Coordinates] = ()
+    _with_delay: "Slopes | None" = dataclasses.field(default=None, init=False)
 
     @staticmethod
     def find(problem: FitProblem, at: Coordinates, around: Sequence[Coordinates] = ()) -> Steps["Slopes"]:
@@ -58,6 +59,24 @@ class Slopes:
         evaluated = yield from _derivatives(problem, bundles, self.at)
         columns = yield from self.mean(problem, bundles, evaluated.columns)
         return dataclasses.replace(evaluated, columns=columns)
+
+    def with_delay(self, problem: FitProblem) -> Steps["Slopes"]:
+        """The same derivatives, and that with respect to the delay of a duty which was taken for timely.
+
+        Several questions ask for it, and it is computed once. **Arguments:** `problem`: with the delay free.
+        """
+
+        def asked(place: Coordinates) -> Steps[Evaluated]:
+            return problem.beside_edges((yield from ask(by_delay_alone(problem, place))), place)
+
+        if self._with_delay is None:
+            own = (yield from asked(self.at)).columns
+            late = yield from _mean_columns(own, self.around, asked, lambda _: np.ones(1))
+            pairs = zip(self.columns, late, strict=True)
+            columns = [np.concatenate([each[..., :-1], more], axis=-1) for each, more in pairs]
+            object.__setattr__(self, "_with_delay", dataclasses.replace(self, columns=columns))
+        assert self._with_delay is not None, "it has just been made"
+        return self._with_delay
 
     def held(self, problem: FitProblem, entries: Sequence[str]) -> Steps[Columns]:
         """Derivatives of the same places with respect to entries that are held, in units of the table."""
@@ -82,8 +101,14 @@ class Slopes:
 def _derivatives(problem: FitProblem, bundles: Sequence[Bundle], at: Coordinates) -> Steps[Evaluated]:
     """What is observed of traces at some coordinates, and its derivatives."""
     question = dataclasses.replace(problem.evaluation(at, slopes=True), bundles=bundles)
-    evaluated = yield from ask(question)
+    answer = yield from ask(question)
+    evaluated = dataclasses.replace(answer, columns=[problem.with_held_delay(each) for each in answer.columns])
     return problem.beside_edges(evaluated, at) if bundles is problem.bundles else evaluated
+
+
+def by_delay_alone(problem: FitProblem, at: Coordinates) -> Evaluation:
+    """The question how what is observed changes with the delay of the duty, which is free in the problem."""
+    return dataclasses.replace(problem.evaluation(at), selection=Selection(()))
 
 
 def places_around(found: LeastSquares, at: Coordinates) -> list[Coordinates]:

@@ -10,6 +10,7 @@ import vgtjax
 from vgtjax import FixedStep
 from vgtjax.estimation import (
     Progress,
+    Steps,
     Unknown,
     plan_task,
     start_calibration,
@@ -100,7 +101,12 @@ def test_a_search_that_ended_a_sample_beside_the_delay_finds_it(late, sample):
 
 def test_a_misfit_above_the_noise_is_asked_of_a_delay_of_which_no_slope_tells(late, monkeypatch):
     """At a delay of none the misfit may have a minimum of its own."""
-    monkeypatch.setattr("vgtjax.estimation._duty_questions.tells_of_delay", lambda *_: False)
+
+    def tells_of_none(*_: object) -> Steps[None]:
+        return None
+        yield
+
+    monkeypatch.setattr("vgtjax.estimation._duty_questions.delay_told", tells_of_none)
     again = fit(late.task.fit[0])
     assert again.converged
     assert abs(again.duty_delay - late.duty_delay) < 0.2 * late.duty_delay_error  # corrections settle within so much
