@@ -57,7 +57,12 @@ class Bundle(eqx.Module):
     @property
     def owned(self) -> int:
         """Lanes that belong to a trace: the first; others only fill up a shape."""
-        return int(np.sum(-(-self.samples // SEGMENT)))
+        return int(np.sum(self.segments))
+
+    @property
+    def segments(self) -> Int[np.ndarray, " traces"] | Int[Array, " traces"]:
+        """How many segments each trace fills."""
+        return -(-self.samples // SEGMENT)
 
     @property
     def rows(self) -> int:
@@ -114,7 +119,7 @@ class Bundle(eqx.Module):
 
     def first_lane(self, trace: int) -> int:
         """Where the lanes of a trace begin."""
-        return int(np.sum(-(-self.samples[:trace] // SEGMENT)))
+        return int(np.sum(self.segments[:trace]))
 
 
 def _stack(arrays: Sequence[np.ndarray], length: int) -> np.ndarray:
@@ -152,7 +157,9 @@ def bundle_traces(
 
 
 def _bundle(group: Group, shape: Shape, plan: CountedMarch, dtype: np.dtype) -> Bundle:
-    """Traces, by their number, in a shape that has room for them."""
+    """Traces, by their number, in a shape that has room for them: the longest first, so that those which devices
+    simulate at the same time are as long as each other."""
+    group = dict(sorted(group.items(), key=lambda item: -item[1].segments))
     empty = shape.traces - len(group)
     drives = [each.drive for each in group.values()]
     samples = [len(drive.duration) for drive in drives]

@@ -64,9 +64,8 @@ def holds_of_duty(task: Task, search: LevenbergMarquardt) -> Steps[Holds | None]
         return None
     scale, freedom = float(problem.transform.scale[-1]), problem.count - problem.offsets
     delay = scale * progress.coordinates[-1]
-    if not (
-        meets_noise(search) or leaves_noise(task, search)
-    ):  # what a wrong model leaves over looks like a late duty, too
+    # What a wrong model leaves over looks like a late duty, too.
+    if not (meets_noise(search) or leaves_noise(task, search)):
         return Holds((), delay, False)
     point = yield from _with_delay(task, search)
     holds = read_holds(point.residuals, point.columns, problem.owner, task.fit, delay, scale, freedom, task.linear)

@@ -174,7 +174,7 @@ def _prepare_lanes(asked: Evaluation, lanes: int) -> None:
     for part in asked.parts():
         each = _Part.of((None, 0, 0), part, lanes)
         rows = jax.tree.map(lambda leaf: np.stack([leaf] * fill_devices(lanes)), each.arrays)
-        observe_together.prepare(share_out(rows), each.rest, each.substeps, np.asarray(each.owned))
+        observe_together.prepare(share_out(rows), each.rest, each.substeps, each.segments)
 
 
 def _lanes_of(asked: Evaluation, wide: int) -> int:
@@ -192,14 +192,14 @@ def _wide_answer(question: Question) -> Answer:
 
 class _Part(NamedTuple):
     """One simulation: whose it is and where its answer belongs, its arrays, the rest of it, its steps an interval, the
-    lanes that belong to its traces, what others that run beside it have alike, how many these are, and its work: all
+    segments that its traces fill, what others that run beside it have alike, how many these are, and its work: all
     steps, those of derivatives included."""
 
     belongs: tuple[Hashable, int, int]
     arrays: Any
     rest: Any
     substeps: np.ndarray
-    owned: int
+    segments: np.ndarray
     shape: Hashable
     lanes: int
     work: int
@@ -219,7 +219,7 @@ class _Part(NamedTuple):
         shapes = tuple((leaf.shape, leaf.dtype.str) for leaf in jax.tree.leaves(arrays))
         shape = (jax.tree.structure(arrays), *jax.tree.leaves(rest), shapes, lanes, substeps)
         work = bundle.drive.duration.size * substeps * (1 if selection is None else 1 + len(selection.entries))
-        return _Part(belongs, arrays, rest, np.asarray(substeps), bundle.owned, shape, lanes, work)
+        return _Part(belongs, arrays, rest, np.asarray(substeps), bundle.segments, shape, lanes, work)
 
 
 _Found = tuple[np.ndarray | None, np.ndarray | None, RESULTS | None]
@@ -288,6 +288,6 @@ def _simulate(group: Sequence[_Part]) -> list[_Found]:
         return jax.tree.map(lambda *leaves: np.stack(leaves), *[group[place].arrays for place in places])
 
     rest, substeps, lanes = group[0].rest, group[0].substeps, group[0].lanes
-    owned = np.asarray(max(each.owned for each in group))
-    found = map_rows(lambda arrays: observe_together(arrays, rest, substeps, owned), rows, len(group), lanes)
+    segments = np.max([each.segments for each in group], axis=0)
+    found = map_rows(lambda arrays: observe_together(arrays, rest, substeps, segments), rows, len(group), lanes)
     return [jax.tree.map(lambda leaf, i=i: leaf[i], found) for i in range(len(group))]

@@ -18,15 +18,15 @@ from .._lanes import replicate, spread
 from .._types import Scalar
 from ..parameters import Selection, select
 from ..parts import with_tables
-from ..plants import AbstractModel, State, rows_along, tabulated_along
-from ..simulation import RESULTS, FixedStep, check_result, march
+from ..plants import AbstractModel, State, rows_along
+from ..simulation import RESULTS, FixedStep, check_result
 from ..traces import Drive, Trace
 from ._adjoint import pull_back
 from ._bundle import CHANNELS, Bundle, Slope, bundle_traces
 from ._layout import SEGMENT
+from ._trajectories import Lanes, Segments, trajectories
 from ._values import Choose, Pushed, chooser, push_all, push_values, values_before
 
-Lanes = Float[Array, "lanes sample channel"]
 TraceJacobian = Float[np.ndarray, "time 2 parameters"] | dict[str, Float[np.ndarray, "samples parameters"]]
 LaneJacobian = Float[Array, "lanes sample channel parameters"]
 Inputs = tuple[Drive, Slope | None]
@@ -102,7 +102,7 @@ def observe(model: AbstractModel, bundle: Bundle, delay: Scalar | None = None) -
     **Arguments:** `delay` in s with which the duty reaches the valve.
     """
     bundle = bundle if delay is None else bundle.with_late_duty(delay)[0]
-    return replicate(_nominal(model, bundle)[1:])
+    return replicate(trajectories(model, bundle, bundle.segments, spread, jax.device_count())[1:])
 
 
 def observe_with_jacobian(
@@ -145,7 +145,7 @@ def prepare(
 def _spread_jacobian(
     model: AbstractModel, selection: Selection, bundle: Bundle, delay: Scalar | None, values: Pushed | None
 ) -> tuple[Lanes, LaneJacobian, RESULTS]:
-    return _linearise(model, selection, bundle, delay, spread, values)
+    return _linearise(model, selection, bundle, delay, values)
 
 
 @keep_compiled
@@ -165,14 +165,14 @@ def observe_together(
     dynamic: tuple[Any, ...],
     static: tuple[Any, ...],
     substeps: Int[np.ndarray, ""] | Int[Array, ""],
-    owned: Int[np.ndarray, ""] | Int[Array, ""],
+    segments: Segments,
 ) -> tuple[Float[Array, "fits lanes sample channel"] | None, Float[Array, "fits ..."] | None, RESULTS | None]:
     """What is observed of many fits, their derivatives and ends, each on one device: `observe` of each, or
     `observe_with_jacobian` where there is a selection, or `observe_backwards` where there is a cotangent.
 
     **Arguments:** the arrays of `(model, selection, bundle, delay, cotangent)` with a leading axis of fits, the rest of
-    it, and of all of them the steps an interval and the most lanes that belong to a trace: those of its own would make
-    every fit wait for the others.
+    it, and of all of them the steps an interval and the most segments that a trace in each place fills: those of its
+    own would make every fit wait for the others.
     """
 
     def one(leaves: tuple[Any, ...]) -> tuple[Array | None, Array | None, RESULTS | None]:
@@ -181,9 +181,9 @@ def observe_together(
         if cotangent is not None:
             return None, _backwards(model, selection, bundle, delay, cotangent), None
         if selection is not None:
-            return _linearise(model, selection, bundle, delay, lambda tree: tree, owned=owned)
+            return _linearise(model, selection, bundle, delay, segments=segments)
         bundle = bundle if delay is None else bundle.with_late_duty(delay)[0]
-        _, observed, ended = _nominal(model, bundle)
+        _, observed, ended = trajectories(model, bundle, segments, _here, 1)
         return observed, None, ended
 
     return jax.vmap(one)(dynamic)
@@ -207,12 +207,13 @@ def _linearise(
     selection: Selection,
     bundle: Bundle,
     delay: Scalar | None,
-    place: Callable[[Any], Any],
     values: Pushed | None = None,
-    owned: Int[np.ndarray, ""] | Int[Array, ""] | None = None,
+    segments: Segments | None = None,
 ) -> tuple[Lanes, LaneJacobian, RESULTS]:
-    """What is observed, its derivatives and how the simulations ended; `place` says on which devices the lanes are,
-    `values` are those that `push_values` gives. `owned` is how many lanes are needed, all of them by default."""
+    """What is observed, its derivatives and how the simulations ended, on all devices, or on one with the `segments`
+    that traces of all fits fill at most; `values` are those that `push_values` gives."""
+    place, wide = (spread, jax.device_count()) if segments is None else (_here, 1)
+    segments = bundle.segments if segments is None else segments
     slope = None
     if delay is not None:
         bundle, slope = bundle.with_late_duty(delay)
@@ -220,10 +221,10 @@ def _linearise(
     values = push_values(model, selection, rows_along(model, bundle.drive)) if values is None else values
 
     choose = chooser(model, selection)
-    first, observed, ended = _nominal(with_tables(model, values[0][1]), bundle)
+    first, observed, ended = trajectories(with_tables(model, values[0][1]), bundle, segments, place, wide)
     first, inputs = place((first, (bundle.lane_drive, slope)))
 
-    ends, by_start, by_parameter = _push_chunks(choose, values, first, inputs, bundle, place, owned)
+    ends, by_start, by_parameter = _push_chunks(choose, values, first, inputs, bundle, segments, place, wide)
     at_start = _chain(choose, values, bundle, ends)
     # A sum of products over seven states, lanes innermost: one fused loop, where a dot would transpose everything.
     total = by_parameter
@@ -232,18 +233,9 @@ def _linearise(
     return observed, jnp.transpose(total, (3, 0, 2, 1)), ended
 
 
-def _nominal(model: AbstractModel, bundle: Bundle) -> tuple[State, Lanes, RESULTS]:
-    """States at the start of every lane, what is observed along it, and how the simulation of each trace ended."""
-    model = tabulated_along(model, bundle.drive)
-
-    def one(drive, start):
-        states, end = march(model, drive, start, bundle.plan)
-        return states, jnp.stack(jax.vmap(model.observe)(states, drive), axis=-1), end
-
-    states, observed, ended = jax.vmap(one, in_axes=(1, 0), out_axes=(1, 1, 0))(bundle.drive, bundle.start)
-    first = jax.tree.map(lambda leaf: leaf[::SEGMENT][bundle.lane_segment, bundle.lane_trace], states)
-    by_segment = observed.reshape(-1, SEGMENT, *observed.shape[1:])
-    return first, by_segment[bundle.lane_segment, :, bundle.lane_trace], ended
+def _here(tree: Any) -> Any:
+    """Arrays where they are: on the one device of a fit beside others."""
+    return tree
 
 
 def _push_chunks(
@@ -252,23 +244,23 @@ def _push_chunks(
     first: State,
     inputs: Inputs,
     bundle: Bundle,
+    segments: Segments,
     place: Callable[[Any], Any],
-    owned: Int[np.ndarray, ""] | Int[Array, ""] | None,
+    devices: int,
 ) -> tuple[Array, Array, Array]:
-    """`_push_lanes`, a `REGISTER` of lanes of every device at a time: all of them on the devices where `place` spreads
-    them, or on one those that belong to a trace, the first `owned`.
+    """`_push_lanes` of as many lanes as traces have `segments`, a `REGISTER` of them of every device at a time, which
+    `place` spreads over so many.
 
     Those that only fill up a shape repeat its first lane, and have its tangents.
     """
-    lanes, devices = len(bundle.lane_trace), jax.device_count() if owned is None else 1
-    together = REGISTER // jax.tree.leaves(first)[0].dtype.itemsize
-    whole = -(-lanes // (devices * together))
-    chunks = whole if owned is None else -(-owned // together)
+    lanes, mine = len(bundle.lane_trace), jnp.sum(jnp.asarray(bundle.segments))
+    wide = devices * (REGISTER // jax.tree.leaves(first)[0].dtype.itemsize)
+    whole = -(-lanes // wide)
+    chunks = jnp.minimum(-(-jnp.sum(jnp.asarray(segments)) // wide), whole)
 
     def cut(leaf):
-        padded = jnp.pad(leaf, [(0, 0)] * (leaf.ndim - 1) + [(0, devices * whole * together - lanes)], mode="edge")
-        apart = jnp.moveaxis(padded.reshape(*leaf.shape[:-1], devices, whole, together), -2, 0)
-        return apart.reshape(whole, *leaf.shape[:-1], devices * together)
+        padded = jnp.pad(leaf, [(0, 0)] * (leaf.ndim - 1) + [(0, whole * wide - lanes)], mode="edge")
+        return jnp.moveaxis(padded.reshape(*leaf.shape[:-1], whole, wide), -2, 0)
 
     cuts = place(jax.tree.map(cut, (first, inputs)))
 
@@ -284,12 +276,10 @@ def _push_chunks(
 
     nothing = jax.tree.map(lambda each: jnp.zeros((whole, *each.shape), each.dtype), jax.eval_shape(push, 0))
     found = jax.lax.fori_loop(0, chunks, onward, place(nothing))
-    mine = jnp.arange(lanes) < jnp.sum(-(-jnp.asarray(bundle.samples) // SEGMENT))
 
     def joined(leaf):
-        apart = jnp.moveaxis(leaf.reshape(*leaf.shape[:-1], devices, together), 0, -2)
-        side_by_side = apart.reshape(*leaf.shape[1:-1], -1)[..., :lanes]
-        return jnp.where(mine, side_by_side, side_by_side[..., :1])
+        side_by_side = jnp.moveaxis(leaf, 0, -2).reshape(*leaf.shape[1:-1], -1)[..., :lanes]
+        return jnp.where(jnp.arange(lanes) < mine, side_by_side, side_by_side[..., :1])
 
     ends, by_start, by_parameter = map(joined, found)
     return jnp.moveaxis(ends, -1, 0), by_start, by_parameter
