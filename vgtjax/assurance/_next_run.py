@@ -84,8 +84,8 @@ def _columns(task: Task, known: Information, runs: Sequence[StandardRun]) -> Ste
     if all(trace.p_act is not None for trace in task.fit) and "pwm" in model.needs:
         # With the same channels they may share the programs of the fit; at rest it is what they begin with anyway.
         traces = [trace.replace(p_act=np.full(len(trace.time), trace.atmosphere)) for trace in traces]
-    recorded = bundle_traces(model, task.fit, task.stepping)
-    bundles = bundle_traces(model, traces, task.stepping, like=recorded)
+    recorded = bundle_traces(model, task.fit, task.steps)
+    bundles = bundle_traces(model, traces, task.steps, like=recorded)
     evaluated = yield from ask(Evaluation(model, bundles, None, task.selection))
     if evaluated.failed:
         raise SimulationError(f"a standard run can't be simulated with these values. {evaluated.failure}")

@@ -56,7 +56,7 @@ def predicted_spread(
     found, missing = spread_of(problem.bundles, slopes.columns, covariance), nothing[len(task.fit) :]
     if not others:
         return found
-    bundles = bundle_traces(task.model, others, task.stepping, problem.bundles)
+    bundles = bundle_traces(task.model, others, task.steps, problem.bundles)
     try:
         beyond = yield from slopes.along(problem, bundles)
     except SimulationError:

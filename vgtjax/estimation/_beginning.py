@@ -45,7 +45,7 @@ def problem_of(task: Task, progress: Progress, sensors: Sensors | None = None) -
         task.traces,
         channels=task.channels,
         sensors=sensors,
-        stepping=task.stepping,
+        stepping=task.steps,
         prior=task.prior,
     )
 

@@ -311,7 +311,7 @@ def comparing(
     left: Iterator[np.ndarray | None] = itertools.repeat(None) if errors is None else iter(errors)
     for use, traces, edges in (("fit", task.fit, task.edges), ("validate", task.validate, ())):
         read = read_duties(traces, task.linear, edges, delay)
-        bundles = bundle_traces(model, read, task.stepping, bundles)
+        bundles = bundle_traces(model, read, task.steps, bundles)
         evaluated = yield from ask(Evaluation(model, bundles, delay or None))
         observed, failures = by_trace(bundles, evaluated), evaluated.failures(bundles)
         known = sensors if use == "fit" and sensors is not None else white_sensors(traces, task.channels)

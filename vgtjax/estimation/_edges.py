@@ -75,7 +75,7 @@ def edges_of(
 
 def _seen(task: Task, asked: Evaluation, read: Sequence[Trace]) -> Steps[list[np.ndarray]]:
     """What is observed of traces with their edges somewhere else, at the times of their records."""
-    bundles = bundle_traces(task.model, read, task.stepping)
+    bundles = bundle_traces(task.model, read, task.steps)
     evaluated = yield from ask(dataclasses.replace(asked, bundles=bundles))
     found = zip(by_trace(bundles, evaluated), read, task.fit, strict=True)
     return [observed[trace.rows_at(recorded.time)] for observed, trace, recorded in found]

@@ -170,7 +170,7 @@ def _moved_by_inputs(task: Task, search: LevenbergMarquardt) -> Steps[Float[np.n
             trace if sensor is None else sensor.again(trace, rng)
             for trace, sensor in zip(task.traces, task.inputs, strict=True)
         ]
-        after = yield from ask(dataclasses.replace(asked, bundles=bundle_traces(task.model, traces, task.stepping)))
+        after = yield from ask(dataclasses.replace(asked, bundles=bundle_traces(task.model, traces, task.steps)))
         change = problem.residuals_of(after.observed) - problem.residuals_of(before.observed)
         change = np.where(np.isfinite(change), change, 0.0)
         alone = change[:, None] * (owner[:, None] == np.arange(len(traces)))

@@ -29,6 +29,7 @@ from ._evidence import NOTHING, Unknown
 from ._inputs import InputSensor, read_inputs
 from ._instruments import instrumented
 from ._residuals import Prior
+from ._steps import StepsOfFit
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -74,6 +75,11 @@ class Task:
             self.fit[number].window(-np.inf, self.fit[number].time[count - 1]) for number, count in samples.items()
         ]
         return dataclasses.replace(self, fit=parts, inputs=inputs, validate=())
+
+    @property
+    def steps(self) -> FixedStep:
+        """The steps of its simulations, but for those whose numerical errors may not show."""
+        return StepsOfFit(self.stepping.max_step, self.stepping.solver) if self.unknown.numerics else self.stepping
 
     @property
     def plant(self) -> AbstractModel:

@@ -42,8 +42,8 @@ def trajectories(
     count = jnp.max(jnp.pad(jnp.asarray(segments), (0, filled)).reshape(rounds, wide), axis=1)
 
     def one_round(given: tuple[Any, Any, Array]) -> Any:
-        *inputs, count = given
-        return _march(model, bundle.plan, *place(tuple(inputs)), count, place)
+        drive, start, count = given
+        return _march(model, bundle.plan, place(drive), place(start), count, place)
 
     first, observed, ended = jax.lax.map(one_round, (drive, start, count))
 

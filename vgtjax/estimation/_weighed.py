@@ -54,7 +54,7 @@ class Linearised:
             transform,
             task.traces,
             channels=task.channels,
-            stepping=task.stepping,
+            stepping=task.steps,
             prior=task.prior,
         )
         at = np.array(progress.coordinates)
