@@ -36,7 +36,7 @@ def meets_noise(search: LevenbergMarquardt) -> bool:
     return 2 * search.progress.searched <= _most_left(search)
 
 
-def leaves_noise(task: Task, search: LevenbergMarquardt) -> bool:
+def _leaves_noise(task: Task, search: LevenbergMarquardt) -> bool:
     """Whether a search ended where the traces leave no more than noise, whatever outliers and filters of sensors they
     have, of which no search knows before its corrections: without outliers, and as `noise_to_meet` has it."""
     observed = by_trace(search.problem.bundles, search.slopes.evaluated)
@@ -52,6 +52,12 @@ def leaves_noise(task: Task, search: LevenbergMarquardt) -> bool:
     return bool(squares <= _most_left(search) * count)
 
 
+def leaves_only_noise(task: Task, search: LevenbergMarquardt) -> bool:
+    """Whether a search ended where nothing is left that another reading of the duty could explain: noise, or outliers
+    and filtered noise."""
+    return meets_noise(search) or _leaves_noise(task, search)
+
+
 def _most_left(search: LevenbergMarquardt) -> float:
     """Chi^2 a sample that noise may leave."""
     return max(MEETS_NOISE, 1 + 2 * NOISE_ERROR / float(np.sqrt(search.problem.count)))
@@ -65,7 +71,7 @@ def holds_of_duty(task: Task, search: LevenbergMarquardt) -> Steps[Holds | None]
     scale, freedom = float(problem.transform.scale[-1]), problem.count - problem.offsets
     delay = scale * progress.coordinates[-1]
     # What a wrong model leaves over looks like a late duty, too.
-    if not (meets_noise(search) or leaves_noise(task, search)):
+    if not leaves_only_noise(task, search):
         return Holds((), delay, False)
     point = yield from _with_delay(task, search)
     holds = read_holds(point.residuals, point.columns, problem.owner, task.fit, delay, scale, freedom, task.linear)

@@ -11,7 +11,7 @@ from ._duty import (
     delay_told,
     holds_beside_edges,
     holds_of_duty,
-    leaves_noise,
+    leaves_only_noise,
     may_be_linear,
     meets_noise,
 )
@@ -35,7 +35,7 @@ def asking_beside_edges(calibrator: C, report: Report) -> Steps[C]:
     progress = ended.minimiser.progress
     if progress.edges and not all(progress.edges) and not ended.is_lost():
         holds = yield from holds_beside_edges(ended.task, ended.minimiser, ended.minimiser.problem)
-        met = meets_noise(ended.minimiser) or leaves_noise(ended.task, ended.minimiser)
+        met = leaves_only_noise(ended.task, ended.minimiser)
         decided = holds.decided and holds.linear == progress.linear and met
         ended.minimiser.progress = dataclasses.replace(progress, hold_decided=decided)
     return ended
@@ -121,7 +121,7 @@ def _asking_of_delay(calibrator: C, report: Report) -> Steps[C]:
     if edged is not late:
         return edged
     late = yield from _searching_beside(late)
-    return late if told or (not late.is_lost() and meets_noise(late.minimiser)) else timely
+    return late if told or (not late.is_lost() and leaves_only_noise(late.task, late.minimiser)) else timely
 
 
 def _asking_of_edges(calibrator: C, report: Report, *, differing: bool = False) -> Steps[C]:
@@ -170,7 +170,7 @@ def _asking_of_edges(calibrator: C, report: Report, *, differing: bool = False) 
         may_be, lost = possible(ended.edges, delay=ended.late), end.is_lost()
         if not (may_be or lost):
             break
-        met = may_be and not lost and (meets_noise(end.minimiser) or leaves_noise(end.task, end.minimiser))
+        met = may_be and not lost and leaves_only_noise(end.task, end.minimiser)
         better = calibrator.worth(best.minimiser.progress.searched - ended.searched)
         if met and better and not (differing and alike(ended.edges)):
             best, there = end, ended

@@ -4,11 +4,11 @@ import dataclasses
 from collections.abc import Callable
 
 import numpy as np
-from scipy.constants import bar, kilo, micro, milli
 
 from .._errors import InputError
 from ._channel import Samples
 
+bar, kilo, milli, micro = 1e5, 1e3, 1e-3, 1e-6  # to import SciPy for them takes a tenth of a second
 PRESSURES = ("p_act", "p_res", "p_trb")
 PRESSURE_UNITS = {"Pa": 1.0, "kPa": kilo, "mbar": milli * bar, "bar": bar}
 UNITS: dict[str, dict[str, float]] = {

@@ -9,7 +9,7 @@ from typing import Any
 
 from vgtjax import SimulationError
 from vgtjax.assurance import NOTHING, Gain, Information, examining, ranking, remedies
-from vgtjax.estimation import Steps, run_alone, run_together
+from vgtjax.estimation import Steps, foreseen, run_alone, run_together
 
 from ...fit.plan import plan
 from ...output.console import console, say_notes
@@ -94,7 +94,9 @@ def _check(units: list[Unit], job: Job) -> dict[str | None, Checked]:
     with console.status("what the traces tell"):
         if len(units) == 1:
             try:
-                note(units[0].name, run_alone(_checking(job, units[0])))
+                # Of what a fit would ask, its simulations side by side are all that a few steps of a search ask too.
+                ahead = foreseen(plan(job, units[0]))[:1]
+                note(units[0].name, run_alone(_checking(job, units[0]), ahead))
             except SimulationError as error:
                 note(units[0].name, error)
         else:
