@@ -153,6 +153,16 @@ def test_a_search_that_was_interrupted_goes_on_as_if_it_had_not_been(cliff, plac
     assert finish(resumed) == finish(tuner)
 
 
+def test_progress_without_a_model_goes_on_with_derivatives(cliff):
+    """As an earlier version has kept it."""
+    tuner = Tuner(cliff)
+    while not tuner.step().kinds[-1]:
+        pass
+    hoping = dataclasses.replace(tuner.progress, hopes=(0.0, 1.0))
+    assert Tuner(cliff, hoping).step().kinds[-1]
+    assert not Tuner(cliff, dataclasses.replace(hoping, model=None)).step().kinds[-1]
+
+
 def test_candidates_are_inside_bounds_and_conditions(cliff):
     """Around a best that is at the edge of both."""
     upper = np.array([0.1, np.inf, np.inf])
