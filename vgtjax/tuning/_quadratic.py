@@ -13,6 +13,12 @@ from ._problem import Linearisation, TuningProblem
 STEEPEST = 10.0
 """Highest curvature of a loop that is believed, in parts of its cost: this one doubles it within a factor of 1.6.
 Where derivatives shake more than the cost does, as of a loop that hunts, Gauss and Newton's is far too high."""
+FLOOR = 0.3
+"""Part of the cost about which the model is no longer believed to fall as a parabola: that one may fall below zero."""
+
+
+Kept = tuple[tuple[float, ...], float, tuple[float, ...], tuple[tuple[float, ...], ...]]
+"""Place, cost, slope and curvature."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -39,6 +45,25 @@ class QuadraticModel:
             }
             move = _inside(problem, here, self._lowest(bounds, radius, [ball, conditions]))
         return here + move
+
+    def expected(self, places: Float[np.ndarray, "places gains"], highest: float) -> Float[np.ndarray, " places"]:
+        """The logarithm of the cost there: the parabola's, which bends to zero about [`FLOOR`][] of the cost here and
+        does not rise by more than `highest` over it."""
+        moves = places - self.here
+        bent = 0.5 * np.einsum("pi,ij,pj->p", moves, self.curvature, moves)
+        share = 1 + (moves @ self.slope + bent) / self.cost
+        return np.log(self.cost) + np.minimum(np.log(FLOOR * np.logaddexp(share / FLOOR, 0.0)), highest)
+
+    def kept(self) -> Kept:
+        """As numbers and tuples."""
+        curvature = tuple(map(tuple, self.curvature.tolist()))
+        return tuple(self.here.tolist()), self.cost, tuple(self.slope.tolist()), curvature
+
+    @classmethod
+    def of(cls, kept: Kept) -> "QuadraticModel":
+        """From what [`kept`][] has made of one."""
+        here, cost, slope, curvature = kept
+        return cls(np.asarray(here), cost, np.asarray(slope), np.asarray(curvature))
 
     def _lowest(
         self, bounds: Float[np.ndarray, "gains 2"], radius: float, constraints: Sequence[dict[str, Any]]

@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from .._errors import SimulationError
 from ._problem import TuningProblem
-from ._quadratic import QuadraticModel, model_at
+from ._quadratic import Kept, QuadraticModel, model_at
 from ._remembered import linearise_remembered
 from ._scatter import scatter
 
@@ -46,6 +46,7 @@ class TuningProgress:
 
     `coordinates` are the best so far, of the problem's transform, and `here` those of the last step; `memories` the
     place of each closed loop's in the problem's; `history` is the best cost after every step, the start first.
+    `model` is the last that derivatives gave, `None` before the first.
     `radius` and `reach` bound the next step by derivatives and the next batch by costs. `hopes` are what the next
     step of either kind is thought to take off the logarithm of the cost; `kinds` says of every step whether it was by
     costs.
@@ -67,6 +68,7 @@ class TuningProgress:
     converged: bool = False
     verdict: str = ""
     history: tuple[float, ...] = ()
+    model: Kept | None = None
 
     @property
     def iteration(self) -> int:
@@ -141,6 +143,8 @@ class Tuner:
         """Whether the next step is of the kind without derivatives: the one that is thought to gain more, but the other
         one before the search is at an end."""
         now = self.progress
+        if now.model is None:
+            return False
         last = now.kinds[-(STALL // 3) :]
         if self._stalled(len(last)) and len(set(last)) == 1:
             return not last[0]
@@ -159,8 +163,9 @@ class Tuner:
         self._change(linearisations=self.progress.linearisations + asked)
         if not np.any(at.slopes):
             return False
-        self._change(memories=tuple(memories.tolist()))
-        if not self._search(model_at(self.problem, here, at)):
+        model = model_at(self.problem, here, at)
+        self._change(memories=tuple(memories.tolist()), model=model.kept())
+        if not self._search(model):
             self._restart()
         return True
 
@@ -181,10 +186,12 @@ class Tuner:
 
     def _scatter(self) -> None:
         """A step by costs alone, from which the next one by derivatives begins at the best."""
+        assert self.progress.model is not None, "the first step has derivatives"
+        model = QuadraticModel.of(self.progress.model)
         for _ in range(BATCHES):
             now = self.progress
             before, trials = np.min(self._costs()), np.asarray(now.tried)
-            cost, _ = self._try(scatter(self.problem, trials, self._costs(), now.reach, seed=len(trials)))
+            cost, _ = self._try(scatter(self.problem, trials, self._costs(), now.reach, len(trials), model))
             reach = now.reach * (WIDER if cost < (1 - STALLED) * before else NARROWER)
             self._change(reach=min(max(reach, SMALLEST_REACH), LARGEST_RADIUS))
         if self.progress.here != self.progress.coordinates:

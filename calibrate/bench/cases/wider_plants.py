@@ -19,7 +19,9 @@ from ..table import Section
 from .unknown_plants import (
     ANSWER,
     HALF_WIDTHS,
+    JUMP,
     PERIOD,
+    RISE,
     SETTLED,
     Course,
     Errors,
@@ -50,8 +52,12 @@ RMS, PEAK = 50e-6, 150e-6
 """m; what is wanted along Signal 1."""
 NEAR, OVER = 100e-6, 100e-6
 """m; what is wanted from half a second after the step of Signal 2 on, and its overshoot."""
-ALL_COURSES = tuple(Course(name, pressure) for name in ("Signal 1", "Signal 2") for pressure in (0.0, 1.5e5, 3e5))
-ONE_CAUSE = tuple(Course(name, 3e5) for name in ("Signal 1", "Signal 2"))
+PRESSURES = (0.0, 1.5e5, 3e5)
+ALL_COURSES = (
+    *(Course(name, pressure) for name in ("Signal 1", "Signal 2") for pressure in PRESSURES),
+    *(Course("Signal 2", pressure, rise=JUMP) for pressure in PRESSURES),
+)
+ONE_CAUSE = (*(Course(name, 3e5) for name in ("Signal 1", "Signal 2")), Course("Signal 2", 3e5, rise=JUMP))
 
 
 def measure(keep: pathlib.Path | None = None) -> Section:
@@ -134,5 +140,6 @@ _ABOUT = (
     f"plants, together and each alone: quantities of friction spread {FRICTION:g} times as wide; duties that arrive "
     f"{1e3 * DELAY[0]:g} to {1e3 * DELAY[1]:g} ms late; {1e6 * NOISE[0]:g} to {1e6 * NOISE[1]:g} um of noise; "
     f"{SUPPLY[0]:g} to {SUPPLY[1]:g} V at the coil, whose printed force is taken for that at {RATED:g} V, and which "
-    f"nothing compensates. From rest; errors count from {SETTLED:g} s on, over a whole period of {PERIOD:.0f} s."
+    f"nothing compensates. From rest; errors count from {SETTLED:g} s on, over a whole period of {PERIOD:.0f} s, "
+    f"those of Signal 2 from {ANSWER:g} s after its step on, which takes {RISE:g} s or is the jump that is printed."
 )

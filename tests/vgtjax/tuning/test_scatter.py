@@ -17,9 +17,11 @@ from vgtjax.tuning import (
     Tuner,
     TuningProblem,
     TuningProgress,
+    _scatter,
     cross_cases,
     plan_tuning,
 )
+from vgtjax.tuning._quadratic import QuadraticModel, model_at
 from vgtjax.tuning._scatter import BOLDNESS, scatter
 from vgtjax.tuning._surrogate import ROUGH, _improbability, fit_surrogate
 
@@ -134,6 +136,11 @@ def test_every_evaluation_is_counted(cliff):
     assert progress.costs == tuple(cliff.cost(np.asarray(at)) for at in progress.tried)
 
 
+def tuples(value):
+    """JSON has lists for them."""
+    return tuple(map(tuples, value)) if isinstance(value, list) else value
+
+
 @pytest.mark.parametrize("place", [1, 4])
 def test_a_search_that_was_interrupted_goes_on_as_if_it_had_not_been(cliff, place):
     """In a step by derivatives, and in one by costs; what is kept of it is JSON."""
@@ -141,11 +148,19 @@ def test_a_search_that_was_interrupted_goes_on_as_if_it_had_not_been(cliff, plac
     for _ in range(place):
         kept = tuner.step()
     fields = json.loads(json.dumps(dataclasses.asdict(kept), allow_nan=False))
-    for name in ("coordinates", "here", "memories", "hopes", "kinds", "costs", "history"):
-        fields[name] = tuple(fields[name])
-    resumed = Tuner(cliff, TuningProgress(**fields | {"tried": tuple(map(tuple, fields["tried"]))}))
+    resumed = Tuner(cliff, TuningProgress(**{name: tuples(value) for name, value in fields.items()}))
     assert kept.kinds[-1] == (place == 4)
     assert finish(resumed) == finish(tuner)
+
+
+def test_progress_without_a_model_goes_on_with_derivatives(cliff):
+    """As an earlier version has kept it."""
+    tuner = Tuner(cliff)
+    while not tuner.step().kinds[-1]:
+        pass
+    hoping = dataclasses.replace(tuner.progress, hopes=(0.0, 1.0))
+    assert Tuner(cliff, hoping).step().kinds[-1]
+    assert not Tuner(cliff, dataclasses.replace(hoping, model=None)).step().kinds[-1]
 
 
 def test_candidates_are_inside_bounds_and_conditions(cliff):
@@ -154,12 +169,100 @@ def test_candidates_are_inside_bounds_and_conditions(cliff):
     transform = dataclasses.replace(cliff.transform, upper=upper)
     edge = dataclasses.replace(cliff, transform=transform)
     tried = np.array([[0.1, 0.0, 3.0], [0.0, 0.0, 2.0], [-1.0, 0.5, 1.0], [-1.0, -0.5, 0.0]])
-    found = scatter(edge, tried, np.array([1.0, 2.0, 3.0, np.inf]), 1.0, seed=0)
+    costs, model = np.array([1.0, 2.0, 3.0, np.inf]), model_at(edge, tried[1], edge.linearise(tried[1]))
+    found = scatter(edge, tried, costs, 1.0, 0, model)
     assert found.shape == (len(BOLDNESS), 3)
     assert np.all(found <= upper)
     assert all(np.all(edge.conditions(at) >= 0) for at in found)
     assert len(np.unique(found, axis=0)) == len(found)
-    np.testing.assert_array_equal(found, scatter(edge, tried, np.array([1.0, 2.0, 3.0, np.inf]), 1.0, seed=0))
+    np.testing.assert_array_equal(found, scatter(edge, tried, costs, 1.0, 0, model))
+
+
+class Inert(Cliff):
+    """Noise rises as the error falls, and a gain spares it where it is small; at the start it does nothing."""
+
+    @property
+    def start(self):
+        return np.array([0.0, 0.0, 0.0])
+
+    def residuals(self, at):
+        spared = np.exp(-4 * (at[1] + 6))
+        rows = [np.exp(-at[0]), 0.3 * np.exp(at[0]) / (1 + spared), 0.05 * spared, 0.1 * at[2]]
+        return np.array([[(10 - i) * each for each in rows] for i in range(len(self.cases))])
+
+    def columns(self, at):
+        spared, noise = np.exp(-4 * (at[1] + 6)), 0.3 * np.exp(at[0])
+        rows = np.array(
+            [
+                [-np.exp(-at[0]), 0, 0],
+                [noise / (1 + spared), 4 * noise * spared / (1 + spared) ** 2, 0],
+                [0, -4 * 0.05 * spared, 0],
+                [0, 0, 0.1],
+            ]
+        )
+        return np.array([(10 - i) * rows for i in range(len(self.cases))])
+
+
+def test_a_gain_that_does_nothing_at_the_start_is_tried_where_it_does(cliff, monkeypatch):
+    inert = Inert(**{field.name: getattr(cliff, field.name) for field in dataclasses.fields(cliff)})
+    lowest = scipy.optimize.minimize(inert.cost, [1.5, -6.3, 0.0], method="Nelder-Mead").fun
+    slopes = np.abs(inert.linearise(inert.start).slopes[0])
+    assert slopes[1] < 1e-6 * slopes[0], "derivatives say nothing of it"
+    # What counts as progress is 2 % in three steps.
+    assert finish(Tuner(inert)).cost < 1.1 * lowest
+    monkeypatch.setattr(_scatter, "_alone", lambda gains, rng: np.zeros((_scatter.ALONE, gains)))
+    monkeypatch.setattr(_scatter, "_around", lambda surrogate, reach, count, rng: np.zeros((count, 3)))
+    # Measured: 3.8 times.
+    assert finish(Tuner(inert)).cost > 2 * lowest, "where the model leads it does nothing"
+
+
+def test_one_candidate_of_a_batch_moves_one_gain_alone_and_far(cliff):
+    tried = np.array([[0.0, 0.5, 0.0], [0.1, 0.5, 0.0], [0.0, 0.4, 0.1], [0.2, 0.5, -0.1]])
+    costs = np.array([cliff.cost(at) for at in tried])
+    model, best = model_at(cliff, tried[0], cliff.linearise(tried[0])), tried[np.argmin(costs)]
+    moves = np.array([scatter(cliff, tried, costs, 0.2, seed, model)[-1] - best for seed in range(10)])
+    assert np.all(np.sum(moves != 0, axis=1) == 1)
+    # A tenth of the reach around the best, and twice of it along the model, is as far as others go.
+    assert np.all(np.max(np.abs(moves), axis=1) > 0.4)
+
+
+def test_a_gain_that_does_nothing_anywhere_does_not_drift_without_end(cliff):
+    class Idle(Inert):
+        def residuals(self, at):
+            return super().residuals(np.array([at[0], 0.0, at[2]]))
+
+        def columns(self, at):
+            return super().columns(np.array([at[0], 0.0, at[2]])) * np.array([1.0, 0.0, 1.0])
+
+    idle = Idle(**{field.name: getattr(cliff, field.name) for field in dataclasses.fields(cliff)})
+    tried = np.array(finish(Tuner(idle)).tried)
+    assert np.max(np.abs(tried)) <= _scatter.FARTHEST
+    assert np.max(np.abs(tried[:, 1])) > 1, "it was looked for"
+
+
+def test_what_a_quadratic_model_expects(cliff):
+    here = np.array([1.0, 0.2, 0.5])
+    model = model_at(cliff, here, cliff.linearise(here))
+    # Nearby its logarithm is that of the cost, but for curvature beyond Gauss and Newton's and for where it bends, a
+    # hundredth; the cost is known to differ by a third at these places.
+    moves = 0.1 * np.concatenate([np.eye(3), -np.eye(3)])
+    truth = np.log([cliff.cost(here + move) for move in moves])
+    np.testing.assert_allclose(model.expected(here + moves, 4.0), truth, atol=0.02)
+    assert np.ptp(truth) > 0.1
+    # A parabola below zero still has a logarithm, and one that is far away does not say how bad it is.
+    falling = dataclasses.replace(model, curvature=0 * model.curvature)
+    far = here - 100 * np.outer([1, -1], model.slope / np.linalg.norm(model.slope))
+    low, high = falling.expected(far, 4.0)
+    assert np.isfinite(low)
+    assert low < np.log(model.cost) - 1
+    assert high == pytest.approx(np.log(model.cost) + 4.0)
+
+
+def test_a_model_that_was_kept_is_the_same(cliff):
+    model = model_at(cliff, cliff.start, cliff.linearise(cliff.start))
+    again = QuadraticModel.of(tuples(json.loads(json.dumps(model.kept()))))
+    for name in ("here", "cost", "slope", "curvature"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(model, name))
 
 
 @pytest.fixture(scope="module")
