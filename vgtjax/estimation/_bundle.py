@@ -144,7 +144,7 @@ def bundle_traces(
     kinds: dict[Any, dict[int, Group]] = {}
     for index, trace in enumerate(traces):
         require(trace, model.needs)
-        substeps, drive = stepping.plan_intervals(model, trace.longest_interval).substeps, trace.drive()
+        substeps, drive = stepping.plan_along(model, trace).substeps, trace.drive()
         rates = kinds.setdefault(jax.tree.structure(drive), {})
         rates.setdefault(substeps, {})[index] = Layout(trace, drive)
     bundles = []

@@ -52,7 +52,7 @@ def most_telling(task: Task, search: LevenbergMarquardt) -> dict[int, int]:
 
 
 def _substeps(task: Task, number: int) -> int:
-    return int(task.steps.plan_intervals(task.model, task.fit[number].longest_interval).substeps)
+    return int(task.steps.plan_along(task.model, task.fit[number]).substeps)
 
 
 def _information(search: LevenbergMarquardt, ends: list[np.ndarray]) -> list[list[Information]]:

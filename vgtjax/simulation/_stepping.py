@@ -47,6 +47,10 @@ class AbstractStepping(eqx.Module):
         **Raises:** `InputError` for steps that don't keep to intervals.
         """
 
+    def plan_along(self, model: AbstractModel, trace: Trace) -> "FixedMarch":
+        """The same for the intervals of a trace."""
+        return self.plan_intervals(model, trace.longest_interval)
+
 
 class AbstractFixedMarch(AbstractMarch):
     """`substeps` equal steps of a solver over every interval; by default of [`StabilisedHeun`][]."""
