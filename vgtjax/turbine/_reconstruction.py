@@ -16,15 +16,18 @@ from ._riemann import States
 SMOOTH_SLOPE = 0.02
 """Change over the length of the passage, in units of the usual sizes, below which slopes are not limited: it keeps the
 limiter differentiable where nothing changes."""
+FAST = 5.0
 LEAST_TEMPERATURE = 0.1
 """Of gas that gets its swirl back over that of the stopped gas, whatever swirl a solver tries."""
 
 
 def at_faces(passage: Passage, gas: Gas, states: States, scale: Values) -> tuple[States, States]:
     """States before and after each face (MUSCL); at the ends only the side within the passage means anything."""
-    lengths = 0.5 * jnp.diff(passage.m)[:, None]
+    lengths, scale = 0.5 * jnp.diff(passage.m)[:, None], scale[None]
     stopped = _changed(gas, states, _swirling(passage, states, passage.centre_radius))
-    back, on = _slopes(passage, stopped / scale)
+    sound = jnp.sqrt(gas.gamma * jnp.exp(states[:, 3] - states[:, 0]))
+    slow = jnp.clip(FAST - (FAST - 1) * jnp.abs(states[:, 1]) / sound, 0.0, 1.0)
+    back, on = _slopes(passage, stopped / scale, slow)
     after, before = stopped - lengths * back * scale, stopped + lengths * on * scale
     after = _changed(gas, after, -_swirling(passage, after, passage.radius[:-1]))
     before = _changed(gas, before, -_swirling(passage, before, passage.radius[1:]))
@@ -45,7 +48,7 @@ def _changed(gas: Gas, states: States, heat: Values) -> States:
     return jnp.stack([density + denser, velocity * jnp.exp(-denser), swirl, pressure + gas.gamma * denser], axis=-1)
 
 
-def _slopes(passage: Passage, states: States) -> tuple[States, States]:
+def _slopes(passage: Passage, states: States, slow: Values) -> tuple[States, States]:
     """Towards the face before each cell, and the one after: of third order where cells are alike, limited as by
     Anderson, Thomas and van Leer (1986); of one side where the other is another row, whose blades begin or end to turn
     the gas there, limited by the next slope on that side."""
@@ -55,11 +58,10 @@ def _slopes(passage: Passage, states: States) -> tuple[States, States]:
     ends = np.ones(1, bool)
     edge = row[1:] != row[:-1]
     first, last = jnp.concatenate([ends, edge])[:, None], jnp.concatenate([edge, ends])[:, None]
-    small = 2 * (SMOOTH_SLOPE / (passage.m[-1] - passage.m[0])) ** 2
-    one = jnp.where(first, jnp.concatenate([right[1:], right[-1:]]), left)
-    other = jnp.where(last, jnp.concatenate([left[:1], left[:-1]]), right)
-    alike = (2 * jnp.maximum(one * other, 0.0) + small) / (one**2 + other**2 + small)
     left, right = jnp.where(first, right, left), jnp.where(last, left, right)
+    small = 2 * (SMOOTH_SLOPE / (passage.m[-1] - passage.m[0])) ** 2
+    alike = (2 * jnp.maximum(left * right, 0.0) + small) / (left**2 + right**2 + small)
+    alike = jnp.where(first | last, alike * slow[:, None], alike)
     mean, bend = 0.5 * alike * (left + right), alike**2 / 6 * (right - left)
     alone = first & last
     return jnp.where(alone, 0.0, mean - bend), jnp.where(alone, 0.0, mean + bend)
