@@ -111,11 +111,13 @@ class _Steady(AbstractProblem):
 
     def is_flow(self, states: States) -> Bool[Array, ""]:
         """Whether all cells of blades flow the same way, as mass does. They push gas on in the direction that it
-        has, so that one cell of closed vanes may flow back and its neighbours make up for that."""
+        has, so that one cell of closed vanes may flow back and its neighbours make up for that. Nor does gas come back
+        against a pressure that falls towards the outlet: of what comes in there nothing says how hot it is."""
         speeds = unpack(states)[1] / self.balance.scale[1]
         slow = jnp.max(jnp.abs(speeds)) < LEAST_SPEED
         free = jnp.asarray(self.balance.passage.row) == 0
-        return slow | jnp.all(free | (speeds > 0)) | jnp.all(free | (speeds < 0))
+        back = (self.outlet_pressure > self.inlet.total_pressure) & jnp.all(free | (speeds < 0))
+        return slow | jnp.all(free | (speeds > 0)) | back
 
     def eased(self, share: Values) -> "_Steady":
         """A share of the pressure difference, and a wheel so much slower that its speed ratio stays."""
