@@ -235,8 +235,8 @@ def test_the_force_of_a_pulsation_is_quasi_steady(vane_angle, apart):
 
 @pytest.mark.parametrize(("vane_angle", "within"), [(30.0, 0.02), (5.0, 0.02)])
 def test_the_force_is_late_as_differential_equations_say(vane_angle, within):
-    """At 2 bar, where the pressure of that pulsation rises fastest: 0.382 N at 5 deg, of which 224 cells miss 0.1 % and the
-    112 of the test above 14 %; 0.094 N the other way at 30 deg, of which they miss 1.2 and 3.3 %."""
+    """At 2 bar, where the pressure of that pulsation rises fastest: 0.382 N at 5 deg, of which 224 cells miss 0.1 % and
+    the 112 of the test above 14 %; 0.094 N the other way at 30 deg, of which they miss 1.2 and 3.3 %."""
     passage = NOZZLE.passage(np.radians(vane_angle), 9000.0, 224)
     friction = [float(np.max(passage.friction[passage.row == number])) for number in (VANES, WHEEL)]
     exact = filling.late_moment(np.radians(vane_angle), 9000.0, friction, 2e5, OUTLET, rate=1e7) / 1e7
