@@ -18,13 +18,18 @@ TURNING_SPEED = 1e-3
 jump where the flow turns back."""
 
 
+Faces = tuple[States, States]
+"""States before and after each face."""
+
+
 class Forces(eqx.Module):
-    """Forces on the gas of each cell in N/m3: of blades, and of friction."""
+    """Forces on the gas of each cell in N/m3: of blades, of friction, and of what swirls on a radius that changes."""
 
     blade_m: Values
     blade_u: Values
     friction_m: Values
     friction_u: Values
+    centrifugal: Values
 
 
 class Ends(eqx.Module):
@@ -52,21 +57,19 @@ class Balance(eqx.Module):
     def __call__(self, states: States) -> Float[Array, "cells 4"]:
         """What each cell loses in a second: mass (kg), momentum (N), moment of momentum (N m), energy (W) [3.44,
         corrected]."""
-        passage = self.passage
-        through = self.fluxes(states) * passage.area[:, None]
-        density, _, swirl, pressure = unpack(states)
-        inner, outer = passage.radius[:-1], passage.radius[1:]
-        # Integrals over a cell of p dS and of rho S K^2 / r^3 dr.
-        walls = pressure * jnp.diff(passage.area)
-        centrifugal = (
-            density * swirl**2 * 0.5 * (1 / inner**2 - 1 / outer**2) * 0.5 * (passage.area[1:] + passage.area[:-1])
-        )
-        forces = self.forces(states)
+        passage, faces = self.passage, self.at_faces(states)
+        through = self.fluxes(faces) * passage.area[:, None]
+        forces = self.forces(states, faces)
         radius, volume = passage.centre_radius, passage.volume
-        along = volume * (forces.blade_m + forces.friction_m) + walls + centrifugal
+        along = volume * (forces.blade_m + forces.friction_m + forces.centrifugal)
+        along = along + unpack(states)[3] * jnp.diff(passage.area)
         moment = volume * radius * (forces.blade_u + forces.friction_u)
         power = passage.speed * moment + volume * passage.heat
         return jnp.diff(through, axis=0) - jnp.stack([jnp.zeros_like(along), along, moment, power], axis=-1)
+
+    def at_faces(self, states: States) -> Faces:
+        """States before and after each face."""
+        return at_faces(self.passage, self.gas, states, self.scale)
 
     def stored(self, states: States) -> Float[Array, "cells 4"]:
         """Mass, momentum, moment of momentum and energy in each cell."""
@@ -76,24 +79,33 @@ class Balance(eqx.Module):
         """The balance between other ends."""
         return Balance(self.passage, self.gas, self.scale, self.usual, ends)
 
-    def forces(self, states: States) -> Forces:
+    def forces(self, states: States, faces: Faces) -> Forces:
         """Forces of blades [3.48-3.53] and of friction [3.54-3.58] on the gas; see the manual for what the print has
         wrong."""
-        passage = self.passage
+        passage, radius = self.passage, self.passage.centre_radius
         density, velocity, swirl, _ = unpack(states)
-        relative = swirl / passage.centre_radius - passage.centre_radius * passage.speed
-        direction = velocity / jnp.sqrt(velocity**2 + (TURNING_SPEED * self.scale[1]) ** 2)
-        turned = jnp.where(passage.row > 0, density * direction * (velocity * passage.tangent - relative), 0.0)
-        turned = turned / passage.length
+        relative = swirl / radius - radius * passage.speed
+        turned = density * self._direction(velocity) * (velocity * passage.tangent - relative) / passage.length
+        turned = jnp.where(passage.row > 0, turned, 0.0)
         speed = jnp.sqrt(velocity**2 + relative**2 + (1e-9 * self.scale[1]) ** 2)
         drag = 0.5 * density * passage.friction * speed
-        # Normal to the relative velocity, so that turning costs no entropy [3.51].
-        return Forces(-turned * relative, turned * velocity, -drag * velocity, -drag * relative)
+        # Both along `m` together are the change of `K^2 / (2 r^2) - Omega K` from face to face, with swirl as it
+        # crosses them: turning costs no entropy then, by whatever cells [3.51].
+        before, after = faces
+        carried = after[:, 2] + 0.5 * (1 + self._direction(before[:, 1] + after[:, 1])) * (before[:, 2] - after[:, 2])
+        first, last = 1 / passage.radius[:-1] ** 2, 1 / passage.radius[1:] ** 2
+        around = 0.25 * (carried[:-1] + carried[1:]) * (first + last) - passage.speed
+        centrifugal = 0.25 * density * (carried[:-1] ** 2 + carried[1:] ** 2) * (first - last) / jnp.diff(passage.m)
+        return Forces(-turned * radius * around, turned * velocity, -drag * velocity, -drag * relative, centrifugal)
 
-    def fluxes(self, states: States) -> Float[Array, "faces 4"]:
+    def _direction(self, velocity: Values) -> Values:
+        """1 where gas goes on, -1 where it comes back, 0 at rest."""
+        return velocity / jnp.sqrt(velocity**2 + (TURNING_SPEED * self.scale[1]) ** 2)
+
+    def fluxes(self, faces: Faces) -> Float[Array, "faces 4"]:
         """What crosses a square metre of each face in a second."""
         radius, gas = self.passage.radius, self.gas
-        before, after = at_faces(self.passage, states, self.scale)
+        before, after = faces
         inside = riemann_flux(gas, before[1:-1], after[1:-1], radius[1:-1])
         first, last = after[0], before[-1]
         entering = flux(gas, first if self.ends.inlet is None else self.entering(self.ends.inlet, first), radius[0])

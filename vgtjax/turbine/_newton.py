@@ -13,7 +13,7 @@ from ._balance import Balance
 from ._blocks import COLOURS, REACH, Band, band_of, solve_band
 from ._riemann import States, densities, unpack
 
-GROWTH, CAREFUL_GROWTH = (1.5, 10.0), (1.3, 1.6)
+GROWTH, CAREFUL_GROWTH = (0.5, 10.0), (1.3, 1.6)
 """By what a step in pseudo-time is longer than the one before, at least and at most."""
 HASTY_STEPS = 30
 """After which growth is careful, from the first length on: gas that is sonic all along a duct hardly says where."""

@@ -111,11 +111,13 @@ class _Steady(AbstractProblem):
 
     def is_flow(self, states: States) -> Bool[Array, ""]:
         """Whether all cells of blades flow the same way, as mass does. They push gas on in the direction that it
-        has, so that one cell of closed vanes may flow back and its neighbours make up for that."""
+        has, so that one cell of closed vanes may flow back and its neighbours make up for that. Nor does gas come back
+        against a pressure that falls towards the outlet: of what comes in there nothing says how hot it is."""
         speeds = unpack(states)[1] / self.balance.scale[1]
         slow = jnp.max(jnp.abs(speeds)) < LEAST_SPEED
         free = jnp.asarray(self.balance.passage.row) == 0
-        return slow | jnp.all(free | (speeds > 0)) | jnp.all(free | (speeds < 0))
+        back = (self.outlet_pressure > self.inlet.total_pressure) & jnp.all(free | (speeds < 0))
+        return slow | jnp.all(free | (speeds > 0)) | back
 
     def eased(self, share: Values) -> "_Steady":
         """A share of the pressure difference, and a wheel so much slower that its speed ratio stays."""
@@ -139,7 +141,8 @@ def flow_of(balance: Balance, states: States, converged: Bool[Array, "..."]) -> 
     """What a state of all cells means."""
     passage, gas = balance.passage, balance.gas
     density, velocity, swirl, pressure = unpack(states)
-    forces = balance.forces(states)
+    faces = balance.at_faces(states)
+    forces = balance.forces(states, faces)
     moment = passage.volume * passage.centre_radius * (forces.blade_u + forces.friction_u)
     return Flow(
         passage.centres,
@@ -148,7 +151,7 @@ def flow_of(balance: Balance, states: States, converged: Bool[Array, "..."]) -> 
         swirl / passage.centre_radius,
         pressure,
         pressure / (gas.constant * density),
-        balance.fluxes(states)[-1, 0] * passage.area[-1],
+        balance.fluxes(faces)[-1, 0] * passage.area[-1],
         -jnp.sum(passage.speed * moment),
         passage.volume * forces.blade_u,
         converged,
@@ -165,16 +168,18 @@ def first_guess(passage: Passage, inlet: Inlet, gas: Gas) -> States:
     velocity = 0.2 * gas.sound_speed(inlet.total_temperature) * jnp.min(area * cosine) / area
     turned = radius * (velocity * passage.tangent + radius * passage.speed)
 
+    kept = jnp.where(passage.row > 0, jnp.exp(-jnp.diff(passage.m) / passage.length), 1.0)
+
     def follow(carry: Any, cell: Any) -> tuple[Any, Any]:
         swirl, enthalpy = carry
-        row, wanted, speed = cell
-        onward = jnp.where(row > 0, wanted, swirl)
+        wanted, speed, kept = cell
+        onward = wanted + kept * (swirl - wanted)
         after = onward, enthalpy + speed * (onward - swirl)
         return after, after
 
     at_rest = gas.heat_capacity * inlet.total_temperature
     entering = passage.radius[0] * velocity[0] * inlet.tangent
-    _, (swirl, enthalpy) = jax.lax.scan(follow, (entering, at_rest), (passage.row, turned, passage.speed))
+    _, (swirl, enthalpy) = jax.lax.scan(follow, (entering, at_rest), (turned, passage.speed, kept))
     kinetic = 0.5 * (velocity**2 + (swirl / radius) ** 2)
     ratio = jnp.clip((enthalpy - kinetic) / at_rest, 0.5, 2.0)
     expanded = gas.expanded_pressure(inlet.total_pressure, ratio)

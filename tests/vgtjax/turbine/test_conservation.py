@@ -33,7 +33,8 @@ STATES = {
 def solve(passage, inlet, outlet):
     """Flow, and what crosses each face in a second: mass, momentum, moment of momentum and energy."""
     flow, states = steady_near(passage, inlet, outlet, GAS)
-    return flow, balance_from(passage, inlet, outlet, GAS).fluxes(states) * passage.area[:, None]
+    balance = balance_from(passage, inlet, outlet, GAS)
+    return flow, balance.fluxes(balance.at_faces(states)) * passage.area[:, None]
 
 
 def spread(values, size) -> float:

@@ -205,7 +205,7 @@ def test_a_transient_ends_in_the_steady_state():
     np.testing.assert_allclose(flow.mass_flow[-1], final.mass_flow, rtol=1e-9)
 
 
-@pytest.mark.parametrize(("vane_angle", "apart"), [(30.0, 0.15), (5.0, 0.25)])
+@pytest.mark.parametrize(("vane_angle", "apart"), [(30.0, 0.15), (5.0, 0.39)])
 def test_the_force_of_a_pulsation_is_quasi_steady(vane_angle, apart):
     """Over one pulsation of 33 Hz; 48 deg of vanes over 10.13 mm of the rod. What it differs by from the force of
     steady flow is what the flow's own inertia and volume say, in proportion to the rate."""
@@ -223,7 +223,7 @@ def test_the_force_of_a_pulsation_is_quasi_steady(vane_angle, apart):
     unsteady = [force(jax.tree.map(lambda leaf, moment=moment: leaf[moment], flow)) for moment in moments]
     calm = [steady_vanes(vane_angle, pressures[moment]) for moment in moments]
     differ = np.subtract(unsteady, [force(each) for each in calm])
-    # Up to 0.11 N open and 0.21 N closed, where they differ by more than nothing.
+    # Up to 0.11 N open and 0.34 N closed, where they differ by more than nothing: differential equations say 0.382 N.
     assert 0.03 < np.max(np.abs(differ)) < apart
     expected = [
         turned * rates[moment] * float(late_moment(passage, each, pressures[moment], OUTLET))
@@ -233,10 +233,10 @@ def test_the_force_of_a_pulsation_is_quasi_steady(vane_angle, apart):
     np.testing.assert_allclose(differ, expected, rtol=0, atol=0.01)
 
 
-@pytest.mark.parametrize(("vane_angle", "within"), [(30.0, 0.02), (5.0, 0.15)])
+@pytest.mark.parametrize(("vane_angle", "within"), [(30.0, 0.02), (5.0, 0.02)])
 def test_the_force_is_late_as_differential_equations_say(vane_angle, within):
-    """At 2 bar, where the pressure of that pulsation rises fastest: 0.382 N at 5 deg, of which 224 cells miss 13 %, 448
-    3 % and the 112 of the test above 46 %; 0.094 N the other way at 30 deg, of which they miss 1.4, 0.7 and 4 %."""
+    """At 2 bar, where the pressure of that pulsation rises fastest: 0.382 N at 5 deg, of which 224 cells miss 0.1 % and
+    the 112 of the test above 14 %; 0.094 N the other way at 30 deg, of which they miss 1.2 and 3.3 %."""
     passage = NOZZLE.passage(np.radians(vane_angle), 9000.0, 224)
     friction = [float(np.max(passage.friction[passage.row == number])) for number in (VANES, WHEEL)]
     exact = filling.late_moment(np.radians(vane_angle), 9000.0, friction, 2e5, OUTLET, rate=1e7) / 1e7

@@ -93,24 +93,27 @@ def through_nozzle(vane_angle, total_pressure, speed, friction=None, outlet=1.05
         ((4.0, 2e5, 17600.0), 1e-2),
         ((15.0, 4.5e5, 24000.0), 1e-2),
         ((30.0, 2e5, 0.0), 1e-2),
-        ((5.0, 2e5, 8000.0), 4e-2),
-        ((4.0, 1.6e5, 0.0), 0.13),
+        ((5.0, 2e5, 8000.0), 1e-2),
+        ((4.0, 2e5, 4400.0), 3e-2),
+        ((4.0, 1.6e5, 0.0), 3e-2),
+        ((4.0, 1.3e5, 0.0), 3e-2),
+        ((5.0, 1.6e5, 0.0), 3e-2),
     ],
-    ids=["open", "closed", "fast", "locked", "closed and slow", "closed and locked"],
+    ids=["open", "closed", "fast", "locked", "half speed", "quarter speed", "closed locked", "little", "nearly closed"],
 )
 def test_turbines_as_differential_equations_have_them(state, moment_within):
     """Marched along `m` by LSODA, whose own error is 1e-8.
 
-    224 cells: second order leaves up to 0.16 % of flow, 0.23 % of power and 0.85 % of the moment. Closed vanes before a
-    wheel that stands still are harder: nearly all of the swirl, 25 times the meridional velocity, is lost in the first
-    ten cells of the wheel, whose pressure the vanes feel. There 1 % of the flow and 12 % of the moment are missing,
-    with 448 cells 0.2 and 2.3 %; behind nearly closed ones a wheel at half of its design speed has 3.3 % too little.
+    224 cells leave up to 0.03 % of flow, 0.17 % of power and 0.6 % of the moment; asked are 1 % of the flow and 3 % of
+    the moment. Closed vanes before a wheel that stands still or is slow are harder, as nearly all of the swirl, 25
+    times the meridional velocity, is lost in the first ten cells of the wheel, whose pressure the vanes feel: up to
+    0.06 and 2.0 % (nearly closed).
     """
     vane_angle, total_pressure, speed = state
     angle = np.radians(vane_angle)
     flow, moment, friction = through_nozzle(angle, total_pressure, speed)
     mass_flow, power, turning = solution(angle, speed, friction, total_pressure, 1.05e5)
-    assert float(flow.mass_flow) == pytest.approx(mass_flow, rel=0.2 * moment_within)
+    assert float(flow.mass_flow) == pytest.approx(mass_flow, rel=0.1 * moment_within)
     assert float(flow.power) == pytest.approx(power, rel=0.4 * moment_within)
     assert moment == pytest.approx(turning, rel=moment_within)
 
