@@ -109,12 +109,12 @@ def _asking_of_slow_holds(calibrator: C, report: Report) -> Steps[C]:
 def _asking_of_delay(calibrator: C, report: Report) -> Steps[C]:
     """The search with a free delay where the traces tell of one, or else the first correction of this one.
 
-    Where the misfit stays above the noise they are searched for a delay as well: at a delay of none it may have a
-    small minimum, where slopes tell of no other.
+    Where something else than noise is left they are searched for a delay as well: at a delay of none the misfit may
+    have a small minimum, where slopes tell of no other.
     """
     timely = (yield from calibrator.correcting()) or calibrator
     told = timely.is_lost() or (yield from delay_told(calibrator.task, timely.minimiser)) is not None
-    if not told and meets_noise(timely.minimiser):
+    if not told and leaves_only_noise(timely.task, timely.minimiser):
         return timely
     late = yield from _searching_late(calibrator, timely.minimiser.progress, report if told else quiet)
     edged = yield from _asking_of_edges(late, report, differing=True)
