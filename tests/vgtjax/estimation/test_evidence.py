@@ -123,6 +123,15 @@ def test_a_duty_that_went_in_a_line_is_told_from_a_held_one(plain, late):
     assert (late.duty_hold(late.task.fit[0]), late.progress.hold_decided) == ("zero-order", False)
 
 
+@pytest.mark.parametrize("fault", [{"keep": 0.78}, {"outliers": 0.01}], ids=["filtered noise", "outliers"])
+def test_a_duty_that_went_in_a_line_is_told_beside_a_second_fault(fault):
+    """No search knows of outliers and filters before its corrections, and chi^2 has them in it."""
+    run = fit(recorded(4, linear=True, **fault))
+    assert run.converged
+    assert (run.duty_hold(run.task.fit[0]), run.progress.hold_decided) == ("linear", True)
+    assert np.all(np.abs(scores(run)) < 4)
+
+
 def test_a_delay_that_is_not_looked_for_spoils_the_parameters(late):
     """The test above could not fail otherwise."""
     blind = fit(late.task.fit[0], duty_delay=False)
