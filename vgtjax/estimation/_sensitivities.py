@@ -102,7 +102,7 @@ def observe(model: AbstractModel, bundle: Bundle, delay: Scalar | None = None) -
     **Arguments:** `delay` in s with which the duty reaches the valve.
     """
     bundle = bundle if delay is None else bundle.with_late_duty(delay)[0]
-    return replicate(trajectories(model, bundle, bundle.segments, spread, jax.device_count())[1:])
+    return replicate(trajectories(model, bundle, bundle.segments)[1:])
 
 
 def observe_with_jacobian(
@@ -183,7 +183,7 @@ def observe_together(
         if selection is not None:
             return _linearise(model, selection, bundle, delay, segments=segments)
         bundle = bundle if delay is None else bundle.with_late_duty(delay)[0]
-        _, observed, ended = trajectories(model, bundle, segments, _here, 1)
+        _, observed, ended = trajectories(model, bundle, segments)
         return observed, None, ended
 
     return jax.vmap(one)(dynamic)
@@ -212,7 +212,7 @@ def _linearise(
 ) -> tuple[Lanes, LaneJacobian, RESULTS]:
     """What is observed, its derivatives and how the simulations ended, on all devices, or on one with the `segments`
     that traces of all fits fill at most; `values` are those that `push_values` gives."""
-    place, wide = (spread, jax.device_count()) if segments is None else (_here, 1)
+    place, devices = (spread, jax.device_count()) if segments is None else (_here, 1)
     segments = bundle.segments if segments is None else segments
     slope = None
     if delay is not None:
@@ -221,10 +221,10 @@ def _linearise(
     values = push_values(model, selection, rows_along(model, bundle.drive)) if values is None else values
 
     choose = chooser(model, selection)
-    first, observed, ended = trajectories(with_tables(model, values[0][1]), bundle, segments, place, wide)
+    first, observed, ended = trajectories(with_tables(model, values[0][1]), bundle, segments)
     first, inputs = place((first, (bundle.lane_drive, slope)))
 
-    ends, by_start, by_parameter = _push_chunks(choose, values, first, inputs, bundle, segments, place, wide)
+    ends, by_start, by_parameter = _push_chunks(choose, values, first, inputs, bundle, segments, place, devices)
     at_start = _chain(choose, values, bundle, ends)
     # A sum of products over seven states, lanes innermost: one fused loop, where a dot would transpose everything.
     total = by_parameter
@@ -248,19 +248,20 @@ def _push_chunks(
     place: Callable[[Any], Any],
     devices: int,
 ) -> tuple[Array, Array, Array]:
-    """`_push_lanes` of as many lanes as traces have `segments`, a `REGISTER` of them of every device at a time, which
-    `place` spreads over so many.
+    """`_push_lanes`, a `REGISTER` of lanes of every device at a time: those that traces have `segments` for, which
+    `place` spreads over so many devices in the order that they are in.
 
     Those that only fill up a shape repeat its first lane, and have its tangents.
     """
     lanes, mine = len(bundle.lane_trace), jnp.sum(jnp.asarray(bundle.segments))
-    wide = devices * (REGISTER // jax.tree.leaves(first)[0].dtype.itemsize)
-    whole = -(-lanes // wide)
-    chunks = jnp.minimum(-(-jnp.sum(jnp.asarray(segments)) // wide), whole)
+    together = REGISTER // jax.tree.leaves(first)[0].dtype.itemsize
+    whole = -(-lanes // (devices * together))
+    chunks = jnp.minimum(-(-jnp.sum(jnp.asarray(segments)) // together), whole)
 
     def cut(leaf):
-        padded = jnp.pad(leaf, [(0, 0)] * (leaf.ndim - 1) + [(0, whole * wide - lanes)], mode="edge")
-        return jnp.moveaxis(padded.reshape(*leaf.shape[:-1], whole, wide), -2, 0)
+        padded = jnp.pad(leaf, [(0, 0)] * (leaf.ndim - 1) + [(0, devices * whole * together - lanes)], mode="edge")
+        apart = jnp.moveaxis(padded.reshape(*leaf.shape[:-1], devices, whole, together), -2, 0)
+        return apart.reshape(whole, *leaf.shape[:-1], devices * together)
 
     cuts = place(jax.tree.map(cut, (first, inputs)))
 
@@ -278,7 +279,8 @@ def _push_chunks(
     found = jax.lax.fori_loop(0, chunks, onward, place(nothing))
 
     def joined(leaf):
-        side_by_side = jnp.moveaxis(leaf, 0, -2).reshape(*leaf.shape[1:-1], -1)[..., :lanes]
+        apart = jnp.moveaxis(leaf.reshape(*leaf.shape[:-1], devices, together), 0, -2)
+        side_by_side = apart.reshape(*leaf.shape[1:-1], -1)[..., :lanes]
         return jnp.where(jnp.arange(lanes) < mine, side_by_side, side_by_side[..., :1])
 
     ends, by_start, by_parameter = map(joined, found)
