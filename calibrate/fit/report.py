@@ -99,6 +99,20 @@ def waterfall_figure(waterfall: Sequence[tuple[float | None, int, str]]) -> go.F
     return figure.update_yaxes(type="log", exponentformat="power")
 
 
+EARLY = 3.0
+"""Standard errors from which a duty that comes before its record says so is named as a fault: as evident as a late one."""
+
+
+def delay_found(delay: float, error: float) -> str:
+    """A sentence on a delay of the duty and its standard error, both in ms."""
+    way = "later" if delay > 0 else "earlier"
+    known = f" +- {error:.3f} ms {way}" if np.isfinite(error) else f" ms {way} (not determined by these traces)"
+    said = f"the duty reaches the valve {abs(delay):.3f}{known} than the traces say"
+    if delay >= -EARLY * error:
+        return said
+    return f"{said}, which none does unless its clock is another: if it is not, values may be off by more than their errors"
+
+
 def found_besides(calibration: Calibration) -> list[str]:
     """A sentence on each thing that a fit found out besides the parameters."""
     progress, sentences = calibration.progress, []
@@ -115,10 +129,7 @@ def found_besides(calibration: Calibration) -> list[str]:
             f"the duty of {names} was linear between samples: held, it would have to reach the valve early"
         )
     if calibration.duty_delay_error is not None:
-        delay, error = 1e3 * calibration.duty_delay, 1e3 * calibration.duty_delay_error
-        way = "later" if delay > 0 else "earlier"
-        known = f" +- {error:.3f} ms {way}" if np.isfinite(error) else f" ms {way} (not determined by these traces)"
-        sentences.append(f"the duty reaches the valve {abs(delay):.3f}{known} than the traces say")
+        sentences.append(delay_found(1e3 * calibration.duty_delay, 1e3 * calibration.duty_delay_error))
     sentences += _edges_found(calibration) + _inputs_found(calibration)
     for entry, (value, error) in calibration.instruments.items():
         kind, _, channel = entry.partition(".")

@@ -7,6 +7,7 @@ import pytest
 from commands import read, run_command
 
 import vgtjax
+from calibrate.fit.report import delay_found
 
 FREE = ["diaphragm.stiffness", "diaphragm.preload", "chamber.volume"]
 LATE = 4
@@ -49,6 +50,12 @@ def test_the_delay_is_in_every_file(folder):
     assert set(summary["corrections"]["moved"]) == set(FREE)
     assert summary["traces"]["late"]["sensors"]["x_d"]["noise"] == pytest.approx(8e-6, rel=0.1)
     assert "The duty reaches the valve" in (folder / "out/report.html").read_text()
+
+
+@pytest.mark.parametrize(("delay", "error"), [(-0.3, 0.05), (-0.3, 0.2), (0.3, 0.05), (-0.3, np.inf)])
+def test_a_duty_that_comes_before_its_record_is_named_as_a_fault(delay, error):
+    """One unit with filtered noise was met to its noise so, with values six standard errors off."""
+    assert ("unless its clock is another" in delay_found(delay, error)) == (delay < -3 * error)
 
 
 def test_simulate_applies_the_delay_that_a_fit_has_found(folder):
