@@ -100,7 +100,7 @@ def waterfall_figure(waterfall: Sequence[tuple[float | None, int, str]]) -> go.F
 
 
 EARLY = 3.0
-"""Standard errors from which a duty that comes before its record says so is named as a fault: as evident as a late one."""
+"""Standard errors from which a duty that comes before its record says so is a fault: as evident as a late one."""
 
 
 def delay_found(delay: float, error: float) -> str:
@@ -110,7 +110,8 @@ def delay_found(delay: float, error: float) -> str:
     said = f"the duty reaches the valve {abs(delay):.3f}{known} than the traces say"
     if delay >= -EARLY * error:
         return said
-    return f"{said}, which none does unless its clock is another: if it is not, values may be off by more than their errors"
+    why = "which none does unless its clock is another: if it is not, values may be off by more than their errors"
+    return f"{said}, {why}"
 
 
 def found_besides(calibration: Calibration) -> list[str]:
