@@ -269,7 +269,7 @@ def told_end(ended, progress):
     """The end of a search that did not run."""
     minimiser = copy.copy(ended.minimiser)
     minimiser.progress = progress
-    return SimpleNamespace(minimiser=minimiser, is_lost=lambda: False, worth=ended.worth)
+    return SimpleNamespace(task=ended.task, minimiser=minimiser, is_lost=lambda: False, worth=ended.worth)
 
 
 def test_edges_are_found_that_hardly_show():
