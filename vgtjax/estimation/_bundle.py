@@ -157,8 +157,8 @@ def bundle_traces(
 
 
 def _bundle(group: Group, shape: Shape, plan: CountedMarch, dtype: np.dtype) -> Bundle:
-    """Traces, by their number, in a shape that has room for them: the longest first, so that those which devices
-    simulate at the same time are as long as each other."""
+    """Traces, by their number, in a shape that has room for them: the longest first, so that fits side by side,
+    which take a place of it at the same time, have traces of about one length there."""
     group = dict(sorted(group.items(), key=lambda item: -item[1].segments))
     empty = shape.traces - len(group)
     drives = [each.drive for each in group.values()]

@@ -16,10 +16,11 @@ ones, twice its time constant, they told that to half as well."""
 
 class StepsOfFit(FixedStep):
     """Steps of a fit that corrects for numerical errors: longer for a trace of slow motion that is sampled so rarely
-    that most of the time goes into what happens between two samples."""
+    that most of the time goes into what happens between two samples, of a model that the duty drives."""
 
     def plan_along(self, model: AbstractModel, trace: Trace) -> FixedMarch:
         """See the base class."""
-        gentle = trace.pwm is not None and float(np.max(np.abs(np.diff(trace.pwm)))) <= GENTLE
-        longer = LONGER if gentle and trace.longest_interval >= RARE else 1.0
+        duty = trace.pwm if "pwm" in model.needs else None
+        slow = duty is not None and float(np.max(np.abs(np.diff(duty)), initial=0.0)) <= GENTLE
+        longer = LONGER if slow and trace.longest_interval >= RARE else 1.0
         return FixedStep(longer * self.max_step, self.solver).plan_along(model, trace)
