@@ -19,6 +19,7 @@ from concurrent.futures import Future
 from typing import Any, Generic, ParamSpec, TypeVar
 
 import equinox as eqx
+import filelock
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -76,31 +77,48 @@ class Kept(Generic[P, R]):
         return self._compiled(*args) if program is None else program([leaf for leaf in leaves if eqx.is_array(leaf)])
 
     def prepare(self, *args: P.args, **kwargs: P.kwargs) -> None:
-        """Finds or makes the program for such arguments, which another thread may want meanwhile; runs nothing."""
+        """Finds or makes the program for such arguments, which another thread may want meanwhile; runs nothing.
+
+        What another process is making is left to that one.
+        """
         if FOLDER is not None and not kwargs:
-            self._program(FOLDER, args, _key(*jax.tree.flatten(args)))
+            with contextlib.suppress(filelock.Timeout):
+                self._find_once(FOLDER, args, _key(*jax.tree.flatten(args)), patient=False)
 
     def _program(self, folder: pathlib.Path, args: tuple[Any, ...], key: Hashable) -> _Program | None:
         """The program for such arguments, made once; none if it can't be named."""
+        while True:
+            # A thread that compiles ahead may have left this one to another process, for which it does not wait.
+            with contextlib.suppress(filelock.Timeout):
+                return self._find_once(folder, args, key, patient=True)
+
+    def _find_once(self, folder: pathlib.Path, args: tuple[Any, ...], key: Hashable, *, patient: bool) -> Any:
         with _FINDING:
             known = self._programs.get(key)
             program = self._programs.setdefault(key, Future())
         if known is None:
             try:
-                program.set_result(self._find(folder, args))
+                program.set_result(self._find(folder, args, patient))
             except BaseException as error:
                 del self._programs[key]  # whoever comes next tries again
                 program.set_exception(error)
         return program.result()
 
-    def _find(self, folder: pathlib.Path, args: tuple[Any, ...]) -> _Program | None:
-        """The program for such arguments: the one that was kept, or else a new one; none if it can't be named."""
+    def _find(self, folder: pathlib.Path, args: tuple[Any, ...], patient: bool) -> _Program | None:
+        """The program for such arguments: the one that was kept, or else a new one; none if it can't be named.
+
+        **Raises:** `filelock.Timeout` when another process is making it, for which this one is not `patient`.
+        """
         try:
             name = hashlib.sha256(name_call(self._function, args).encode()).hexdigest()
         except Unnamed:
             return None
         file = folder / f"{self._function.__name__}_{name}.program"
-        return _load(file) or self._make(file, args)
+        found = _load(file)
+        if found is None:
+            with _making(file, patient):
+                found = _load(file) or self._make(file, args)
+        return found
 
     def _make(self, file: pathlib.Path, args: tuple[Any, ...]) -> _Program:
         arrays, rest = eqx.partition(args, eqx.is_array)
@@ -160,6 +178,26 @@ def preparing(jobs: Sequence[T], prepare: Callable[[T], None]) -> Generator[None
         yield
     finally:
         ended.set()
+
+
+@contextlib.contextmanager
+def _making(file: pathlib.Path, patient: bool) -> Generator[None]:
+    """While this process makes a program, others wait for it, or leave it to this one; not where nothing can be kept.
+
+    A process that dies leaves no lock behind: it is the system's.
+    """
+    lock = filelock.FileLock(file.with_suffix(".lock"))
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        lock.acquire(blocking=patient)
+    except filelock.Timeout:
+        raise
+    except (OSError, NotImplementedError):
+        pass  # where no lock can be there can be no program either
+    try:
+        yield
+    finally:
+        lock.release()
 
 
 def _save(file: pathlib.Path, compiled: jax.stages.Compiled, about: tuple[Any, int, bool]) -> None:

@@ -6,6 +6,7 @@ import sys
 
 import diffrax
 import equinox as eqx
+import filelock
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -113,6 +114,52 @@ def test_a_process_of_a_run_does_not_take_programs_of_another(tmp_path):
         _, errors = process.communicate(timeout=120)
         assert process.returncode == 0, errors
     assert len(files(tmp_path / "programs")) == 2
+
+
+TRACES_ONCE = """
+import pathlib, sys, time
+import jax.numpy as jnp, numpy as np, vgtjax
+from vgtjax._kept import keep_compiled
+
+def slow(x):
+    with (folder / "traced").open("a") as file:
+        file.write("once")
+    time.sleep(2.0)
+    return jnp.sum(x**2)
+
+folder = pathlib.Path(sys.argv[1])
+slow.__module__ = vgtjax.__name__
+vgtjax.configure(cache=folder)
+(folder / sys.argv[2]).touch()
+while not all((folder / name).exists() for name in "ab"):
+    time.sleep(0.01)
+assert float(keep_compiled(slow)(np.ones(3))) == 3.0
+"""
+
+
+def test_of_two_processes_at_the_same_time_one_makes_a_program(tmp_path):
+    both = [subprocess.Popen([sys.executable, "-c", TRACES_ONCE, str(tmp_path), name]) for name in "ab"]
+    assert [process.wait(timeout=120) for process in both] == [0, 0]
+    assert (tmp_path / "traced").read_text() == "once"
+
+
+def test_what_another_process_makes_is_left_to_it_by_who_compiles_ahead(folder):
+    call = keep_compiled(linear)
+    call(MATRIX, PAIR, 2)
+    (file,) = files(folder)
+    file.unlink()
+    again = keep_compiled(linear)
+    with filelock.FileLock(file.with_suffix(".lock")):  # as another process has it
+        again.prepare(MATRIX, PAIR, 2)
+    assert not files(folder)
+    assert again(MATRIX, PAIR, 2)["said"] == "so"
+    assert files(folder) == [file]
+
+
+def test_where_nothing_can_be_kept_a_program_is_made_all_the_same(tmp_path, monkeypatch):
+    (tmp_path / "file").touch()
+    monkeypatch.setattr(_kept, "FOLDER", tmp_path / "file" / "programs")
+    assert keep_compiled(linear)(MATRIX, PAIR, 2)["said"] == "so"
 
 
 def test_a_spoilt_file_is_made_anew(folder):

@@ -4,6 +4,7 @@ from ._certificate import (
     WRONG as WRONG,
     WRONG_ALONE as WRONG_ALONE,
     Certificate as Certificate,
+    certified as certified,
     certifying as certifying,
     largest as largest,
 )

@@ -59,7 +59,7 @@ from ._measured import Sensors as Sensors, white_sensors as white_sensors
 from ._point import Point as Point, Reduced as Reduced, Secant as Secant, misfit_at as misfit_at
 from ._profiles import Profile as Profile, Profiles as Profiles, profiling as profiling
 from ._programs import Question as Question, run_alone as run_alone, run_together as run_together
-from ._progress import CHI2_TOLERANCE as CHI2_TOLERANCE, Progress as Progress
+from ._progress import CHI2_TOLERANCE as CHI2_TOLERANCE, Progress as Progress, Report as Report, quiet as quiet
 from ._remains import VERDICTS as VERDICTS, Remains as Remains, find_remains as find_remains
 from ._residuals import FitProblem as FitProblem, build_fit_problem as build_fit_problem
 from ._search import LevenbergMarquardt as LevenbergMarquardt

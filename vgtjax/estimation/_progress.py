@@ -36,7 +36,8 @@ class Progress:
     intervals in s of traces whose duty was found to be linear between samples, and `hold_decided` whether that, or that
     it was held, is the only explanation; `None` before that was asked. `late` says whether the delay of the duty is
     free. `edges` are by how many samples those of the duty of every trace are late, beside that delay, where their
-    times are free, and `edges_seen` the coordinates at which it was seen what they move. `waterfall` has cost (`None`
+    times are free, and `edges_seen` the coordinates at which it was seen what they move. `finer` says that no trace has
+    longer steps than others. `waterfall` has cost (`None`
     where a simulation failed), steps and status of every start, where there were several, the given one first.
     """
 
@@ -67,6 +68,7 @@ class Progress:
     late: bool = False
     edges: tuple[tuple[float, ...], ...] = ()
     edges_seen: tuple[float, ...] = ()
+    finer: bool = False
     waterfall: tuple[tuple[float | None, int, str], ...] = ()
 
     def corrected(
@@ -112,6 +114,10 @@ class Progress:
         return dataclasses.replace(
             self.elsewhere(coordinates), linear=tuple(linear), corrections=0, found=(), linearised=(), around=()
         )
+
+    def refined(self) -> "Progress":
+        """A search that goes on from here by shorter steps along slow traces."""
+        return dataclasses.replace(self.reading_duty(self.coordinates, self.linear), wanted=(), finer=True)
 
     def moving_edges(
         self, coordinates: Iterable[float], late: bool, edges: tuple[tuple[float, ...], ...]

@@ -20,7 +20,12 @@ class StepsOfFit(FixedStep):
 
     def plan_along(self, model: AbstractModel, trace: Trace) -> FixedMarch:
         """See the base class."""
-        duty = trace.pwm if "pwm" in model.needs else None
-        slow = duty is not None and float(np.max(np.abs(np.diff(duty)), initial=0.0)) <= GENTLE
-        longer = LONGER if slow and trace.longest_interval >= RARE else 1.0
+        longer = LONGER if lengthens(model, trace) else 1.0
         return FixedStep(longer * self.max_step, self.solver).plan_along(model, trace)
+
+
+def lengthens(model: AbstractModel, trace: Trace) -> bool:
+    """Whether a fit takes longer steps along a trace."""
+    duty = trace.pwm if "pwm" in model.needs else None
+    slow = duty is not None and float(np.max(np.abs(np.diff(duty)), initial=0.0)) <= GENTLE
+    return slow and bool(trace.longest_interval >= RARE)

@@ -29,7 +29,7 @@ from ._evidence import NOTHING, Unknown
 from ._inputs import InputSensor, read_inputs
 from ._instruments import instrumented
 from ._residuals import Prior
-from ._steps import StepsOfFit
+from ._steps import StepsOfFit, lengthens
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ class Task:
     s of the whole duty. `starts` is from how many places a search begins, `gains` by channel how well the gain of each
     sensor is known, relative, `inputs` what is known of the sensor of the pressure by which each trace to fit is
     driven, which is read without its noise. A search that hardly comes nearer to a cost of `ceiling`, and is far above
-    it, is given up. `second_guess` says what traces tell of some parameters, by name, without a simulation, beside the
+    it, is given up. A `finer` one takes no longer steps along slow traces than along others. `second_guess` says what traces tell of some parameters, by name, without a simulation, beside the
     other values of a model.
     """
 
@@ -64,6 +64,7 @@ class Task:
     gains: dict[str, float] = dataclasses.field(default_factory=dict)
     inputs: Sequence[InputSensor | None] = ()
     ceiling: float = np.inf
+    finer: bool = False
     second_guess: Callable[[AbstractModel, Sequence[Trace]], Mapping[str, Any]] | None = None
 
     def of_parts(self, samples: Mapping[int, int]) -> "Task":
@@ -79,7 +80,13 @@ class Task:
     @property
     def steps(self) -> FixedStep:
         """The steps of its simulations, but for those whose numerical errors may not show."""
-        return StepsOfFit(self.stepping.max_step, self.stepping.solver) if self.unknown.numerics else self.stepping
+        corrected = self.unknown.numerics and not self.finer
+        return StepsOfFit(self.stepping.max_step, self.stepping.solver) if corrected else self.stepping
+
+    @property
+    def lengthens(self) -> bool:
+        """Whether it takes longer steps along a trace to fit, as it corrects for what these do."""
+        return self.unknown.numerics and not self.finer and any(lengthens(self.model, trace) for trace in self.fit)
 
     @property
     def plant(self) -> AbstractModel:
