@@ -112,6 +112,14 @@ def record_fleet(unit: vgtjax.Actuator, rng: np.random.Generator, fleet: Fleet) 
     return traces
 
 
+def record_end_of_line(unit: vgtjax.Actuator, rng: np.random.Generator) -> list[vgtjax.Trace]:
+    """Three slow loops at 100 Hz and random levels at 500 Hz."""
+    more = [record_fleet(unit, rng, FLEETS[0])[0] for _ in range(2)]
+    first, lively = record_fleet(unit, rng, FLEETS[1])
+    loops = [loop.replace(name=f"loop_{number}") for number, loop in enumerate((first, *more), 1)]
+    return [*loops, lively]
+
+
 def record_run(unit: vgtjax.Actuator, rng: np.random.Generator, run: StandardRun) -> vgtjax.Trace:
     """A standard run, at its own rate."""
     pwm = run.trace().pwm

@@ -41,8 +41,8 @@ from .report import found_besides, render, render_overview
 from .terminal import last_words, verdict
 
 FEW = 3
-"""Units that are fitted in one process on a CPU: of more, each process has a fit after the other, as between simulations
-Python is busy with one at a time. Twenty units of four traces took 0.8 of the time on two cores."""
+"""Units that one process fits together on a CPU. More are shared out to processes, each with one fit after the other,
+as Python works for one fit at a time between simulations: twenty units took 0.8 of the time on two cores."""
 
 
 def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathlib.Path) -> None:

@@ -184,8 +184,8 @@ def starting(
         )
     progress = first_progress(task) if resume is None else resume
     delay = _delay_of(task, progress, progress.edges_seen) if progress.edges else 0.0
-    read = {"linear": progress.linear, "edges": progress.edges, "edges_delay": delay}
-    task = dataclasses.replace(task, **read, finer=progress.finer)
+    task = dataclasses.replace(task, linear=progress.linear, edges=progress.edges, edges_delay=delay)
+    task = dataclasses.replace(task, finer=progress.finer)
     sensors = white_sensors(task.traces, task.channels)
     problem = problem_of(task, progress, sensors)
     if progress.edges:

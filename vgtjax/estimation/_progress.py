@@ -117,7 +117,9 @@ class Progress:
 
     def refined(self) -> "Progress":
         """A search that goes on from here by shorter steps along slow traces."""
-        return dataclasses.replace(self.reading_duty(self.coordinates, self.linear), wanted=(), finer=True)
+        return dataclasses.replace(
+            self.reading_duty(self.coordinates, self.linear), wanted=(), settled=False, finer=True
+        )
 
     def moving_edges(
         self, coordinates: Iterable[float], late: bool, edges: tuple[tuple[float, ...], ...]

@@ -44,8 +44,8 @@ class Task:
     s of the whole duty. `starts` is from how many places a search begins, `gains` by channel how well the gain of each
     sensor is known, relative, `inputs` what is known of the sensor of the pressure by which each trace to fit is
     driven, which is read without its noise. A search that hardly comes nearer to a cost of `ceiling`, and is far above
-    it, is given up. A `finer` one takes no longer steps along slow traces than along others. `second_guess` says what traces tell of some parameters, by name, without a simulation, beside the
-    other values of a model.
+    it, is given up. A `finer` one takes no longer steps along slow traces than along others. `second_guess` says what
+    traces tell of some parameters, by name, without a simulation, beside the other values of a model.
     """
 
     model: AbstractModel

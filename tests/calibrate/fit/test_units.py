@@ -122,6 +122,21 @@ def test_a_unit_is_fitted_as_if_alone(fleet, fitted):
             assert fields["value"] == pytest.approx(alone["parameters"][name]["value"], abs=0.1 * fields["std_error"])
 
 
+def test_in_processes_of_their_own_units_come_out_the_same(fleet, study, monkeypatch):
+    """As larger fleets do; rounding is another, of programs that are compiled as users' are."""
+    monkeypatch.setattr(calibrate.fit.command, "FEW", 1)
+    out, again = fleet[0], study.parent / "in processes"
+    outcome = run_command("fit", study, "--out", again)
+    assert (outcome.status, outcome.err) == (0, "")
+    for unit in ("unit_01", "unit_02"):
+        assert any(line.startswith(f"{unit}: verdict: converged") for line in outcome.out.splitlines())
+        together, apart = (read(folder / unit / "parameters.json")["parameters"] for folder in (out, again))
+        for name, fields in apart.items():
+            if fields["free"] is True:
+                assert fields["value"] == pytest.approx(together[name]["value"], abs=0.01 * fields["std_error"])
+                assert fields["std_error"] == pytest.approx(together[name]["std_error"], rel=0.01)
+
+
 def test_a_second_run_does_nothing(fleet, study):
     out, _ = fleet
     before = {path: path.stat().st_mtime_ns for path in out.rglob("*")}
