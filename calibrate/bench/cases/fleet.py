@@ -29,8 +29,8 @@ def measure() -> Section:
 
 _ABOUT = (
     "Whole processes. Every unit has three slow loops of 30 s at 100 Hz and random levels of 5 s at 500 Hz by the "
-    "hard-switching plant of these benchmarks, without exhaust gas; fits begin at what was identified, and write values, "
-    "intervals, profiles and reports."
+    "hard-switching plant of these benchmarks, without exhaust gas; fits begin at what was identified, and write "
+    "values, intervals, profiles and reports."
 )
 
 
