@@ -1,9 +1,10 @@
 """The same calls under other settings of JAX, in a process of their own: JAX reads its settings once.
 
-Run as `python -m calibrate.bench.served forward 2`, it compiles for two devices, and then runs once a line of its input
-and prints what processors spent on that; without a number of devices it has JAX's own settings.
+Run as `python -m calibrate.bench.served forward 2`, it says how many devices it sees, compiles, and then runs once a
+line of its input and says what processors spent on that; without a number of devices it has JAX's own settings.
 """
 
+import contextlib
 import os
 import subprocess
 import sys
@@ -17,7 +18,7 @@ from .workloads import WORKLOADS
 
 class Served:
     """A process that runs one workload when called, on so many devices with this package's settings, or with JAX in
-    double precision and nothing else set."""
+    double precision and nothing else set. `devices` is how many it sees."""
 
     def __init__(self, workload: str, devices: int | None = None):
         command = [sys.executable, "-m", f"{__package__}.served", workload]
@@ -27,6 +28,7 @@ class Served:
         self._process = subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment
         )
+        self.devices = int(self._answer())
 
     def __enter__(self) -> "Served":
         return self
@@ -34,9 +36,7 @@ class Served:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        assert self._process.stdin is not None
-        self._process.stdin.close()
-        self._process.wait()
+        self._process.communicate()  # closes its input, which is its sign to end
 
     def __call__(self) -> float:
         """Runs the workload once; waking the other process takes some 50 us.
@@ -46,16 +46,17 @@ class Served:
         **Raises:** `RuntimeError` when the process has died.
         """
         assert self._process.stdin is not None
-        assert self._process.stdout is not None
-        try:
+        with contextlib.suppress(BrokenPipeError):  # of a process that has died, which has no answer either
             self._process.stdin.write("\n")
             self._process.stdin.flush()
-            answer = self._process.stdout.readline()
-        except BrokenPipeError:
-            answer = ""
+        return float(self._answer())
+
+    def _answer(self) -> str:
+        assert self._process.stdout is not None
+        answer = self._process.stdout.readline()
         if not answer:
             raise RuntimeError("the process with other settings of JAX died; its error is above")
-        return float(answer)
+        return answer
 
 
 def _serve(workload: str, devices: int | None) -> None:
@@ -65,6 +66,7 @@ def _serve(workload: str, devices: int | None) -> None:
         from vgtjax import configure
 
         configure(cpu_devices=devices)
+    print(jax.device_count(), flush=True)
     run = WORKLOADS[workload]()
     for _ in sys.stdin:
         began = time.process_time()

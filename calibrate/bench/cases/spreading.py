@@ -43,7 +43,8 @@ def counts_to(cores: int) -> list[int]:
 
 def _add_devices(section: Section, work: str, workload: str, counts: list[int]) -> None:
     with contextlib.ExitStack() as stack:
-        contestants = {str(count): stack.enter_context(Served(workload, count)) for count in counts}
+        served = [stack.enter_context(Served(workload, count)) for count in counts]
+        contestants = {str(each.devices): each for each in served}
         timings, busy = interleave(contestants, ROUNDS)
     for count, timing in timings.items():
         speed_up = times(1 / timing.ratio(timings["1"]))
