@@ -17,14 +17,14 @@ from ..timing import interleave
 from ..workloads import BATCH_SECONDS, LANES
 from .memory import STUDY
 
-ROUNDS = 20
+ROUNDS = 50
 """In turn, of which the best counts: what else runs takes cores from several devices before it takes them from one."""
 SAMPLES = 200_000
 """Of the study that processes share: several times what a command takes to start."""
 RUNS = 2
 """Commands with a filled cache, of which the best counts."""
 WHOLE, SIMULATED, CPU = "whole command", "its samples and report", "of all processors"
-COLUMNS = ("work", "processes", "devices of each", "time", "speed-up", "cores busy")
+COLUMNS = ("work", "processes", "devices of each", "time", "speed-up", "processor time")
 _JACOBIAN, _BATCH = "jacobian of the example", f"batch of {LANES}, {BATCH_SECONDS:g} s"
 
 
@@ -52,8 +52,8 @@ def _add_devices(section: Section, work: str, workload: str, counts: list[int]) 
     alone = min(timings["1"].rounds)
     for count, timing in timings.items():
         best = min(timing.rounds)
-        busy = spent[count][1 + timing.rounds.index(best)] / best  # the first call compiled
-        section.add(work, "1", count, seconds(best), times(alone / best), f"{busy:.2f}")
+        processor = spent[count][1 + timing.rounds.index(best)]  # the first call compiled
+        section.add(work, "1", count, seconds(best), times(alone / best), seconds(processor))
 
 
 def _note(spent: list[float], served: Served) -> None:
@@ -71,8 +71,8 @@ def _add_processes(section: Section, counts: list[int]) -> None:
         alone = min(run[what] for run in runs[1, 1][1:])
         for (processes, devices), (_, *filled) in runs.items():
             best = min(filled, key=lambda run: run[what])
-            busy = f"{best[CPU] / best[WHOLE]:.2f}" if what == WHOLE else ""
-            cells = (str(processes), str(devices), seconds(best[what]), times(alone / best[what]), busy)
+            processor = seconds(best[CPU]) if what == WHOLE else ""
+            cells = (str(processes), str(devices), seconds(best[what]), times(alone / best[what]), processor)
             section.add(f"tolerance of {SAMPLES:,}, {what}", *cells)
 
 
@@ -99,7 +99,6 @@ def _free_port() -> int:
 _ABOUT = (
     f"{_JACOBIAN} and {_BATCH} by one process that sees so many devices, the best of {ROUNDS} rounds in turn; and the "
     f"command `tolerance` on {SAMPLES:,} loops of 2 s in single precision by so many processes of so many devices "
-    f"each, the best of {RUNS} with a filled cache, whole and without its start. What cores were busy is the time of "
-    "all processors over that on the clock: on a machine that does other things as well, what it left. Speed-ups are "
-    "over one device."
+    f"each, the best of {RUNS} with a filled cache, whole and without its start. Processor time is that of all cores "
+    "together: where other things run, it says better than the clock what more devices cost. Speed-ups are over one."
 )
