@@ -1,10 +1,14 @@
-"""What is timed both under this package's settings and under plain JAX ones."""
+"""What is timed under other settings of JAX as well: plain ones, or other numbers of devices."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
+from jax.sharding import Mesh, NamedSharding, PartitionSpec
+from jaxtyping import Array, PyTree
 
 import vgtjax
 
@@ -14,6 +18,9 @@ SECONDS = 10.0
 """Length of the trace of the forward and batch benchmarks."""
 HELD = ("diaphragm.stop_damping",)
 """Held in the Jacobian's benchmark: 25 of the 26 parameters that a fit frees by default remain."""
+
+LANES, BATCH_SECONDS = 4096, 0.2
+"""Actuators side by side, and s that each is simulated for."""
 
 
 def forward_trace() -> vgtjax.Trace:
@@ -50,5 +57,32 @@ def forward_mode(traces: Sequence[vgtjax.Trace] | None = None) -> Callable[[], l
     return lambda: [function(theta) for function in functions]
 
 
-WORKLOADS: dict[str, Callable[[], Callable[[], Any]]] = {"forward": forward, "forward-mode": forward_mode}
-"""By the name that the process with plain settings is given."""
+def exact_jacobian() -> Callable[[], Any]:
+    """The exact Jacobian of the example's traces."""
+    model, traces = vgtjax.Actuator(), example_traces()
+    return lambda: vgtjax.jacobian(model, traces, fixed=HELD)
+
+
+def batch() -> Callable[[], Any]:
+    """Printed actuators whose stiffness differs, shared out to all devices; their last positions."""
+    trace, nominal = lengthened(reference("levels").trace, BATCH_SECONDS), vgtjax.Actuator()
+    repeated = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, (LANES, *leaf.shape)), nominal)
+    stiffness = nominal.diaphragm.stiffness * jnp.linspace(0.9, 1.1, LANES)
+    population = share(eqx.tree_at(lambda model: model.diaphragm.stiffness, repeated, stiffness))
+    run = jax.jit(jax.vmap(lambda model: vgtjax.simulate(model, trace, throw=False).x_d[-1]))
+    return lambda: run(population)
+
+
+def share(models: PyTree[Array]) -> PyTree[Array]:
+    """Models shared out to all devices along the leading axis of their arrays."""
+    lanes = NamedSharding(Mesh(np.asarray(jax.devices()), ("lane",)), PartitionSpec("lane"))
+    return eqx.filter_shard(models, lanes)
+
+
+WORKLOADS: dict[str, Callable[[], Callable[[], Any]]] = {
+    "forward": forward,
+    "forward-mode": forward_mode,
+    "jacobian": exact_jacobian,
+    "batch": batch,
+}
+"""By the name that the process with other settings is given."""

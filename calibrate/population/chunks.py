@@ -67,12 +67,16 @@ class ChunkStore:
 
     def matrix(self, outputs: Sequence[Output], begin: int = 0, end: int | None = None) -> np.ndarray:
         """Outputs of a range of rows side by side, `(rows, columns)`."""
+        return self.columns(column_names(outputs), begin, end)
+
+    def columns(self, names: Sequence[str], begin: int = 0, end: int | None = None) -> np.ndarray:
+        """The same of some columns of outputs, by their names."""
         end = self.rows if end is None else end
         parts = []
         for number in range(begin // self.lanes, math.ceil(end / self.lanes)):
             first, last = self.span(number)
-            names = column_names(self._kept(first))
-            places = [1 + names.index(column) for column in column_names(outputs)]
+            stored = column_names(self._kept(first))
+            places = [1 + stored.index(name) for name in names]
             content = np.load(self._path(number), mmap_mode="r")
             parts.append(np.array(content[places, max(begin - first, 0) : min(end, last) - first]).T)
         return np.concatenate(parts)

@@ -1,6 +1,7 @@
 """All indices of a sensitivity study, from the simulations that were made."""
 
 import dataclasses
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
@@ -23,6 +24,8 @@ from ..population import ChunkStore, PopulationJob
 
 NOISE = {"m": 8e-6, "Pa": 60.0}
 """Of the sensors of position and pressure; shares of a smaller spread, as of a rod at rest, are of no use."""
+BLOCK = 2**22
+"""Numbers of results that are read at a time, 32 MiB."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -66,11 +69,14 @@ def analyse_all(job: PopulationJob, design: RadialDesign, store: ChunkStore, gra
     **Arguments:** `gradients`: at the nominal actuator and at some base points, `(points, columns, quantities)`.
     """
     table, population, outputs = job.study.sensitivity, job.population, store.outputs
-    x, y = population.values(design.points(0, design.rows)), store.matrix(outputs)
+    x = population.values(design.points(0, design.rows))
     slopes = gradients.select(outputs).matrix
-    indices = analyse(design, x, y, replicates=table.replicates, level=table.confidence, seed=table.seed)
+    parts, variances = [], list[float]()
+    for y in _columns(store):
+        parts.append(analyse(design, x, y, replicates=table.replicates, level=table.confidence, seed=table.seed))
+        variances += [_variance(column[np.isfinite(column)]) for column in y.T]
+    indices, spread = _joined(parts), np.array(variances)
     local = gradient_share(slopes[0], population.deviations)
-    spread = np.array([_variance(column[np.isfinite(column)]) for column in y.T])
     bound = _bounds(slopes[1:], population.deviations, spread)
     numbers = [output.name for output in store.numbers]
     rankings = rank_inputs(
@@ -109,12 +115,31 @@ def _bounds(gradients: np.ndarray, deviations: np.ndarray, variances: np.ndarray
     return bound
 
 
+def _columns(store: ChunkStore) -> Iterator[np.ndarray]:
+    """All columns of all rows, a block at a time: the curves of a large study need not be in memory together."""
+    names, width = column_names(store.outputs), max(1, BLOCK // store.rows)
+    for first in range(0, len(names), width):
+        yield store.columns(names[first : first + width])
+
+
 def _first(indices: Indices, count: int) -> Indices:
     """The indices of the first outputs."""
+    return _each(lambda values: values[:count], indices)
 
-    def cut(value):
-        if isinstance(value, np.ndarray):
-            return value[:count]
-        return type(value)(*[end[:count] for end in (value.value, value.low, value.high)])
 
-    return Indices(**{field.name: cut(getattr(indices, field.name)) for field in dataclasses.fields(indices)})
+def _joined(parts: Sequence[Indices]) -> Indices:
+    """The indices of all outputs, from those of blocks of them."""
+    return _each(lambda *blocks: np.concatenate(blocks), *parts)
+
+
+def _each(change: Callable[..., np.ndarray], *indices: Indices) -> Indices:
+    """Indices made from others array by array, the ends of their intervals as well."""
+
+    def changed(*values):
+        if isinstance(values[0], np.ndarray):
+            return change(*values)
+        ends = zip(*[(each.value, each.low, each.high) for each in values], strict=True)
+        return type(values[0])(*[change(*end) for end in ends])
+
+    names = [field.name for field in dataclasses.fields(Indices)]
+    return Indices(**{name: changed(*[getattr(each, name) for each in indices]) for name in names})

@@ -4,11 +4,9 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.sharding import Mesh, NamedSharding, PartitionSpec
 from jaxtyping import Array, PyTree
 
 import vgtjax
@@ -17,7 +15,7 @@ from .. import numba_plant
 from ..data import rms
 from ..table import Section, seconds, times
 from ..timing import interleave
-from ..workloads import SECONDS, forward_trace
+from ..workloads import SECONDS, forward_trace, share
 
 ROUNDS = 5
 ACTUATORS = 1024
@@ -42,9 +40,9 @@ def measure() -> Section:
     spread = f"jit(vmap(simulate)) over {jax.device_count()} devices"
     alone = "jit(vmap(simulate)) on one device"
     contestants: dict[str, Callable[[], Any]] = {
-        f"{spread}, float64": partial(run, _spread(population)),
+        f"{spread}, float64": partial(run, share(population)),
         f"{alone}, float64": partial(run, population),
-        f"{spread}, float32": partial(run, _spread(single)),
+        f"{spread}, float32": partial(run, share(single)),
         f"{alone}, float32": partial(run, single),
         "numba RK4 at 0.5 ms, prange, float64": lambda: numba_plant.simulate(thetas, trace, parallel=True),
     }
@@ -97,12 +95,6 @@ def _compile(trace: vgtjax.Trace) -> Callable[[PyTree[Array]], tuple[Array, Arra
         return solution.x_d, solution.p_act
 
     return jax.jit(jax.vmap(one))
-
-
-def _spread(models: PyTree[Array]) -> PyTree[Array]:
-    """The population shared out to all devices along its leading axis."""
-    actuators = NamedSharding(Mesh(np.asarray(jax.devices()), ("actuator",)), PartitionSpec("actuator"))
-    return eqx.filter_shard(models, actuators)
 
 
 def _as_numpy(found: Any) -> list[np.ndarray]:

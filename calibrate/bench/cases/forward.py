@@ -10,7 +10,7 @@ import vgtjax
 
 from .. import casadi_plant, numba_plant, scipy_plant
 from ..data import reference
-from ..plain import PlainJax
+from ..served import Served
 from ..table import Section, seconds, times
 from ..timing import interleave
 from ..workloads import SECONDS, forward, forward_trace
@@ -27,7 +27,7 @@ def measure() -> Section:
     model, trace = vgtjax.Actuator(), forward_trace()
     theta = numba_plant.pack(model)
     cvodes = casadi_plant.CvodesPlant(trace)
-    with PlainJax("forward") as plain:
+    with Served("forward") as plain:
         contestants: dict[str, Callable[[], Any]] = {
             _OURS: forward(),
             _PLAIN: plain,

@@ -11,7 +11,7 @@ from vgtjax.estimation import NULL
 
 from .. import casadi_plant, numba_plant
 from ..data import example_traces, reference, seconds_of
-from ..plain import PlainJax
+from ..served import Served
 from ..table import Section, seconds, times
 from ..timing import interleave
 from ..workloads import HELD, forward_mode
@@ -37,7 +37,7 @@ def measure() -> Section:
     selection = vgtjax.select(model, fixed=HELD)
     sensitivities = casadi_plant.CvodesPlant(short[0]).jacobian(selection.entries)
     differences = _Differences(model, selection)
-    with PlainJax("forward-mode") as plain:
+    with Served("forward-mode") as plain:
         contestants: dict[str, Callable[[], Any]] = {
             _OURS: lambda: vgtjax.jacobian(model, traces, fixed=HELD),
             _SINGLE: lambda: vgtjax.jacobian(single, traces, fixed=HELD),

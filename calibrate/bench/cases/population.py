@@ -1,10 +1,5 @@
-"""Ten thousand actuators through a slow loop, beside numba on all cores; and the memory of ever larger studies."""
+"""Ten thousand actuators through a slow loop, beside numba on all cores."""
 
-import json
-import pathlib
-import subprocess
-import sys
-import tempfile
 from collections.abc import Callable
 from typing import Any
 
@@ -25,21 +20,9 @@ LOOP = 10.0
 SPREAD = 0.01
 """Relative standard deviation of everything that varies."""
 VARIED = ("diaphragm.*", "friction.*", "chamber.*", "converter.*")
-SIZES = (1_000, 10_000, 100_000, 1_000_000)
-STUDY = """name = "memory"
-[experiments]
-turbine_pressure = [0]
-loop_seconds = 2
-steps = []
-[population]
-vary = ["diaphragm.stiffness", "diaphragm.preload", "friction.*"]
-[tolerance]
-samples = {samples}
-precision = "single"
-"""
 
 
-def measure_population() -> Section:
+def measure() -> Section:
     """Times a population in both precisions and by numba, each a loop of 10 s for every actuator."""
     model, loop = vgtjax.Actuator(), SlowLoop((0.0,), LOOP)
     factors = choose_factors(model, VARIED, ["diaphragm.damping"])
@@ -86,33 +69,3 @@ def _precision(exact: Results, rounded: Results) -> str:
         f"Single precision moves no actuator's mean loop width by more than {gaps[0]:.2g} Pa, nor the pressure "
         f"at which it begins to move by more than {gaps[1]:.2g} Pa."
     )
-
-
-def measure_memory() -> Section:
-    """Peak memory and time of whole `tolerance` commands of growing size, each a process of its own."""
-    about = "`python -m calibrate tolerance` in single precision, a loop of 2 s for every actuator; the whole command."
-    section = Section("Memory", about, ("samples", "peak memory", "time", "a second"))
-    with tempfile.TemporaryDirectory() as folder:
-        for samples in SIZES:
-            peak, wall = _whole_command(pathlib.Path(folder), samples)
-            section.add(f"{samples:,}", f"{peak:.0f} MB", seconds(wall), f"{samples / wall:.0f}")
-    return section
-
-
-_CHILD = """
-import json, resource, subprocess, sys, time
-began = time.perf_counter()
-subprocess.run(sys.argv[1:], check=True, stdout=subprocess.DEVNULL)
-peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
-print(json.dumps([peak * (1 if sys.platform == "darwin" else 1024) / 1e6, time.perf_counter() - began]))
-"""
-
-
-def _whole_command(folder: pathlib.Path, samples: int) -> tuple[float, float]:
-    """Peak of resident memory in MB and seconds; a process in between, as the peak is over all children so far."""
-    study = folder / f"{samples}.toml"
-    study.write_text(STUDY.format(samples=samples), encoding="utf-8")
-    command = [sys.executable, "-m", "calibrate", "tolerance", str(study), "--out", str(folder / str(samples))]
-    done = subprocess.run([sys.executable, "-c", _CHILD, *command], check=True, capture_output=True, text=True)
-    peak, wall = json.loads(done.stdout)
-    return peak, wall

@@ -13,6 +13,7 @@ import vgtjax
 from vgtjax.traces import cast
 
 from ..data import example_traces, lengthened, reference, seconds_of
+from ..roofline import byte_time, operation_times, operations, processor_time
 from ..table import Section, seconds
 from ..timing import interleave
 
@@ -25,8 +26,6 @@ SHORT = 0.05
 """s that each of many actuators is simulated for, so that a million of them take seconds."""
 STEPS_A_SECOND = 2000
 """The default steps of 0.5 ms."""
-ELEMENTS, TERMS = 1 << 22, 64
-"""Numbers that the machine is measured with, in memory and in one loop over registers."""
 COLUMNS = ("curve", "sizes", "times", "exponent", "last, each")
 
 
@@ -92,35 +91,21 @@ def _batch(trace: vgtjax.Trace, lanes: int, dtype: Any) -> Callable[[], Any]:
 
 
 def _roofline(trace: vgtjax.Trace, dtype: Any) -> str:
-    """Operations and bytes of a step, as XLA counts them, beside those that this machine does in a second."""
+    """What a step takes, beside what its operations and its bytes would take by themselves."""
     lanes = 10_000
     population, march = _population(lanes, dtype), vgtjax.FixedStep().plan_intervals(vgtjax.Actuator(), 5e-4)
     drive, start = jax.tree.map(lambda leaf: leaf[0], cast(trace.drive(), dtype)), cast(trace.start(), dtype)
     state = jax.vmap(lambda model: model.start(start, drive))(population)
     step = jax.jit(jax.vmap(lambda model, state: march.advance(model, state, drive)[0]))
-    cost: Any = step.lower(population, state).compile().cost_analysis()
-    operations, moved = cost["flops"] / lanes, cost["bytes accessed"] / lanes
-    timings, _ = interleave(
-        {
-            "batch": _batch(trace, lanes, dtype),
-            "arithmetic": partial(jax.jit(_arithmetic), jnp.ones(ELEMENTS // 64, dtype)),
-            "memory": partial(jax.jit(lambda values: 1.5 * values), jnp.ones(ELEMENTS, dtype)),
-        },
-        ROUNDS,
-    )
-    steps = lanes * SHORT * STEPS_A_SECOND / timings["batch"].median
-    most = 2 * TERMS * ELEMENTS / 64 / timings["arithmetic"].median
-    stream = 2 * ELEMENTS * np.dtype(dtype).itemsize / timings["memory"].median
+    compiled = step.lower(population, state).compile()
+    cost: Any = compiled.cost_analysis()
+    moved, counts, each = cost["bytes accessed"] / lanes, operations(compiled.as_text() or ""), operation_times(dtype)
+    took = processor_time(_batch(trace, lanes, dtype)) / (lanes * SHORT * STEPS_A_SECOND)
+    parts = {name: count * each[name] * 1e9 for name, count in counts.items()}
+    listed = ", ".join(f"{counts[name]} {name} {part:.1f} ns" for name, part in parts.items())
     return (
-        f"{np.dtype(dtype).name}: a step of one actuator takes {operations:.0f} operations and {moved:.0f} bytes as "
-        f"XLA counts them (a power or a root is one); {steps / 1e6:.1f} million steps a second are "
-        f"{operations * steps / 1e9:.1f} of the {most / 1e9:.1f} G operations a second of multiply-adds in registers, "
-        f"and {moved * steps / 1e9:.1f} GB/s if all of it came from memory, which gives {stream / 1e9:.1f} GB/s."
+        f"{np.dtype(dtype).name}, {lanes} lanes: a step takes {took * 1e9:.0f} ns of a processor. Its operations, as "
+        f"they are in the compiled program, take {sum(parts.values()):.0f} ns where each kind runs by itself on "
+        f"vectors in the caches ({listed}), and its {moved:.0f} bytes {moved * byte_time(dtype) * 1e9:.0f} ns if all "
+        "of them went to memory."
     )
-
-
-def _arithmetic(values: jax.Array) -> jax.Array:
-    total = values
-    for _ in range(TERMS):
-        total = total * values + 1e-3
-    return total

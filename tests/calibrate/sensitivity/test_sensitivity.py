@@ -132,6 +132,26 @@ def test_a_run_interrupted_among_its_gradients_goes_on_there(summary, tmp_path, 
     assert not (tmp_path / "out" / ".chunks").exists()
 
 
+def test_outputs_that_are_read_a_few_at_a_time_have_the_same_indices(summary, tmp_path, monkeypatch):
+    rows, few, read_at_once = summary["simulations"], 5, []
+
+    def columns(self, names, *span, original=ChunkStore.columns):
+        read_at_once.append(len(names))
+        return original(self, names, *span)
+
+    monkeypatch.setattr("calibrate.sensitivity.analysis.BLOCK", few * rows + 1)
+    monkeypatch.setattr(ChunkStore, "columns", columns)
+    assert run_command("sensitivity", write_study(tmp_path), "--out", tmp_path / "out").status == 0
+    assert len(read_at_once) > 1
+    assert max(read_at_once) == few
+    for name, output in read(tmp_path / "out" / "summary.json")["outputs"].items():
+        for quantity in output["quantities"]:
+            known = index_of(summary, name, quantity["quantity"])
+            for kind in ("src_thesis", "first", "total"):
+                # Sums of a matrix product may be added up in another order where it is less wide.
+                assert quantity[kind] == pytest.approx(known[kind], rel=1e-9, abs=1e-12)
+
+
 def test_report_shows_every_output_and_verdict(done, summary):
     report = (done / "report.html").read_text(encoding="utf-8")
     for name, output in summary["outputs"].items():
