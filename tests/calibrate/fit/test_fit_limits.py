@@ -5,6 +5,7 @@ import pytest
 from commands import entries_of, read, run_command
 
 import vgtjax
+from vgtjax.assurance import _certificate
 from vgtjax.estimation import Progress
 
 # -- what a fit must not depend on, and what it must respect -----------------------------------------------------------
@@ -216,16 +217,14 @@ def test_a_validation_that_cannot_be_simulated(small):
 )
 def test_a_fit_with_wrong_derivatives_fails_its_certificate(small, monkeypatch, factor, kind, said_of_it):
     """The last derivatives are spoilt after the search; the run ends with status 1 and says which."""
-    from calibrate.fit import command
-
-    usual = command.certifying
+    usual = _certificate.certifying
 
     def spoil(calibrator):
         columns = calibrator.minimiser.point.columns
         columns[:, calibrator.task.selection.entries.index("diaphragm.preload")] *= factor
         return usual(calibrator)
 
-    monkeypatch.setattr(command, "certifying", spoil)
+    monkeypatch.setattr(_certificate, "certifying", spoil)
     outcome, parameters, said = refit(small)
     sentence = f"the gradient certificate failed: the derivative with respect to diaphragm.preload is {said_of_it}"
     assert (outcome.status, outcome.err) == (1, f"failed: the fit: {sentence}\n")
