@@ -92,7 +92,9 @@ class Kept(Generic[P, R]):
             with contextlib.suppress(filelock.Timeout):
                 return self._find_once(folder, args, key, patient=True)
 
-    def _find_once(self, folder: pathlib.Path, args: tuple[Any, ...], key: Hashable, *, patient: bool) -> Any:
+    def _find_once(
+        self, folder: pathlib.Path, args: tuple[Any, ...], key: Hashable, *, patient: bool
+    ) -> _Program | None:
         with _FINDING:
             known = self._programs.get(key)
             program = self._programs.setdefault(key, Future())
@@ -193,7 +195,7 @@ def _making(file: pathlib.Path, patient: bool) -> Generator[None]:
     except filelock.Timeout:
         raise
     except (OSError, NotImplementedError):
-        pass  # where no lock can be there can be no program either
+        pass  # where no lock can be, several make the same program
     try:
         yield
     finally:

@@ -119,6 +119,8 @@ def found_besides(calibration: Calibration) -> list[str]:
     progress, sentences = calibration.progress, []
     if progress.waterfall:
         sentences.append(starts_sentence(calibration))
+    if progress.finer:
+        sentences.append("derivatives failed with longer steps along slow traces; the search went on with shorter ones")
     linear = [
         result.trace.name
         for result in calibration.traces

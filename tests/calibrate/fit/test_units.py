@@ -123,7 +123,8 @@ def test_a_unit_is_fitted_as_if_alone(fleet, fitted):
 
 
 def test_in_processes_of_their_own_units_come_out_the_same(fleet, study, monkeypatch):
-    """As larger fleets do; rounding is another, of programs that are compiled as users' are."""
+    """As larger fleets do. Programs are compiled as users' are and round otherwise; a search ends where another step
+    promises a tenth of a standard error, and a hundredth is left for what rounding makes of that."""
     monkeypatch.setattr(calibrate.fit.command, "FEW", 1)
     out, again = fleet[0], study.parent / "in processes"
     outcome = run_command("fit", study, "--out", again)
