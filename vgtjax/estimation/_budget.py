@@ -14,7 +14,8 @@ class Budget:
     """Parts of standard errors, each in the unit of its entry; NaN where the data say nothing.
 
     Their squares add up to that of the standard error. Type A, by the statistics of the traces: `noise`, as it and its
-    colour were found, and `scatter`, of corrections that go to and fro. Type B, by what is known from elsewhere:
+    colour were found, and `scatter`, of corrections that go to and fro, and of those that
+    answer a late duty less than derivatives promise. Type B, by what is known from elsewhere:
     `moved`, by source, is how far each value moves when what is held, or the gain of a sensor, is off by its
     uncertainty, with its sign; and how far, without one, when the pressure that drives a rod is measured once more.
 

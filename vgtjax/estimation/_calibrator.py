@@ -13,6 +13,7 @@ from ..simulation import model_dtype
 from ._beginning import first_progress, problem_of, transform_of
 from ._calibration import RUNAWAY, Calibration
 from ._corrections import correcting
+from ._delay_response import unanswered
 from ._duty_questions import asking_beside_edges, asking_of_duty
 from ._edges import NEAR_ENOUGH, edges_of, find_edges, moved
 from ._evaluation import Evaluation, Steps, ask
@@ -160,7 +161,8 @@ class Calibrator:
 
     def finishing(self) -> Steps[Calibration]:
         """`finish` as a computation."""
-        return (yield from finishing(self.task, self.minimiser, self.sensors, self.notes))
+        lacking = yield from unanswered(self)
+        return (yield from finishing(self.task, self.minimiser, self.sensors, self.notes, lacking))
 
 
 def start_calibration(task: Task, resume: Progress | None = None) -> Calibrator:

@@ -29,17 +29,24 @@ _unpack = keep_compiled(Selection.unpack)
 EXPERIMENTS, SEED = 5, 0
 """Of fresh noise on a driving pressure; with five, a standard error from four traces is good to a sixth."""
 
+Coordinates = Float[np.ndarray, " coordinates"]
 Covariance = Float[np.ndarray, "entries entries"]
 
 
-def finishing(task: Task, search: LevenbergMarquardt, sensors: Sensors, notes: tuple[str, ...]) -> Steps[Calibration]:
-    """The result, as a computation."""
+def finishing(
+    task: Task, search: LevenbergMarquardt, sensors: Sensors, notes: tuple[str, ...], lacking: Coordinates
+) -> Steps[Calibration]:
+    """The result, as a computation.
+
+    **Arguments:** `lacking`: a move of the coordinates that the errors of `search` lack.
+    """
     problem, progress, transform = search.problem, search.progress, search.problem.transform
     everything, count = search.uncertainty(), len(task.selection.entries)
     coordinates = np.asarray(progress.coordinates)
     values, slope = np.asarray(transform.to_physical(coordinates)), np.asarray(transform.slope(coordinates))
     uncertainty = everything.first(count)
     more = _scatter(uncertainty, np.array(progress.wanted)[:, :count]) if progress.wanted else np.zeros((count, count))
+    more = more + np.outer(lacking[:count], lacking[:count])
     sources = {**_moved_by_gains(task, search), **(yield from _moved_by_tolerances(task, search))}
     moved = {name: np.where(uncertainty.determined, each[:count], 0.0) for name, each in sources.items()}
     driven = np.where(uncertainty.determined, (yield from _moved_by_inputs(task, search))[:, :count], 0.0)
@@ -70,7 +77,7 @@ def finishing(task: Task, search: LevenbergMarquardt, sensors: Sensors, notes: t
         sensors,
         budget,
         delay,
-        float(slope[-1] * everything.std_errors[-1]) if late else None,
+        float(slope[-1] * np.hypot(everything.std_errors[-1], lacking[-1])) if late else None,
         notes,
     )
 

@@ -9,7 +9,7 @@ from pages import Page
 
 from calibrate.fit.around import summarise
 from calibrate.fit.outcome import Fitted
-from calibrate.fit.report import render, starts_sentence, waterfall_figure
+from calibrate.fit.report import found_besides, render, starts_sentence, waterfall_figure
 from calibrate.study.parameter_file import calibrated
 from calibrate.study.units import prepare
 from vgtjax.assurance import Certificate
@@ -66,6 +66,13 @@ def test_many_starts_are_counted_and_shown(calibration):
     assert set(shown) == {"converged", "joined", "hopeless"}
     assert shown["hopeless"] == ([4], [80.0])
     assert shown["converged"][0] == [1, 3]
+
+
+def test_a_search_that_went_on_with_shorter_steps_says_so(calibration):
+    said = "derivatives failed with longer steps along slow traces; the search went on with shorter ones"
+    refined = dataclasses.replace(calibration.progress, finer=True)
+    assert said not in found_besides(calibration)
+    assert said in found_besides(dataclasses.replace(calibration, progress=refined))
 
 
 def test_a_misfit_that_is_no_parabola_is_shown_with_the_numbers_of_the_summary(fitted, calibration):
