@@ -3,7 +3,7 @@
 A delay carries every jump of the duty through the steps of a simulation, and its derivative has what that does to
 their errors. Corrections take errors out of residuals, not out of derivatives: of 25 campaigns with a duty that is
 4 ms late, a delay that is moved by its standard error, and all else with it, moves what corrections want by 0.5 to 1
-of that; of campaigns with a timely duty the least determined direction answers by 0.97 to 1.03, in the middle. Where
+of that; of campaigns with a timely duty the least determined direction answers by 0.97 to 1.03, in the median. Where
 an end solves `J^T r = 0` with derivatives `J` of another model than that of the residuals `r`, noise moves it by
 `(J^T dr/dx)^-1 J^T` (estimating equations, Huber 1967), so errors are as much longer as the answer is shorter.
 """
@@ -12,49 +12,79 @@ import dataclasses
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from .._errors import SimulationError
 from ._evaluation import Steps
+from ._least_squares import LeastSquares
 from ._slopes import FARTHEST, Coordinates
 
 LEAST = 0.2
-"""Of the answer that is promised: below, it can't be told from the chatter of the sharp model."""
+"""Of the answer that is promised, at least: errors are never longer than by its inverse."""
+NEAREST = 0.5
+"""Standard errors by which the delay must be moved: the sharp model chatters by about a tenth of one."""
+
+Combinations = Float[np.ndarray, "directions coordinates"]
 
 
 def unanswered(calibrator: Any) -> Steps[Coordinates]:
     """What the errors of an end lack as the sharp model answers a delay less than promised: a move of the coordinates,
-    whose product with itself is to be added to their covariance. Nothing where no delay is free, or nothing is
-    corrected for; not asked beside edges of unknown times, where corrections would see these anew, nor told where
-    neither side can be simulated, which slices name.
+    whose product with itself is to be added to their covariance.
+
+    Nothing where no delay is free, nothing is corrected for, or the search is lost; beside edges of unknown times,
+    which corrections would see anew; and where the end can't be left by `NEAREST` to either side, because a bound is
+    near, or a simulation fails, which slices name.
 
     **Arguments:** `calibrator`: at its end.
     """
     search, task = calibrator.minimiser, calibrator.task
-    progress, found = search.progress, calibrator.uncertainty()
-    here = np.array(progress.coordinates)
-    asked = task.unknown.numerics and progress.late and progress.corrections and not progress.edges
-    if not (asked and found.determined[-1]):
-        return np.zeros(len(here))
-    error = float(found.std_errors[-1])
+    progress, nothing = search.progress, np.zeros(len(search.progress.coordinates))
+    corrected = task.unknown.numerics and progress.around and not progress.lost
+    if not (progress.late and corrected) or progress.edges:
+        return nothing
+    vague = calibrator.uncertainty().vague(search.problem.transform.positive)
+    found = _holding(calibrator, vague)
+    error = float(np.nan_to_num(found.std_errors[-1]))
+    if error <= 0:
+        return nothing
     along = np.where(found.determined, found.covariance[-1], 0.0) / error
-    reach = min(1.0, FARTHEST / float(np.max(np.abs(along))))
-    places, answers = [0.0], [_wanted(calibrator)]
-    for side in (reach, -reach):
-        there = np.asarray(search.problem.transform.clip(here + side * along))
-        try:
-            beside = yield from calibrator.corrected(dataclasses.replace(progress, coordinates=tuple(there.tolist())))
-        except SimulationError:
-            continue
-        places.append(float(there[-1] - here[-1]) / error)
-        answers.append(_wanted(beside))
-    if len(places) < 2 or np.ptp(places) == 0:
-        return np.zeros(len(here))
-    answer = np.clip(-np.polyfit(places, answers, 1)[0] / error, LEAST, 1.0)
+    beside = yield from _wanted_beside(calibrator, along, vague)
+    if not beside:
+        return nothing
+    places, wanted = zip((0.0, -float(found.values[-1])), *beside, strict=True)
+    answer = np.clip(-np.polyfit(places, wanted, 1)[0] / error, LEAST, 1.0)
     return along * np.sqrt(answer**-2 - 1)
 
 
-def _wanted(calibrator: Any) -> float:
-    """By how much the next correction wants to move the delay, without what the traces hardly tell."""
-    problem = calibrator.minimiser.problem
-    point = calibrator.minimiser.point.holding(calibrator.uncertainty().vague(problem.transform.positive))
-    return -float(point.uncertainty(problem.count).values[-1])
+def _wanted_beside(calibrator: Any, along: Coordinates, vague: Combinations) -> Steps[list[tuple[float, float]]]:
+    """Which part of a move leads beside the end, to either side, and how far the next correction from there wants to
+    move the delay."""
+    search, found = calibrator.minimiser, []
+    here = np.array(search.progress.coordinates)
+    for side in (1.0, -1.0):
+        reach = _reach(search.problem.transform, here, side * along)
+        if reach < NEAREST:
+            continue
+        there = tuple((here + side * reach * along).tolist())
+        try:
+            beside = yield from calibrator.corrected(dataclasses.replace(search.progress, coordinates=there))
+        except SimulationError:
+            continue
+        wanted = -float(_holding(beside, vague).values[-1])
+        if np.isfinite(wanted):
+            found.append((side * reach, wanted))
+    return found
+
+
+def _holding(calibrator: Any, vague: Combinations) -> LeastSquares:
+    """The linear problem at the end, without what the traces hardly tell: no linear model says anything so far away."""
+    search = calibrator.minimiser
+    return search.point.holding(vague).uncertainty(search.problem.count)
+
+
+def _reach(transform: Any, here: Coordinates, along: Coordinates) -> float:
+    """How much of a move keeps within the bounds, and is short enough for a linear model; at most all of it."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        room = np.where(along > 0, (transform.upper - here) / along, (transform.lower - here) / along)
+    room = np.where(along == 0, np.inf, room)
+    return float(min(1.0, FARTHEST / np.max(np.abs(along)), 0.99 * np.min(room)))

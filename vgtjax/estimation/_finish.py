@@ -60,7 +60,7 @@ def finishing(
     model = _unpack(task.selection, task.model, values[:count])
     late = task.late_duty and progress.coordinates[-1] != 0.0
     delay = float(values[-1]) if late else 0.0
-    errors = yield from _bands(task, search, uncertainty.covariance)
+    errors = yield from _bands(task, search, uncertainty.covariance, lacking)
     compared = yield from comparing(task, model, delay, sensors, errors)
     with np.errstate(over="ignore"):  # the error of a value that ran away may be beyond every number
         covariance = uncertainty.covariance * np.outer(slope[:count], slope[:count])
@@ -187,13 +187,14 @@ def _moved_by_inputs(task: Task, search: LevenbergMarquardt) -> Steps[Float[np.n
     return np.concatenate(moves)
 
 
-def _bands(task: Task, search: LevenbergMarquardt, covariance: Covariance) -> Steps[Bands]:
-    """Standard errors of what is observed of all traces, by the covariance of the coordinates of the entries.
+def _bands(task: Task, search: LevenbergMarquardt, covariance: Covariance, lacking: Coordinates) -> Steps[Bands]:
+    """Standard errors of what is observed of all traces, by the covariance of the coordinates of the entries, and by
+    what that of all `lacking` coordinates has more.
 
     Derivatives are those that told the covariance, and from where they are: what traces tell of a sum is far more than
     of its parts, and other derivatives, though as good, would not cancel.
     """
-    everything, count = np.array(search.uncertainty().covariance), len(covariance)
+    everything, count = search.uncertainty().covariance + np.outer(lacking, lacking), len(covariance)
     everything[:count, :count] = covariance
     scale = np.asarray(search.problem.transform.slope(search.slopes.at))
     with np.errstate(over="ignore", invalid="ignore"):  # of a value that ran away

@@ -4,38 +4,40 @@ import dataclasses
 
 import numpy as np
 import pytest
+import scipy.linalg
 from support import duty_trace
 
 import vgtjax
 from vgtjax import FixedStep, SimulationError
 from vgtjax.estimation import Progress, Unknown, _calibrator, plan_task, run_alone, start_calibration
+from vgtjax.estimation._bands import spread_of
 from vgtjax.estimation._delay_response import LEAST, unanswered
-from vgtjax.estimation._least_squares import estimate_uncertainty
+from vgtjax.estimation._least_squares import VAGUE
 from vgtjax.estimation._point import Point
-from vgtjax.estimation._slopes import FARTHEST
+from vgtjax.parameters import Transform
 from vgtjax.parts import with_sharp_seat
 
-COLUMNS = np.random.default_rng(3).normal(size=(12, 3))
-"""Of residuals by two values and a delay, all told to about a third; errors below are closed forms of it."""
-
-
-class FreeTransform:
-    positive = np.zeros(3, dtype=bool)
-
-    def clip(self, coordinates):
-        return coordinates
+COLUMNS = np.random.default_rng(3).normal(size=(12, 3)) @ np.array([[9.0, 0.0, 6.0], [0.0, 9.0, 5.0], [0.0, 0.0, 5.0]])
+"""Of residuals by two values and a delay, which go together; errors below are closed forms of it."""
+NOISE = scipy.linalg.null_space(COLUMNS.T)[:, 0] * np.sqrt(len(COLUMNS) - 3)
+"""What is left at an end, of size one."""
+END = Progress((0.0, 0.0, 0.0), late=True, corrections=3, around=((0.0, 0.0, 0.0),))
+FREE_TO_MOVE = Transform(np.array([True, False, False]), np.ones(3), np.full(3, -np.inf), np.full(3, np.inf))
 
 
 @dataclasses.dataclass(frozen=True)
 class LinearCalibrator:
-    """The end of a fit whose sharp model answers every move by `answer` of what its derivatives promise; simulations
-    fail at delays above `fails_beyond`."""
+    """The end of a fit whose residuals change by `sharp` columns where its derivatives say `columns`. Simulations fail
+    at delays above `fails_beyond`, and are not finite above `breaks_beyond`."""
 
-    answer: float
-    progress: Progress
+    sharp: np.ndarray
+    progress: Progress = END
     columns: np.ndarray = dataclasses.field(default_factory=lambda: COLUMNS)
     unknown: Unknown = dataclasses.field(default_factory=Unknown)
+    transform: Transform = FREE_TO_MOVE
     fails_beyond: float = np.inf
+    breaks_beyond: float = np.inf
+    count = len(COLUMNS)
 
     @property
     def task(self):
@@ -49,15 +51,14 @@ class LinearCalibrator:
     def problem(self):
         return self
 
-    transform = FreeTransform()
-    count = len(COLUMNS)
-
     @property
     def point(self):
-        return Point(self.answer * self.columns @ np.array(self.progress.coordinates), self.columns)
+        broken = self.progress.coordinates[-1] > self.breaks_beyond
+        residuals = NOISE + self.sharp @ np.array(self.progress.coordinates)
+        return Point(np.where(broken, np.nan, residuals), self.columns)
 
     def uncertainty(self):
-        return estimate_uncertainty(np.ones(len(self.columns)), self.columns, len(self.columns))
+        return self.point.uncertainty(self.count)
 
     def corrected(self, progress):
         if progress.coordinates[-1] > self.fails_beyond:
@@ -66,49 +67,88 @@ class LinearCalibrator:
         yield
 
 
-END = Progress((0.0, 0.0, 0.0), late=True, corrections=3)
+def inverse(columns):
+    return np.linalg.inv(columns.T @ columns)
 
 
-@pytest.mark.parametrize("scale", [1.0, 20.0], ids=["far", "near"])
-@pytest.mark.parametrize("answer", [0.5, 0.8])
-def test_errors_along_the_delay_are_longer_by_the_inverse_of_the_answer(answer, scale):
-    """Also where a standard error is farther than a move may be."""
-    calibrator = LinearCalibrator(answer, END, scale * COLUMNS)
-    found = calibrator.uncertainty()
-    assert (np.max(found.std_errors) > FARTHEST) == (scale == 1.0)
-    lacking = run_alone(unanswered(calibrator))
-    longer = found.covariance + np.outer(lacking, lacking)
-    assert longer[-1, -1] == pytest.approx(found.covariance[-1, -1] / answer**2)
-    # What goes with the delay is longer, what doesn't is not: (J^T dr/dx)^-1 J^T along one direction, in full.
-    whole = np.linalg.inv(scale**2 * COLUMNS.T @ COLUMNS) * found.scale
-    along = whole[-1] / np.sqrt(whole[-1, -1])
-    np.testing.assert_allclose(longer, whole + np.outer(along, along) * (answer**-2 - 1), rtol=1e-6, atol=1e-12)
+def mean_move(columns):
+    """Of all coordinates, where the delay is off by its standard error."""
+    covariance = inverse(columns)
+    return covariance[-1] / np.sqrt(covariance[-1, -1])
 
 
-def test_one_simulation_beside_the_end_is_enough():
-    lacking = run_alone(unanswered(LinearCalibrator(0.5, END, fails_beyond=0.0)))
-    np.testing.assert_allclose(lacking, run_alone(unanswered(LinearCalibrator(0.5, END))), rtol=1e-9)
+def answering(answer, columns=COLUMNS):
+    """Sharp columns that answer the mean move with a delay by a part of what `columns` promise."""
+    move = mean_move(columns)
+    return columns @ (np.eye(3) + (answer - 1) * np.outer(move, [0, 0, 1]) / move[-1])
 
 
-def test_an_answer_shortens_no_error_and_one_within_chatter_is_none():
-    np.testing.assert_array_equal(run_alone(unanswered(LinearCalibrator(1.3, END))), np.zeros(3))
-    lacking = [run_alone(unanswered(LinearCalibrator(answer, END)))[-1] for answer in (LEAST, 0.01, -1.0)]
-    np.testing.assert_allclose(lacking, lacking[0], rtol=1e-6)
-    assert lacking[0] > 0
+def exact(sharp, columns):
+    """The covariance of the fixed point in full, `A^-1 C A^-T` with `A = (J^T J)^-1 J^T dr/dx`."""
+    back = np.linalg.inv(inverse(columns) @ columns.T @ sharp)
+    return back @ inverse(columns) @ back.T
+
+
+@pytest.mark.parametrize("answer", [0.3, 0.8])
+def test_errors_along_the_mean_move_are_those_of_the_fixed_point(answer):
+    sharp = answering(answer)
+    lacking = run_alone(unanswered(LinearCalibrator(sharp)))
+    np.testing.assert_allclose(inverse(COLUMNS) + np.outer(lacking, lacking), exact(sharp, COLUMNS), rtol=1e-6)
+
+
+def test_the_error_of_the_delay_is_that_of_the_fixed_point_whatever_its_derivative_lacks():
+    sharp = COLUMNS * [1.0, 1.0, 0.7]
+    lacking = run_alone(unanswered(LinearCalibrator(sharp)))
+    assert inverse(COLUMNS)[-1, -1] + lacking[-1] ** 2 == pytest.approx(exact(sharp, COLUMNS)[-1, -1], rel=1e-6)
+
+
+def test_what_the_traces_hardly_tell_does_not_look_like_an_answer():
+    """A logarithm with a large error that goes with the delay: a perfect model answers in full."""
+    columns = COLUMNS * [0.02, 1.0, 1.0]
+    calibrator = LinearCalibrator(columns, columns=columns)
+    assert calibrator.uncertainty().std_errors[0] > VAGUE
+    np.testing.assert_allclose(run_alone(unanswered(calibrator)), 0.0, atol=1e-4)  # the root of rounding
+    lacking = run_alone(unanswered(dataclasses.replace(calibrator, sharp=columns * [1.0, 1.0, 0.5])))
+    assert lacking[-1] > 0
+
+
+def test_a_bound_shortens_a_move_and_is_no_answer():
+    """A value that may take three quarters of its move to one side, and a fifth of it."""
+    move = mean_move(COLUMNS)
+    for part in (0.75, 0.2):
+        upper = np.where(np.arange(3) == 1, part * abs(move[1]), np.inf)
+        transform = Transform(FREE_TO_MOVE.positive, np.ones(3), -np.full(3, np.inf), upper)
+        for answer, lacking in ((1.0, 0.0), (0.5, np.sqrt(3) * move)):
+            found = run_alone(unanswered(LinearCalibrator(answering(answer), transform=transform)))
+            np.testing.assert_allclose(found, lacking + np.zeros(3), atol=1e-6)
+
+
+@pytest.mark.parametrize("beyond", ["fails_beyond", "breaks_beyond"])
+def test_one_simulation_beside_the_end_is_enough(beyond):
+    calibrator = LinearCalibrator(answering(0.5), **{beyond: 0.0})
+    np.testing.assert_allclose(run_alone(unanswered(calibrator)), np.sqrt(3) * mean_move(COLUMNS), rtol=1e-6)
+
+
+def test_an_answer_shortens_no_error_and_lengthens_none_without_end():
+    np.testing.assert_array_equal(run_alone(unanswered(LinearCalibrator(answering(1.3)))), np.zeros(3))
+    for answer in (0.01, -1.0):
+        lacking = run_alone(unanswered(LinearCalibrator(answering(answer))))
+        np.testing.assert_allclose(lacking, mean_move(COLUMNS) * np.sqrt(LEAST**-2 - 1), rtol=1e-6)
 
 
 @pytest.mark.parametrize(
     ("progress", "unknown"),
     [
         (dataclasses.replace(END, late=False), Unknown()),
-        (dataclasses.replace(END, corrections=0), Unknown()),
+        (dataclasses.replace(END, around=()), Unknown()),
+        (dataclasses.replace(END, lost=True), Unknown()),
         (dataclasses.replace(END, edges=((0.1,),)), Unknown()),
         (END, Unknown(numerics=False)),
     ],
-    ids=["timely", "not corrected", "edges", "no numerical errors"],
+    ids=["timely", "not settled", "lost", "edges", "no numerical errors"],
 )
 def test_where_no_delay_is_free_or_nothing_is_corrected_nothing_is_asked(progress, unknown):
-    calibrator = LinearCalibrator(0.5, progress, unknown=unknown, fails_beyond=-np.inf)
+    calibrator = LinearCalibrator(answering(0.5), progress, unknown=unknown, fails_beyond=-np.inf)
     np.testing.assert_array_equal(run_alone(unanswered(calibrator)), np.zeros(3))
 
 
@@ -142,3 +182,10 @@ def test_a_calibration_has_it_in_its_errors_and_their_budget(ended, monkeypatch)
     np.testing.assert_allclose(more, np.outer(lacking[:-1], lacking[:-1]), rtol=1e-6)
     assert found.duty_delay_error == pytest.approx(found.transform.scale[-1] * np.sqrt(10) * bare[-1])
     np.testing.assert_allclose(found.budget.combined, found.std_errors, rtol=1e-6)
+    # In a band, values and delay cancel as they do in what is seen; what corrections scattered is beside it.
+    search, units = ended.minimiser, found.transform.slope(ended.minimiser.slopes.at)
+    (alone,) = spread_of(search.problem.bundles, search.slopes.columns, np.outer(lacking * units, lacking * units))
+    channels = [calibration.traces[0].channels for calibration in (before, found)]
+    for place, channel in enumerate(("x_d", "p_act")):
+        more = channels[1][channel].error ** 2 - channels[0][channel].error ** 2
+        np.testing.assert_allclose(more, alone[:, place] ** 2, rtol=1e-4, atol=1e-6 * np.max(more))
