@@ -61,6 +61,8 @@ def map_rows(
 
 def share_out(rows: PyTree) -> PyTree[Array]:
     """Arrays that every process has whole, with their first axis spread over the devices of all processes."""
+    if jax.device_count() == 1:
+        return rows  # a compiled function takes them as they are; one by one they would take longer than many a row
     sharding = _sharding("lane")
     if jax.process_count() == 1:
         return jax.device_put(rows, sharding)

@@ -52,7 +52,6 @@ def points(
 def styled(figure: go.Figure, height: int, x: str = "", y: str = "", **layout: Any) -> go.Figure:
     """The look that all figures of a report share, and the titles of its axes."""
     figure.update_layout(
-        template="plotly_white",
         height=height,
         margin={"l": 70, "r": 20, "t": 30, "b": 45},
         font={"family": "system-ui, sans-serif", "size": 12},

@@ -1,19 +1,25 @@
 """What the HTML reports have in common: templates, plots inside the file, versions."""
 
 import datetime
-import itertools
+import functools
 from typing import Any
 
 import jinja2
 import markupsafe
 import plotly.graph_objects as go
+import plotly.io
 import plotly.offline
+from plotly.io.json import to_json_plotly
 
 from .software import software
 
+TEMPLATE = "plotly_white"
+"""Of all figures; a page has it once."""
 
-def render_page(template: str, **values: Any) -> str:
-    """A template of this package as HTML, with the plot library inside and what tells when and where it was made."""
+
+@functools.cache
+def _environment() -> jinja2.Environment:
+    """Templates are compiled once for all pages that a process makes."""
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("calibrate"),
         autoescape=True,
@@ -21,25 +27,33 @@ def render_page(template: str, **values: Any) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"number": _number, "sentence": _sentence, "figure": _Figures()}
-    return environment.get_template(template).render(
-        date=datetime.datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z"),
-        software=software(),
-        plotly=plotly.offline.get_plotlyjs(),
-        **values,
+    environment.filters |= {"number": _number, "sentence": _sentence, "figure": _figure}
+    return environment
+
+
+def render_page(template: str, **values: Any) -> str:
+    """A template of this package as HTML, with the plot library inside and what tells when and where it was made."""
+    return (
+        _environment()
+        .get_template(template)
+        .render(
+            date=datetime.datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z"),
+            software=software(),
+            plotly=plotly.offline.get_plotlyjs(),
+            figure_template=markupsafe.Markup(to_json_plotly(plotly.io.templates[TEMPLATE].to_plotly_json())),
+            **values,
+        )
     )
 
 
-class _Figures:
-    """Figures as parts of a page that has the plot library already; numbered, so that a page can be made again."""
-
-    def __init__(self) -> None:
-        self._numbers = itertools.count(1)
-
-    def __call__(self, figure: go.Figure) -> markupsafe.Markup:
-        config = {"displaylogo": False, "responsive": True}
-        name = f"figure-{next(self._numbers)}"
-        return markupsafe.Markup(figure.to_html(full_html=False, include_plotlyjs=False, config=config, div_id=name))
+def _figure(figure: go.Figure) -> markupsafe.Markup:
+    """A figure as part of a page that has the plot library already."""
+    content = figure.to_plotly_json()
+    layout = {key: value for key, value in content["layout"].items() if key != "template"}
+    drawn = to_json_plotly({"data": content["data"], "layout": layout})  # without a "<", which could end the script
+    return markupsafe.Markup(
+        f'<div class="plotly-graph-div" style="height: {layout["height"]}px"></div><script>drawFigure({drawn})</script>'
+    )
 
 
 def _number(value: float | None, digits: int = 5) -> str:

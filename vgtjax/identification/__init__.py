@@ -29,7 +29,6 @@ from ._motion import (
     mechanical_half as mechanical_half,
     read_motion as read_motion,
     read_motions as read_motions,
-    remove_noise as remove_noise,
 )
 from ._pipeline import apply as apply, identify as identify, plan as plan
 from ._plunger import identify_plunger as identify_plunger

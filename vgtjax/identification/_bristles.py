@@ -10,7 +10,6 @@ from jaxtyping import Bool
 from ..estimation import NULL, least_squares
 from ..parts import DryFriction
 from ..plants import MechanicalActuator
-from ..traces import remove_noise
 from . import _limits as limits
 from ._filters import Samples
 from ._motion import MotionRecord, dry_friction
@@ -81,7 +80,7 @@ def read_paths(model: MechanicalActuator, motions: Sequence[MotionRecord]) -> li
             # An axis that sticks moves less than its sensor sees, and then its friction is anything up to the limit.
             rows &= through_kernel(filtered, (filtered.direction == 0).astype(float)) < limits.STICKING
         if np.count_nonzero(rows) >= limits.TURNING_SAMPLES and np.any(filtered.direction[rows] != 0):
-            position = remove_noise(motion.position, motion.noise)
+            position = motion.smooth_position
             paths.append(Path(filtered, position, np.gradient(position, motion.time), rows))
     return paths
 

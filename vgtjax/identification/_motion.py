@@ -10,8 +10,9 @@ from jaxtyping import Bool
 
 from ..parts import Contact, DryFriction, LuGre, Vanes
 from ..plants import AbstractModel, Actuator, MechanicalActuator
-from ..traces import SENSOR_PRESSURE_OFFSET, START_WINDOW, Trace, noise_level, remove_noise
+from ..traces import SENSOR_PRESSURE_OFFSET, START_WINDOW, Trace
 from . import _limits as limits
+from ._clean_signals import CleanSignals, clean_signals, even
 from ._filters import Samples, resting
 from ._result import NotPossible
 
@@ -23,7 +24,8 @@ class MotionRecord:
     `time` in s, evenly spaced; the driving `force` along +x in N and the `position` in m, both without their sensors'
     offsets where rest determines them. `noise` is the standard deviation of one position in m, `drive_noise` of one
     pressure in Pa (0 for a force), `force_error` and `position_error` are what remains unknown of the offsets. `rest`
-    is before anything moves. `trace` has the same drive, without noise, for a simulation.
+    is before anything moves. `trace` has the same drive, without noise, for a simulation, `place` and `offset` are what
+    was taken out of position (m) and pressure (Pa).
     """
 
     trace: Trace
@@ -34,15 +36,21 @@ class MotionRecord:
     force_error: float
     position_error: float
     rest: Bool[np.ndarray, " time"]
+    signals: CleanSignals
     drive_noise: float = 0.0
+    place: float = 0.0
+    offset: float = 0.0
 
-    def with_fresh_noise(self, random: np.random.Generator) -> "MotionRecord":
-        """The same motion as another measurement of the same pressure would show it."""
-        pressure = self.trace.p_act
-        if pressure is None or self.drive_noise == 0:
-            return self
-        again = remove_noise(pressure + random.normal(0, self.drive_noise, len(pressure)), self.drive_noise)
-        return dataclasses.replace(self, trace=self.trace.replace(p_act=again))
+    @property
+    def smooth_position(self) -> Samples:
+        """Position in m without the noise of its sensor."""
+        return self.signals.position - self.place
+
+    def measured_again(self, experiment: int) -> Trace:
+        """`trace` as another measurement of the same pressure would have it."""
+        if self.drive_noise == 0:
+            return self.trace
+        return self.trace.replace(p_act=self.signals.pressure_again(experiment) - self.offset)
 
     def constant_error(self, stiffness: float) -> float:
         """Standard error in N of a constant in the balance of forces, by both offsets and a spring in N/m."""
@@ -91,43 +99,41 @@ def read_motions(model: AbstractModel, traces: Sequence[Trace]) -> list[MotionRe
     return [read_motion(mechanical_half(model), trace) for trace in usable]
 
 
-def _even(trace: Trace) -> Trace:
-    """The trace on evenly spaced times, which kernels need."""
-    steps = np.diff(trace.time)
-    step = float(np.median(steps))
-    if np.all(np.abs(steps - step) < 0.01 * step):
-        return trace
-    return trace.on_one_clock(trace.time[0] + step * np.arange(int((trace.time[-1] - trace.time[0]) / step) + 1))
-
-
 def read_motion(model: MechanicalActuator, trace: Trace) -> MotionRecord:
     """One trace that has a drive and a position."""
-    trace = _even(trace.on_one_clock())
+    signals, trace = clean_signals(trace), even(trace)
     assert trace.x_d is not None
-    noise = noise_level(trace.x_d, "x_d")
     time = trace.time[0] + (trace.time[-1] - trace.time[0]) / (len(trace.time) - 1) * np.arange(len(trace.time))
     if trace.f_drive is not None:
         # A force that a command states has no noise to remove, and often jumps.
         rest = np.zeros(len(time), dtype=bool)
-        return MotionRecord(trace, time, trace.f_drive, trace.x_d, noise, 0.0, limits.POSITION_ERROR, rest)
+        return MotionRecord(
+            trace, time, trace.f_drive, trace.x_d, signals.noise, 0.0, limits.POSITION_ERROR, rest, signals
+        )
     assert trace.p_act is not None
     rest = _resting(model, trace)
-    pressure_noise = noise_level(trace.p_act, "p_act")
-    pressure = remove_noise(trace.p_act, pressure_noise)
     area, count = float(model.diaphragm.area), int(np.sum(rest))
     if count == 0:
         offset, place, position_error, pressure_error = 0.0, 0.0, limits.POSITION_ERROR, 0.5 * SENSOR_PRESSURE_OFFSET
     else:
-        offset, pressure_error = float(np.mean(trace.p_act[rest])) - trace.atmosphere, pressure_noise / np.sqrt(count)
-        pressed = float(model.diaphragm.rest_position(np.asarray(0.0)))
-        place = float(np.mean(trace.x_d[rest])) - pressed
-        position_error = noise / np.sqrt(count)
+        offset = float(np.mean(trace.p_act[rest])) - trace.atmosphere
+        place = float(np.mean(trace.x_d[rest])) - float(model.diaphragm.rest_position(np.asarray(0.0)))
+        position_error, pressure_error = signals.noise / np.sqrt(count), signals.pressure_noise / np.sqrt(count)
     # The simulation counts pressure from the model's own ambient, as the trace does.
-    clean = trace.replace(p_act=pressure - offset)
     ambient = float(model.air.pressure) + float(trace.drive().ambient_shift[0])
-    force = (ambient - (trace.p_act - offset)) * area
     return MotionRecord(
-        clean, time, force, trace.x_d - place, noise, area * pressure_error, position_error, rest, pressure_noise
+        trace=trace.replace(p_act=signals.pressure - offset),
+        time=time,
+        force=(ambient - (trace.p_act - offset)) * area,
+        position=trace.x_d - place,
+        noise=signals.noise,
+        force_error=area * pressure_error,
+        position_error=position_error,
+        rest=rest,
+        signals=signals,
+        drive_noise=signals.pressure_noise,
+        place=place,
+        offset=offset,
     )
 
 

@@ -106,9 +106,9 @@ def drive_variances(whole: Linearised, held: Bool[np.ndarray, " entries"]) -> Fl
     bread, task = _bread(whole, held), whole.task
     values = np.asarray(task.selection.pack(task.model))
     here = np.asarray(whole.transform.to_coordinates(values))
-    variances, random = np.zeros(len(values)), np.random.default_rng(0)
-    for _ in range(EXPERIMENTS if noisy else 0):
-        traces = [motion.with_fresh_noise(random).trace for motion in whole.motions]
+    variances = np.zeros(len(values))
+    for experiment in range(EXPERIMENTS if noisy else 0):
+        traces = [motion.measured_again(experiment) for motion in whole.motions]
         problem = build_fit_problem(
             task.model,
             task.selection,

@@ -7,9 +7,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from .._types import Vector
 from ._table import Parameter, get_parameter, parameter_table, replace_parameters, unknown_name
@@ -81,8 +82,22 @@ class Selection(eqx.Module):
             if indices == (None,):
                 replaced[name] = vector[positions[0]]
             else:
-                replaced[name] = get_parameter(model, name).at[np.array(indices)].set(vector[np.array(positions)])
+                entries = np.array(indices), vector[np.array(positions)]
+                replaced[name] = _with_entries(get_parameter(model, name), *entries)
         return replace_parameters(model, replaced)
+
+
+def _with_entries(
+    whole: Float[Array | np.ndarray, " size"],
+    places: Int[np.ndarray, " entries"],
+    values: Float[Array | np.ndarray, " entries"],
+) -> Float[Array | np.ndarray, " size"]:
+    """A vector with other values at some places; of numbers on the host without a program for it."""
+    if isinstance(values, np.ndarray) and not isinstance(whole, jax.core.Tracer):
+        changed = np.array(whole)
+        changed[places] = values
+        return changed
+    return jnp.asarray(whole).at[places].set(values)
 
 
 def select(model: eqx.Module, free: Sequence[str] | None = None, fixed: Sequence[str] = ()) -> Selection:

@@ -23,7 +23,7 @@ def test_the_plots_and_their_library_are_inside(page):
     assert "plotly.js v" in page.text("script")
     # A trace each: signals, loop. The laws: magnet, areas, Phi, friction. Slices, correlations, autocorrelation,
     # convergence.
-    assert page.text("script").count("Plotly.newPlot(") == 2 * 2 + 4 + 4
+    assert page.text("script").count("drawFigure(") == 2 * 2 + 4 + 4
 
 
 def test_the_study_is_inside_word_by_word(page, fitted):

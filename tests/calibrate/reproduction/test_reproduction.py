@@ -363,7 +363,7 @@ def test_the_report_shows_every_row_and_loads_nothing(reproduced):
         assert entry["quantity"] in map(html.unescape, cells)
         assert entry["reason"] in map(html.unescape, cells)
     assert not re.search(r"<(link|iframe|img|object|embed|base)\b|<script[^>]+src=", page)
-    assert page.count("Plotly.newPlot(") >= 3
+    assert page.count("drawFigure(") >= 3
 
 
 def test_a_second_run_does_nothing(reproduced):

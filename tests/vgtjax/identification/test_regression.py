@@ -1,5 +1,8 @@
 """What identifications are made of: noise that is removed, kernels, bristles, and a regression with its errors."""
 
+import gc
+import weakref
+
 import numpy as np
 import pytest
 from axis import axis
@@ -12,8 +15,9 @@ from vgtjax.identification import (
     filter_motion,
     read_motion,
     regress_traces,
-    remove_noise,
 )
+from vgtjax.identification._clean_signals import clean_signals
+from vgtjax.traces import remove_noise
 
 
 def test_noise_goes_and_corners_stay():
@@ -23,6 +27,27 @@ def test_noise_goes_and_corners_stay():
     left = remove_noise(pressure + noise, 60.0) - pressure
     assert rms(left) < 15
     assert np.max(np.abs(left[450:550])) < 200  # at the corner, where a window of 20 ms is off by 330
+
+
+def test_signals_are_cleaned_once_for_all_tests_and_go_with_their_trace():
+    time = np.arange(0, 2, 1e-3)
+    pressure = 1e5 - 4e4 * np.where(time > 0.5, 1 - np.exp(-(time - 0.5) / 0.3), 0.0)
+    random = np.random.default_rng(6)
+    x_d, p_act = random.normal(0, 8e-6, len(time)), pressure + random.normal(0, 60, len(time))
+    trace = vgtjax.Trace(time, x_d=x_d, p_act=p_act)
+    signals = clean_signals(trace)
+    assert clean_signals(trace) is signals
+    first, second = signals.pressure_again(0), signals.pressure_again(1)
+    assert signals.pressure_again(0) is first
+    np.testing.assert_array_equal(clean_signals(vgtjax.Trace(time, x_d=x_d, p_act=p_act)).pressure_again(0), first)
+    for again in (first, second):  # 8 to 14 Pa of 60 are left of each of two noises
+        assert 4 < rms(again - signals.pressure) < 20
+        assert rms(again - pressure) < 25
+    assert rms(first - second) > 4
+    alive = weakref.ref(signals)
+    del trace, signals
+    gc.collect()
+    assert alive() is None
 
 
 def test_what_has_no_noise_is_left_alone():
