@@ -21,6 +21,7 @@ def plan(job: Job, unit: Unit) -> Task:
         bounds=unit.bounds,
         unknown=unit.unknown(job.study),
         deviations=unit.deviations,
+        scales=unit.scales,
         starts=chosen.starts,
         gains=job.study.report.gains,
         offsets=job.study.report.offsets,

@@ -1,7 +1,7 @@
 """What all tables of a study share, and the numbers that stand in them."""
 
 import datetime
-from typing import Annotated
+from typing import Annotated, Literal
 
 import pydantic
 
@@ -27,11 +27,7 @@ Gauge = Annotated[float, pydantic.Field(ge=0, le=1e6)]
 
 
 class StartValue(Table):
-    """Start value and bounds of a parameter in SI units; lists for vectors.
-
-    `deviation` in the same unit, or `relative` to the value, says how well it is known beforehand: of what is fitted a
-    Gaussian prior, of what is held a tolerance that goes into every error.
-    """
+    """Start value and bounds of a parameter or gain in SI units; lists for vectors."""
 
     value: float | list[float] | None = None
     """Start value; of what is held, its value."""
@@ -39,14 +35,26 @@ class StartValue(Table):
     """No fitted value is lower."""
     upper: float | list[float] | None = None
     """No fitted value is higher."""
+
+
+class ParameterValue(StartValue):
+    """What is known of a parameter before a fit.
+
+    `deviation` in its unit, or `relative` to the value, says how well it is known: of what is fitted a Gaussian prior,
+    of what is held a tolerance that goes into every error.
+    """
+
     deviation: Positive | None = None
     """Standard deviation of what is known beforehand, in the unit of the parameter: a prior where it is free, a
     tolerance that goes into every error where it is held."""
     relative: Positive | None = None
     """The same as a part of the value; one of the two."""
+    scale: Literal["log", "linear"] | None = None
+    """Whether a fit moves it by its logarithm or linearly, and a prior is of its logarithm or of itself; by default
+    positive ones by their logarithm."""
 
     @pydantic.model_validator(mode="after")
-    def _one_size(self) -> "StartValue":
+    def _one_size(self) -> "ParameterValue":
         if self.deviation is not None and self.relative is not None:
             raise ValueError("a parameter has a deviation or a relative one, but there are both; drop one")
         return self

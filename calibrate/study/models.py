@@ -9,10 +9,10 @@ import numpy as np
 
 import vgtjax
 from vgtjax import estimation
-from vgtjax.parameters import Bounds, check_bounds, entry_names, match_entries
+from vgtjax.parameters import Bounds, Scale, check_bounds, entry_names, match_entries
 from vgtjax.plants import on_given_knots, require_physical
 
-from .base import StartValue
+from .base import ParameterValue, StartValue
 from .components import FullComponents, MechanicalComponents, ReducedComponents
 from .places import StudyError
 from .tables import Study
@@ -46,7 +46,7 @@ def start_model(model: Any, study: Study, earlier: dict[str, Any]) -> tuple[Any,
     return start, bounds
 
 
-def parameters_of(study: Study) -> dict[str, StartValue]:
+def parameters_of(study: Study) -> dict[str, ParameterValue]:
     """What a study states of its model, without what only shapes a flow map."""
     if study.model != "static-map":
         return study.parameters
@@ -84,7 +84,7 @@ def start_values(model: eqx.Module, stated: Mapping[str, StartValue]) -> tuple[d
     return values, bounds
 
 
-def deviations_of(model: eqx.Module, stated: Mapping[str, StartValue]) -> dict[str, float]:
+def deviations_of(model: eqx.Module, stated: Mapping[str, ParameterValue]) -> dict[str, float]:
     """How well values are known beforehand, by entry in the units of the table."""
     found: dict[str, float] = {}
     for name, given in stated.items():
@@ -102,6 +102,16 @@ def deviations_of(model: eqx.Module, stated: Mapping[str, StartValue]) -> dict[s
                 )
             found[entry] = deviation
     return found
+
+
+def scales_of(model: eqx.Module, stated: Mapping[str, ParameterValue]) -> dict[str, Scale]:
+    """How a fit moves those entries of which the study says it."""
+    return {
+        entry: given.scale
+        for name, given in stated.items()
+        if given.scale is not None
+        for entry in _entries_of(model, name)
+    }
 
 
 def _entries_of(model: eqx.Module, name: str) -> list[str]:

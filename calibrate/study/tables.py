@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal
 
 import pydantic
 
-from .base import Count, Finite, Gauge, Positive, Seed, Share, StartValue, Table, Text
+from .base import Count, Finite, Gauge, ParameterValue, Positive, Seed, Share, Table, Text
 from .channels import Channels
 from .components import Components, FullComponents, MechanicalComponents, PlungerMapComponents, StaticMapComponents
 from .control import ControlTable
@@ -277,7 +277,7 @@ class Study(Table):
     """Where the signals are in the files of all traces."""
     trace: list[TraceEntry] = []
     fit: Fit = Fit()
-    parameters: dict[str, StartValue] = {}
+    parameters: dict[str, ParameterValue] = {}
     population: PopulationTable = PopulationTable()
     experiments: ExperimentsTable = ExperimentsTable()
     tolerance: ToleranceTable = ToleranceTable()

@@ -9,14 +9,14 @@ from typing import Any
 import vgtjax
 from vgtjax import InputError
 from vgtjax.estimation import Unknown
-from vgtjax.parameters import Bounds
+from vgtjax.parameters import Bounds, Scale
 from vgtjax.traces import STANDARD_ATMOSPHERE, TRAVEL
 
 from ..output.software import software
 from .channels import sources_of
 from .disturbances import Disturbance
 from .given import options_given
-from .models import build_model, deviations_of, parameters_of, start_model, start_values
+from .models import build_model, deviations_of, parameters_of, scales_of, start_model, start_values
 from .places import StudyError, of_study
 from .read import EXAMPLE, TraceSource, expand_traces, fingerprint, hash_file, load_study
 from .start_file import FoundDuty, load_duties, load_values
@@ -59,6 +59,8 @@ class Unit:
     bounds: Bounds
     deviations: Mapping[str, float]
     """How well start values are known beforehand, by entry."""
+    scales: Mapping[str, Scale]
+    """How those entries move in a fit of which the study says it."""
     traces: Sequence[tuple[str, vgtjax.Trace]]
     """`fit` or `validate`, and the trace."""
     duties: Mapping[str, FoundDuty]
@@ -122,9 +124,10 @@ def prepare(
         mine = [source for source in sources if source.unit == name]
         traces = [(source.use, load_source(source, start, bounds, needs)) for source in mine]
         stated = {key for key in ("duty_delay", "duty_hold") for each in mine if getattr(each, key) is not None}
-        deviations = deviations_of(start, parameters_of(study))
+        stated_values = parameters_of(study)
+        deviations, scales = deviations_of(start, stated_values), scales_of(start, stated_values)
         hashes = {source.name: hash_file(source.path) for source in mine}
-        units.append(Unit(name, start, bounds, deviations, traces, duties, hashes, frozenset(stated)))
+        units.append(Unit(name, start, bounds, deviations, scales, traces, duties, hashes, frozenset(stated)))
     for unit in units:
         if to_fit and not unit.used("fit"):
             where = "" if unit.name is None else f" of unit '{unit.name}'"

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from .._errors import SimulationError
 from ..estimation import CHANNELS, Evaluation, Steps, Task, ask, bundle_traces, run_alone
 from ..experiments import STANDARD_RUNS, StandardRun
-from ..parameters import build_transform, parameter_table, select
+from ..parameters import select
 from ..traces import ASSUMED_RESERVOIR, noise_level
 from ._granted import by_gains, tolerances
 from ._information import Information
@@ -116,8 +116,7 @@ def _recorded(
 
 def _slope(task: Task, known: Information) -> Float[np.ndarray, " entries"]:
     """Derivatives of values with respect to the coordinates of `known`."""
-    start = np.asarray(task.selection.pack(task.model))
-    transform = build_transform(parameter_table(task.model), task.selection.entries, start, {})
+    transform = task.transform({})
     return np.asarray(transform.slope(transform.to_coordinates(known.values)))
 
 

@@ -24,7 +24,6 @@ from ..estimation import (
     starting,
     white_sensors,
 )
-from ..parameters import build_transform, parameter_table
 from ..parts import with_sharp_seat
 from ..traces import Trace
 
@@ -194,9 +193,8 @@ class Recovery:
     @staticmethod
     def of(task: Task, refits: Sequence[Refit]) -> "Recovery":
         """All campaigns of a task; those that did not converge are named, and don't count."""
-        start = np.asarray(task.selection.pack(task.model))
-        transform = build_transform(parameter_table(task.model), task.selection.entries, start, {})
-        truth = np.asarray(transform.to_coordinates(start))
+        transform = task.transform({})
+        truth = np.asarray(transform.to_coordinates(np.asarray(task.selection.pack(task.model))))
         good = [each for each in refits if each.converged]
         return Recovery(
             task.selection.entries,

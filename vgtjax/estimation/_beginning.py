@@ -6,7 +6,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Float
 
-from ..parameters import Transform, build_transform, parameter_table, replace_parameters
+from ..parameters import Transform, replace_parameters
 from ._evidence import DELAY_SCALE, LONGEST_DELAY
 from ._measured import Sensors
 from ._point import Coordinates
@@ -28,8 +28,7 @@ def first_progress(task: Task, delay: float = 0.0) -> Progress:
 def transform_of(task: Task, progress: Progress) -> Transform:
     """The map between values and coordinates; what ran away is held, and a duty that is not late."""
     start = np.asarray(task.selection.pack(task.model))
-    transform = build_transform(parameter_table(task.model), task.selection.entries, start, task.bounds)
-    transform = transform.holding(progress.held, start)
+    transform = task.transform().holding(progress.held, start)
     if not task.late_duty:
         return transform
     longest = LONGEST_DELAY if progress.late else 0.0

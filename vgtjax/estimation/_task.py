@@ -3,7 +3,7 @@
 import dataclasses
 import functools
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, cast, get_args
 
 import numpy as np
 from jaxtyping import Float
@@ -11,7 +11,9 @@ from jaxtyping import Float
 from .._errors import InputError, require_positive
 from ..parameters import (
     Bounds,
+    Scale,
     Selection,
+    Transform,
     bounds_by_entry,
     build_transform,
     match_entries,
@@ -38,7 +40,8 @@ class Task:
 
     `bounds` are by entry, in the units of the table; `channels` the measured signals to fit; `unknown` is what the fit
     finds out besides. `deviations` by entry, in the units of the table, say how well a start value is known beforehand:
-    of a free entry that is a Gaussian prior, of one that is held a tolerance that goes into every error. `linear` has
+    of a free entry that is a Gaussian prior, of one that is held a tolerance that goes into every error. `scales` by
+    entry say how those move that do not move as the table has them. `linear` has
     the sample intervals in s of traces whose duty is linear between samples, though they don't say so, `edges` by how
     many samples every edge of the duty of each trace is late, where that is not as it is recorded, beside `edges_delay`
     s of the whole duty. `starts` is from how many places a search begins, `gains` by channel how well the gain of each
@@ -57,6 +60,7 @@ class Task:
     stepping: FixedStep = dataclasses.field(default_factory=FixedStep)
     unknown: Unknown = NOTHING
     deviations: dict[str, float] = dataclasses.field(default_factory=dict)
+    scales: dict[str, Scale] = dataclasses.field(default_factory=dict)
     linear: Sequence[float] = ()
     edges: Late = ()
     edges_delay: float = 0.0
@@ -103,12 +107,19 @@ class Task:
         """Deviations of entries that are held."""
         return {entry: each for entry, each in self.deviations.items() if entry not in self.selection.entries}
 
+    def transform(self, bounds: Bounds | None = None) -> Transform:
+        """The map between values of the free entries and their coordinates, which holds them within bounds: those of
+        the task unless others are given."""
+        start = np.asarray(self.selection.pack(self.model))
+        bounds = self.bounds if bounds is None else bounds
+        return build_transform(parameter_table(self.model), self.selection.entries, start, bounds, self.scales)
+
     @property
     def prior(self) -> Prior | None:
         """What is known of the free entries beforehand; `None` for nothing."""
         count = len(self.selection.entries)
         start = np.asarray(self.selection.pack(self.model))
-        transform = build_transform(parameter_table(self.model), self.selection.entries, start, {})
+        transform = self.transform({})
         stated = np.array([self.deviations.get(entry, np.inf) for entry in self.selection.entries]).reshape(count)
         if not np.any(np.isfinite(stated)):
             return None
@@ -139,6 +150,7 @@ def plan_task(
     channels: Sequence[str] | None = None,
     unknown: Unknown = NOTHING,
     deviations: Mapping[str, float] | None = None,
+    scales: Mapping[str, str] | None = None,
     starts: int = 1,
     gains: Mapping[str, float] | None = None,
     offsets: Mapping[str, float] | None = None,
@@ -153,15 +165,17 @@ def plan_task(
     - `channels`: measured signals to fit; by default those that are no input of the model.
     - `unknown`: what the fit finds out besides the parameters; nothing by default.
     - `deviations`: standard deviations of start values by name or entry, in the units of the table: of what is free a
-      Gaussian prior (of its logarithm, if it is positive), of what is held a tolerance that goes into every error.
+      Gaussian prior (of its logarithm where it moves by that), of what is held a tolerance that goes into every error.
+    - `scales`: by name or entry, `"log"` of what moves by its logarithm, `"linear"` of what moves in units of its size;
+      positive ones move by their logarithm by default, others linearly.
     - `starts`: from how many places a search begins: the start values, and others around them.
     - `gains`: relative standard uncertainty of the gain of each sensor, by channel: of one that `unknown` frees what is
       known beforehand, and else, of one that is fitted, a part of every error. Those of inputs that are not freed are
       not looked at.
     - `offsets`: the same of the offset of inputs, in their unit, where `unknown` frees them.
 
-    **Raises:** `InputError` for unknown names, a deviation or uncertainty that is not positive, a sensor that can't be
-    free, a search from no place, and when no trace is to be fitted.
+    **Raises:** `InputError` for unknown names, another scale, a deviation or uncertainty that is not positive, a sensor
+    that can't be free, a search from no place, and when no trace is to be fitted.
     """
     model = replace_parameters(model, values or {})
     channels = model.sensed if channels is None else channels
@@ -183,6 +197,7 @@ def plan_task(
         channels,
         unknown=unknown,
         deviations=known,
+        scales=_scales_by_entry(model, scales or {}),
         starts=starts,
         gains=gains,
         inputs=inputs,
@@ -222,4 +237,19 @@ def _by_entry(model: AbstractModel, deviations: Mapping[str, float]) -> dict[str
         entry: float(deviation)
         for name, deviation in deviations.items()
         for entry in sorted(match_entries(table, [name], "deviations"))
+    }
+
+
+def _scales_by_entry(model: AbstractModel, scales: Mapping[str, str]) -> dict[str, Scale]:
+    for name, scale in scales.items():
+        if scale not in get_args(Scale):
+            raise InputError(
+                f"the scale of {name} must be one of {', '.join(get_args(Scale))}, but it is {scale!r}; choose one",
+                "scales",
+            )
+    table = parameter_table(model)
+    return {
+        entry: cast(Scale, scale)
+        for name, scale in scales.items()
+        for entry in sorted(match_entries(table, [name], "scales"))
     }

@@ -6,7 +6,6 @@ import functools
 import numpy as np
 from jaxtyping import Float, Int
 
-from ..parameters import build_transform, parameter_table
 from ._calibration import Calibration, comparing
 from ._evaluation import Evaluated, Steps, ask
 from ._evidence import DELAY_SCALE, LONGEST_DELAY
@@ -44,8 +43,7 @@ class Linearised:
         """As a computation: one evaluation with derivatives."""
         task, progress = calibration.task, calibration.progress
         start = np.asarray(task.selection.pack(task.model))
-        transform = build_transform(parameter_table(task.model), task.selection.entries, start, task.bounds)
-        transform = transform.holding(progress.held, start)
+        transform = task.transform().holding(progress.held, start)
         if task.late_duty:
             transform = transform.extended(DELAY_SCALE, -LONGEST_DELAY, LONGEST_DELAY)
         problem = build_fit_problem(

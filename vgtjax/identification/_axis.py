@@ -7,7 +7,7 @@ import numpy as np
 
 from .._errors import SimulationError
 from ..estimation import Progress, Task, least_squares, start_calibration
-from ..parameters import build_transform, parameter_table, replace_parameters
+from ..parameters import replace_parameters
 from ..plants import AbstractModel, MechanicalActuator
 from ..traces import Trace
 from . import _limits as limits
@@ -65,8 +65,7 @@ def better_start(task: Task) -> Progress | None:
 
 def _progress(task: Task, values: dict[str, float]) -> Progress | None:
     """The start of a fit at the task's values and others, inside the bounds; `None` if it can't be simulated."""
-    start = np.asarray(task.selection.pack(task.model))
-    transform = build_transform(parameter_table(task.model), task.selection.entries, start, task.bounds)
+    transform = task.transform()
     moved = task.selection.pack(replace_parameters(task.model, values))
     coordinates = transform.clip(transform.to_coordinates(moved))
     try:

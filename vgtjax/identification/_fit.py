@@ -4,11 +4,9 @@ import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
 from .._errors import InputError
 from ..estimation import Calibration, Calibrator, Progress, Steps, Task, Unknown, plan_task, run_alone, starting
-from ..parameters import Bounds, build_transform, parameter_table
+from ..parameters import Bounds
 from ..parts import NoVaneForce
 from ..plants import AbstractModel, AbstractRodModel, require_physical
 from ..traces import Trace
@@ -29,6 +27,7 @@ def fit(
     channels: Sequence[str] | None = None,
     unknown: Unknown | None = None,
     deviations: Mapping[str, float] | None = None,
+    scales: Mapping[str, str] | None = None,
     starts: int = 1,
     gains: Mapping[str, float] | None = None,
     offsets: Mapping[str, float] | None = None,
@@ -47,7 +46,10 @@ def fit(
     - `channels`: measured signals to fit; by default those that are no input of the model.
     - `unknown`: what the fit finds out besides the parameters; by default what [`Unknown`][] decides by evidence.
     - `deviations`: standard deviations of start values by name or entry, in the units of the table: of what is free a
-      Gaussian prior (of its logarithm, if it is positive), of what is held a tolerance that goes into every error.
+      Gaussian prior (of its logarithm where it moves by that), of what is held a tolerance that goes into every error.
+    - `scales`: by name or entry, `"log"` of what moves by its logarithm, `"linear"` of what moves in units of its size;
+      positive ones move by their logarithm by default, others linearly. A positive one that moves linearly keeps
+      a thousandth of its start value at least.
     - `starts`: from how many places the search begins: the start values, and others around them by up to a factor of
       1.5, or by two standard deviations of what is known beforehand; the best end counts.
     - `gains`: relative standard uncertainty (k = 1) of the gain of each sensor, by channel: of one that `unknown` frees
@@ -70,6 +72,7 @@ def fit(
         channels=channels,
         unknown=Unknown() if unknown is None else unknown,
         deviations=deviations,
+        scales=scales,
         starts=starts,
         gains=gains,
         offsets=offsets,
@@ -88,8 +91,7 @@ def plan_fit(model: AbstractModel, traces: Sequence[Trace], validate: Sequence[T
     task = dataclasses.replace(task, second_guess=second_guess)
     if not task.selection.entries:
         raise InputError("a fit needs at least one free parameter, but free and fixed leave none; free one", "free")
-    start = np.asarray(task.selection.pack(task.model))
-    build_transform(parameter_table(task.model), task.selection.entries, start, task.bounds)
+    task.transform()  # mistakes of start values and bounds show here
     return task
 
 

@@ -25,4 +25,4 @@ from ._table import (
     replace_parameters as replace_parameters,
     unknown_name as unknown_name,
 )
-from ._transform import Transform as Transform, build_transform as build_transform
+from ._transform import Scale as Scale, Transform as Transform, build_transform as build_transform

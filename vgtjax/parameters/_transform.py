@@ -1,6 +1,7 @@
 """The map between physical parameters and the coordinates that an optimiser moves, and the box that holds them."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Literal
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -14,13 +15,17 @@ from ._selection import table_row
 from ._table import Parameter
 
 Flags = Bool[Array | np.ndarray, " parameters"]
+Scale = Literal["log", "linear"]
+"""How a parameter moves in a fit: by its logarithm, or in units of its size."""
+LEAST = 1e-3
+"""Part of its start value that a positive parameter which moves linearly keeps at least."""
 
 
 class Transform(eqx.Module):
     """Entrywise bijection between physical values and coordinates; all arrays have shape `(parameters,)`.
 
-    `positive` entries move by their logarithm, the others in units of `scale`; `lower` and `upper` are bounds of the
-    coordinates, infinite where there is none.
+    `positive` entries move by their logarithm and stay so, the others move in units of `scale`; `lower` and `upper` are
+    bounds of the coordinates, infinite where there is none.
     """
 
     positive: Bool[np.ndarray, " parameters"] = eqx.field(converter=np.asarray)
@@ -69,13 +74,24 @@ class Transform(eqx.Module):
         return (coordinates <= self.lower) | (coordinates >= self.upper)
 
 
-def build_transform(table: dict[str, Parameter], entries: Sequence[str], start: Vector, bounds: Bounds) -> Transform:
+def build_transform(
+    table: dict[str, Parameter],
+    entries: Sequence[str],
+    start: Vector,
+    bounds: Bounds,
+    scales: Mapping[str, Scale] | None = None,
+) -> Transform:
     """The transform of the given entries: the table's domain and the user's bounds.
 
-    **Raises:** `InputError` when a start value is outside its domain or its bounds.
+    **Arguments:** `scales`: how entries move that do not move as the table has them, positive ones by their logarithm
+    and others linearly. One that is positive and moves linearly keeps a thousandth of its start value at least.
+
+    **Raises:** `InputError` when a start value is outside its domain or its bounds, or not positive and to move by its
+    logarithm.
     """
     rows = [table_row(table, entry) for entry in entries]
-    positive = np.array([row.positive for row in rows], dtype=bool)
+    usually = {entry: "log" if row.positive else "linear" for entry, row in zip(entries, rows, strict=True)}
+    positive = np.array([{**usually, **(scales or {})}[entry] == "log" for entry in entries], dtype=bool)
     usual = np.abs(np.array([row.usual or row.default for row in rows], float))
     size = np.where(start != 0, np.abs(start), np.where(usual > 0, usual, 1.0))
     low, high = np.full(len(rows), -np.inf), np.full(len(rows), np.inf)
@@ -83,7 +99,9 @@ def build_transform(table: dict[str, Parameter], entries: Sequence[str], start: 
         lower, upper = bounds.get(entry, (None, None))
         low[position] = max(row.lower, -np.inf if lower is None else lower)
         high[position] = np.inf if upper is None else upper
-        _check_start(entry, start[position], row, low[position], high[position])
+        _check_start(entry, start[position], row, low[position], high[position], by_logarithm=bool(positive[position]))
+        if row.positive and not positive[position]:
+            low[position] = max(low[position], LEAST * start[position])
     with np.errstate(divide="ignore"):  # a lower bound of zero is no bound of a logarithm
         ends = [
             np.where(positive, np.log(np.where(positive, np.maximum(end, 0.0), 1.0)), end / size) for end in (low, high)
@@ -91,12 +109,18 @@ def build_transform(table: dict[str, Parameter], entries: Sequence[str], start: 
     return Transform(positive, size, *ends)
 
 
-def _check_start(entry: str, value: Scalar, row: Parameter, lower: float, upper: float) -> None:
+def _check_start(entry: str, value: Scalar, row: Parameter, lower: float, upper: float, *, by_logarithm: bool) -> None:
     if row.positive and value <= 0:
         raise InputError(
             f"the start value of '{entry}' must be positive to be fitted, but it is {value:g}; change it, or hold it "
             "with fixed",
             "values",
+        )
+    if by_logarithm and value <= 0:
+        raise InputError(
+            f"the start value of '{entry}' must be positive to be fitted by its logarithm, but it is {value:g}; change "
+            "it, or its scale to linear",
+            "scales",
         )
     if not np.isfinite(value):
         raise InputError(

@@ -4,6 +4,9 @@ import numpy as np
 import pytest
 from commands import read, run_command
 
+from calibrate.fit.plan import plan
+from calibrate.study.units import prepare
+
 
 def fitted_with(study, line):
     text = study.read_text()
@@ -23,6 +26,15 @@ def test_the_tolerance_of_a_held_parameter_widens_every_error(small, parameters)
     assert np.max(wider) > 3  # the stiffness, which the area multiplies
 
 
+def test_a_scale_of_the_study_is_that_of_the_fit(small):
+    small.write_text(small.read_text() + '"friction.viscous_damping" = {scale = "linear"}\n')
+    task = plan(job := prepare(small, None), job.units[0])
+    logarithms = dict(zip(task.selection.entries, task.transform().positive, strict=True))
+    assert [entry for entry, each in logarithms.items() if each] == [
+        "diaphragm.stiffness"
+    ]  # and the force may be negative
+
+
 def test_a_prior_is_part_of_the_misfit_around_the_end(small, parameters):
     """So that slices don't begin below the end, and profiles can be computed."""
     before = parameters["diaphragm.preload"]
@@ -40,6 +52,8 @@ def test_a_prior_is_part_of_the_misfit_around_the_end(small, parameters):
     [
         ('"diaphragm.mass" = {deviation = 0.1, relative = 0.1}', "there are both; drop one"),
         ('"diaphragm.mass" = {deviation = -0.1}', "greater than 0"),
+        ('"diaphragm.mass" = {scale = "cubic"}', "scale must be one of log, linear, but it is 'cubic'"),
+        ('"diaphragm.preload" = {value = -5.0, scale = "log"}', "change it, or its scale to linear"),
     ],
 )
 def test_nonsense_is_refused_in_one_sentence(small, line, sentence):

@@ -41,6 +41,32 @@ def test_a_prior_adds_its_information():
     assert error_of(both, "diaphragm.stiffness") == pytest.approx(size / np.sqrt(1.25), rel=0.03)
 
 
+def test_a_prior_is_of_what_moves():
+    """Of the logarithm, or of the value itself; one deviation from the start is the same in both."""
+    entry, deviation = "chamber.volume", 2e-5
+    start = float(vgtjax.Actuator().chamber.volume)
+    half = {"log": np.log(2) * start, "linear": 0.5 * start}
+    for scale, distance in half.items():
+        task = plan_task(
+            vgtjax.Actuator(), [bench(0)], free=[entry], deviations={entry: deviation}, scales={entry: scale}
+        )
+        coordinates = np.asarray(task.transform().to_coordinates(np.array([0.5 * start])))
+        assert float(task.prior.residuals(coordinates)[0]) == pytest.approx(-distance / deviation, rel=1e-12)
+
+
+def test_a_fit_ends_the_same_however_its_values_move(plain):
+    linear = calibrate(plan_task(vgtjax.Actuator(), [bench(0)], free=FREE, scales={"diaphragm.*": "linear"}))
+    assert not linear.transform.positive[linear.task.selection.entries.index("diaphragm.stiffness")]
+    # Each fit ends within a tenth of a standard error of its minimum, and errors are those of the same derivatives.
+    assert np.max(np.abs(linear.values - plain.values) / plain.std_errors) < 0.2
+    np.testing.assert_allclose(linear.std_errors, plain.std_errors, rtol=0.05)
+
+
+def test_another_scale_is_refused():
+    with pytest.raises(vgtjax.InputError, match="must be one of log, linear, but it is 'cubic'; choose one"):
+        plan_task(vgtjax.Actuator(), [bench(0)], scales={"diaphragm.mass": "cubic"})
+
+
 def test_a_tight_prior_holds_and_a_wide_one_says_nothing(plain):
     tight = fit(FREE, {"chamber.volume": 5.7e-5}, chamber__volume=1e-12)
     assert value_of(tight, "chamber.volume") == pytest.approx(5.7e-5, rel=1e-6)

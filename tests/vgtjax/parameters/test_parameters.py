@@ -235,6 +235,25 @@ def test_a_start_value_must_lie_inside_its_bounds(table, start, bounds):
         build_transform(table, ["diaphragm.stiffness"], np.array([start]), {"diaphragm.stiffness": bounds})
 
 
+def test_scales_may_be_others_than_those_of_the_table(table):
+    """A positive entry that moves linearly keeps a thousandth of its start value, or its own bound above that."""
+    entries, start = ["diaphragm.stiffness", "diaphragm.mass", "diaphragm.preload"], np.array([11e3, 0.6, 7.0])
+    scales = {"diaphragm.stiffness": "linear", "diaphragm.mass": "linear", "diaphragm.preload": "log"}
+    built = build_transform(table, entries, start, {"diaphragm.mass": (0.1, 2.0)}, scales)
+    assert built.positive.tolist() == [False, False, True]
+    np.testing.assert_allclose(built.to_coordinates(start), [1.0, 1.0, np.log(7.0)], rtol=1e-14)
+    np.testing.assert_allclose(built.to_physical(built.to_coordinates(start)), start, rtol=1e-14)
+    lowest, highest = (built.to_physical(built.clip(np.full(3, end))) for end in (-50.0, 50.0))
+    np.testing.assert_allclose(lowest[:2], [11.0, 0.1], rtol=1e-14)
+    assert lowest[2] > 0
+    assert highest[1] == pytest.approx(2.0, rel=1e-14)
+
+
+def test_what_is_not_positive_has_no_logarithm(table):
+    with pytest.raises(vgtjax.InputError, match=r"by its logarithm, but it is -7; change it, or its scale to linear"):
+        build_transform(table, ["diaphragm.preload"], np.array([-7.0]), {}, {"diaphragm.preload": "log"})
+
+
 def test_a_positive_parameter_has_no_logarithm_at_zero(table):
     with pytest.raises(vgtjax.InputError, match="must be positive to be fitted, but it is 0; change it, or hold"):
         build_transform(table, ["diaphragm.stiffness"], np.array([0.0]), {})
