@@ -1,5 +1,6 @@
 """The README says what is true: its code runs, its commands are CI's, its files exist, and it fits on a page."""
 
+import pathlib
 import re
 
 import pytest
@@ -91,10 +92,22 @@ def test_the_example_is_small():
     assert sum(file.stat().st_size for file in EXAMPLE.rglob("*.csv")) < 4e6
 
 
+CALLED_MEASURED = re.compile(
+    r"real (bench|traces|residuals)|bench unit|measured (units|loops|actuator)|noise of the\W+bench"
+)
+
+
 @pytest.mark.parametrize("path", ["README.md", "CONTRIBUTING.md", *PAGES, *NOTEBOOKS])
 def test_what_ships_is_not_called_measured(path):
-    text = (ROOT / path).read_text(encoding="utf-8")
-    assert not re.search(r"real bench|bench unit|measured (units|loops|actuator)|noise of the\W+bench", text)
+    assert not CALLED_MEASURED.search((ROOT / path).read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("folder", ["vgtjax", "calibrate", "tests"])
+def test_nor_do_docstrings_templates_and_studies(folder):
+    own = pathlib.Path(__file__).resolve()
+    files = [file for kind in ("py", "jinja", "toml") for file in (ROOT / folder).rglob(f"*.{kind}") if file != own]
+    assert files
+    assert [file for file in files if CALLED_MEASURED.search(file.read_text(encoding="utf-8"))] == []
 
 
 def test_readme_says_that_all_traces_are_simulated():

@@ -25,7 +25,7 @@ class SlowLoop(AbstractExperiment):
     """Duty from zero up to `duty` percent and back within `seconds`, at each turbine pressure in Pa gauge.
 
     The widths, the effects and the pressures at which the vanes begin and end to move are those of section 4.2; the
-    same quantities are read off measured loops by [`measure_loops`][]. Pressures are gauge.
+    same quantities are read off recorded loops by [`measure_loops`][]. Pressures are gauge.
     """
 
     turbine_pressures: tuple[float, ...] = eqx.field(static=True, default=(0.0, 1.5e5, 3.0e5))

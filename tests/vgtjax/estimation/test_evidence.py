@@ -169,11 +169,12 @@ def test_an_interrupted_fit_goes_on_among_its_corrections(plain):
     np.testing.assert_array_equal(resumed.progress.coordinates, plain.progress.coordinates)
 
 
-def test_exhaust_gas_that_no_vane_force_answers_is_named():
+@pytest.mark.parametrize("model", [vgtjax.Actuator(), vgtjax.MechanicalActuator()], ids=["full", "mechanical"])
+def test_exhaust_gas_that_no_vane_force_answers_is_named(model):
     trace = recorded(5)
     gassed = trace.replace(p_trb=np.full(len(trace.time), 1.5e5), name="hot")
     for traces, count in (([trace], 0), ([trace, gassed], 1)):
-        notes = start_fit(plan_fit(vgtjax.Actuator(), traces, free=FREE)).notes
+        notes = start_fit(plan_fit(model, traces, free=["diaphragm.stiffness"])).notes
         assert len(notes) == count
     assert notes[0].startswith("the turbine pressure of hot reaches 1.5e+05 Pa gauge, but the model has no vane force")
 
