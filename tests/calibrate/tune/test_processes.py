@@ -8,6 +8,7 @@ import socket
 import subprocess
 import sys
 import time
+from typing import Any
 
 import numpy as np
 import pytest
@@ -72,21 +73,6 @@ def start_both(folder: pathlib.Path, out: str) -> list[subprocess.Popen]:
     return [start(folder, out, "--coordinator", where, "--processes", "2", "--process", index) for index in "01"]
 
 
-def test_two_processes_find_the_gains_of_one(folder, alone):
-    first, second = map(finish, start_both(folder, "two"))
-    # The first one talks and writes.
-    assert "report:" in first
-    assert "report:" not in second  # nor the table of steps; the network says something of its own
-    assert "seconds" not in second
-    mine = read(folder / "two" / "summary.json")
-    assert mine["iterations"] == alone["iterations"] > 0
-    # The same programs for other numbers of lanes: rounding, which a PI that is calm hardly amplifies.
-    np.testing.assert_allclose(mine["history"], alone["history"], rtol=1e-6)
-    gains = [read(folder / out / "gains.json")["parameters"] for out in ("two", "one")]
-    for name, row in gains[1].items():
-        assert gains[0][name]["value"] == pytest.approx(row["value"], rel=1e-6)
-
-
 def kill_one(folder: pathlib.Path, victim: int, after: int) -> tuple[int, str]:
     """Kills one of two processes once so many steps are saved; the status of the other one, and its errors."""
     both, deadline = start_both(folder, "killed"), time.monotonic() + 240
@@ -105,20 +91,45 @@ def kill_one(folder: pathlib.Path, victim: int, after: int) -> tuple[int, str]:
     return both[1 - victim].returncode, errors
 
 
-def test_a_process_that_dies_is_noticed_in_seconds_and_the_run_goes_on_once_it_is_started_again(folder, alone):
-    """Killed without a word: first the second process, then the one that leads."""
-    status, errors = kill_one(folder, victim=1, after=1)
+@pytest.fixture(scope="module")
+def survived(folder) -> dict[str, Any]:
+    """A run of two processes, of which the second one is killed, then the one that leads, and which ends at last."""
+    second = kill_one(folder, victim=1, after=1)
+    first = kill_one(folder, victim=0, after=3)
+    talk = tuple(map(finish, start_both(folder, "killed")))
+    return {"second killed": second, "first killed": first, "talk": talk, "out": folder / "killed"}
+
+
+def test_a_process_that_dies_is_noticed_in_seconds(survived):
+    """Killed without a word."""
+    status, errors = survived["second killed"]
     assert status == 1
     assert errors == "failed: another process of this run has died; start all of them again, and they go on\n"
     # JAX may end a process that has lost its first one before it can say anything itself.
-    status, _ = kill_one(folder, victim=0, after=3)
+    status, _ = survived["first killed"]
     assert status != 0
-    first, _ = map(finish, start_both(folder, "killed"))
-    resumed = re.search(r"resuming after step (\d+)", first)
+
+
+def test_a_run_goes_on_once_all_are_started_again(survived):
+    resumed = re.search(r"resuming after step (\d+)", survived["talk"][0])
     assert resumed
     assert int(resumed[1]) >= 3
-    mine = read(folder / "killed" / "summary.json")
-    np.testing.assert_allclose(mine["history"], alone["history"], rtol=1e-6)  # as above
+
+
+def test_two_processes_find_the_gains_of_one(survived, folder, alone):
+    """Through every step, as two processes made all of them."""
+    first, second = survived["talk"]
+    # The first one talks and writes.
+    assert "report:" in first
+    assert "report:" not in second  # nor the table of steps; the network says something of its own
+    assert "seconds" not in second
+    mine = read(survived["out"] / "summary.json")
+    assert mine["iterations"] == alone["iterations"] > 0
+    # The same programs for other numbers of lanes: rounding, which a PI that is calm hardly amplifies.
+    np.testing.assert_allclose(mine["history"], alone["history"], rtol=1e-6)
+    gains = [read(out / "gains.json")["parameters"] for out in (survived["out"], folder / "one")]
+    for name, row in gains[1].items():
+        assert gains[0][name]["value"] == pytest.approx(row["value"], rel=1e-6)
 
 
 OWN_TROUBLE = """
