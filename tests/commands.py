@@ -11,6 +11,20 @@ from unittest import mock
 
 import calibrate.command_line as command_line
 
+NOTHING_ELSE = """
+[fit.unknown]
+duty_delay = false
+duty_hold = false
+noise = "white"
+numerics = false
+"""
+"""For a fit that looks for no more than its parameters, as what it finds out of sensors and duty takes most of it."""
+
+
+UNSEEN = ["diaphragm.stiffness", "diaphragm.damping", "friction.viscous_damping", "converter.atmosphere_orifice"]
+"""Free parameters of which the small study's traces tell the first: only the sum of the dampings acts, and the orifice
+stays shut. The same ones wherever some are to be undetermined, as each selection is a set of programs."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Outcome:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 from bad_traces import text
-from commands import Outcome, cut_example, run_command
+from commands import NOTHING_ELSE, Outcome, cut_example, run_command
 
 STUDY = '[[trace]]\nfile = "bench.csv"\n'
 
@@ -74,3 +74,10 @@ def small(fitted, tmp_path) -> pathlib.Path:
     for path in (fitted.study, *fitted.study.parent.glob("*.csv")):
         (tmp_path / path.name).write_bytes(path.read_bytes())
     return tmp_path / "study.toml"
+
+
+@pytest.fixture
+def plain(small) -> pathlib.Path:
+    """The small study which looks for no more than its parameters, for what the rest has no say in."""
+    small.write_text(small.read_text().replace("\n[parameters]", f"{NOTHING_ELSE}\n[parameters]"))
+    return small

@@ -46,11 +46,11 @@ def test_bad_input_ends_with_status_2_and_one_line(folder):
     assert not (folder / "out").exists()
 
 
-def test_a_fit_needs_nothing_but_its_files(small, tmp_path):
-    outcome = run("fit", small.name, "--out", "out", cwd=small.parent)
+def test_a_fit_needs_nothing_but_its_files(plain, tmp_path):
+    outcome = run("fit", plain.name, "--out", "out", cwd=plain.parent)
     assert (outcome.returncode, outcome.stderr) == (0, "")
-    assert read(small.parent / "out" / "summary.json")["converged"] is True
-    assert outcome.stdout.endswith(f"report: {(small.parent / 'out' / 'report.html').resolve()}\n")
+    assert read(plain.parent / "out" / "summary.json")["converged"] is True
+    assert outcome.stdout.endswith(f"report: {(plain.parent / 'out' / 'report.html').resolve()}\n")
 
 
 def test_an_interruption_while_loading_ends_with_status_130(folder):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from commands import entries_of, read, run_command
+from commands import NOTHING_ELSE, UNSEEN, entries_of, read, run_command
 
 import vgtjax
 from vgtjax.assurance import _certificate
@@ -47,30 +47,18 @@ def test_a_fit_may_start_from_another(fitted, small, parameters, summary):
 
 
 @pytest.mark.parametrize("upper", [16000.0, None])
-def test_a_bound_holds_and_is_reported(small, upper):
+def test_a_bound_holds_and_is_reported(plain, upper):
     bounds = "lower = 13000" if upper is None else f"lower = 13000, upper = {upper}"
-    small.write_text(
-        small.read_text().replace("value = 11500, lower = 8000, upper = 16000", f"value = 13500, {bounds}")
+    plain.write_text(
+        plain.read_text().replace("value = 11500, lower = 8000, upper = 16000", f"value = 13500, {bounds}")
     )
-    outcome, found, _ = refit(small)
+    outcome, found, _ = refit(plain)
     assert outcome.status == 0
     stiffness = found["diaphragm.stiffness"]
     assert stiffness["value"] == pytest.approx(13000, rel=1e-12)
     assert stiffness["at_bound"] is True
     assert (stiffness["lower"], stiffness["upper"]) == (13000.0, upper)
     assert not found["diaphragm.preload"]["at_bound"]
-
-
-def test_what_starts_at_zero_may_be_free(small):
-    small.write_text(small.read_text().replace("free = [", 'free = ["diaphragm.damping", '))
-    outcome, found, _ = refit(small)
-    assert outcome.status == 0
-    assert found["diaphragm.damping"]["initial"] == 0.0
-    assert found["diaphragm.damping"]["value"] >= 0.0
-    # Only their sum acts; a damping that its bound holds at zero leaves the other determined, or neither is.
-    assert found["diaphragm.damping"]["free"]
-    assert not found["diaphragm.damping"]["identifiable"]
-    assert found["diaphragm.damping"]["at_bound"] or not found["friction.viscous_damping"]["identifiable"]
 
 
 @pytest.mark.parametrize(("missing", "left"), [("x_d", "p_act"), ("p_act", "x_d")])
@@ -87,15 +75,15 @@ def test_one_measured_signal_is_enough(small, missing, left):
 
 # -- what the data can't tell ------------------------------------------------------------------------------------------
 
-BLIND = """
+BLIND = f"""
 [[trace]]
 file = "step_80.csv"
 
 [fit]
-free = ["diaphragm.stiffness", "diaphragm.damping", "friction.viscous_damping", "converter.atmosphere_orifice"]
+free = {UNSEEN}
 
 [parameters]
-"diaphragm.damping" = {value = 10.0}
+"diaphragm.damping" = {{value = 10.0}}
 """
 
 
@@ -126,6 +114,18 @@ def test_what_the_data_do_not_see_stays_where_it_was(blind):
     assert orifice["value"] == pytest.approx(orifice["initial"], rel=1e-9)
 
 
+def test_what_starts_at_zero_may_be_free(small):
+    small.write_text(BLIND.partition("[parameters]")[0])
+    outcome, found, _ = refit(small)
+    assert outcome.status == 0
+    assert found["diaphragm.damping"]["initial"] == 0.0
+    assert found["diaphragm.damping"]["value"] >= 0.0
+    # Only their sum acts; a damping that its bound holds at zero leaves the other determined, or neither is.
+    assert found["diaphragm.damping"]["free"]
+    assert not found["diaphragm.damping"]["identifiable"]
+    assert found["diaphragm.damping"]["at_bound"] or not found["friction.viscous_damping"]["identifiable"]
+
+
 # -- the mechanical model ----------------------------------------------------------------------------------------------
 
 
@@ -153,13 +153,13 @@ def test_the_mechanical_model_fits_position_alone(small):
 # -- failures ----------------------------------------------------------------------------------------------------------
 
 
-def test_a_fit_that_does_not_converge_says_so_and_keeps_what_it_has(small, monkeypatch):
+def test_a_fit_that_does_not_converge_says_so_and_keeps_what_it_has(plain, monkeypatch):
     monkeypatch.setattr("vgtjax.estimation._progress.MAX_ITERATIONS", 1)
-    outcome, _, said = refit(small)
+    outcome, _, said = refit(plain)
     assert (outcome.status, outcome.err) == (1, "failed: the fit: not converged after 1 iterations\n")
     assert (said["converged"], said["iterations"]) == (False, 1)
-    assert "NOT converged" in (small.parent / "out" / "report.html").read_text()
-    again = run_command("fit", small, "--out", small.parent / "out")
+    assert "NOT converged" in (plain.parent / "out" / "report.html").read_text()
+    again = run_command("fit", plain, "--out", plain.parent / "out")
     assert (again.status, again.err) == (outcome.status, outcome.err)
     assert again.out.startswith("nothing to do")
 
@@ -167,7 +167,7 @@ def test_a_fit_that_does_not_converge_says_so_and_keeps_what_it_has(small, monke
 def test_a_fit_that_ran_away_is_brought_back(small, monkeypatch):
     """Nothing moves a rod in oil of 1e88 N s/m: there every step gains nothing, which looks like the end of a fit. From
     its start the damping is found, as the traces tell of it."""
-    small.write_text(MECHANICAL.replace('"diaphragm.preload"', '"friction.viscous_damping"'))
+    small.write_text(MECHANICAL.replace('"diaphragm.preload"', '"friction.viscous_damping"') + NOTHING_ELSE)
     stiffness = float(np.log(vgtjax.Actuator().diaphragm.stiffness))
     end = Progress(coordinates=(stiffness, 88 * float(np.log(10))), converged=True, history=(7.0,))
     monkeypatch.setattr("vgtjax.identification._fit.better_start", lambda task: end)
@@ -195,11 +195,11 @@ def test_a_start_that_cannot_be_simulated(small):
     assert not (small.parent / "out" / "parameters.json").exists()
 
 
-def test_a_validation_that_cannot_be_simulated(small):
+def test_a_validation_that_cannot_be_simulated(plain):
     # At the end of this step the diaphragm leaves next to nothing of so small a chamber.
-    study = small.read_text().replace('"step_80.csv"', '"swap"').replace('"step_50.csv"', '"step_80.csv"')
-    small.write_text(study.replace('"swap"', '"step_50.csv"') + '"chamber.volume" = {value = 2.9625e-5}\n')
-    outcome, _, said = refit(small)
+    study = plain.read_text().replace('"step_80.csv"', '"swap"').replace('"step_50.csv"', '"step_80.csv"')
+    plain.write_text(study.replace('"swap"', '"step_50.csv"') + '"chamber.volume" = {value = 2.9625e-5}\n')
+    outcome, _, said = refit(plain)
     sentence = "the simulation of step_80 with the fitted values failed: The simulation left the finite numbers: check"
     assert outcome.status == 1
     assert outcome.err.startswith(f"failed: the fit: {sentence}")
@@ -215,7 +215,7 @@ def test_a_validation_that_cannot_be_simulated(small):
         (np.nan, "exploded_columns", "no number"),
     ],
 )
-def test_a_fit_with_wrong_derivatives_fails_its_certificate(small, monkeypatch, factor, kind, said_of_it):
+def test_a_fit_with_wrong_derivatives_fails_its_certificate(plain, monkeypatch, factor, kind, said_of_it):
     """The last derivatives are spoilt after the search; the run ends with status 1 and says which."""
     usual = _certificate.certifying
 
@@ -225,12 +225,12 @@ def test_a_fit_with_wrong_derivatives_fails_its_certificate(small, monkeypatch, 
         return usual(calibrator)
 
     monkeypatch.setattr(_certificate, "certifying", spoil)
-    outcome, parameters, said = refit(small)
+    outcome, parameters, said = refit(plain)
     sentence = f"the gradient certificate failed: the derivative with respect to diaphragm.preload is {said_of_it}"
     assert (outcome.status, outcome.err) == (1, f"failed: the fit: {sentence}\n")
     assert not said["certificate"]["passed"]
     assert list(said["certificate"][kind]) == ["diaphragm.preload"]
     assert not any(np.any(each["identifiable"]) for each in parameters.values())
     assert f"verdict: NOT to be used: {sentence}" in outcome.out
-    page = (small.parent / "out" / "report.html").read_text()
+    page = (plain.parent / "out" / "report.html").read_text()
     assert f"{sentence.capitalize()}. No value or error below may be used." in page
