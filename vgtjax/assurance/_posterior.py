@@ -88,8 +88,8 @@ class _Target(eqx.Module):
     problem: FitProblem
     at: Float[np.ndarray, " coordinates"]
     moves: Float[np.ndarray, "coordinates directions"]
-    scale: float
-    chi2: float
+    scale: Scalar
+    chi2: Scalar
 
     def coordinates(self, place: Vector) -> Float[Array, " coordinates"]:
         """Those of the fit."""
@@ -121,7 +121,8 @@ class Sampler:
     def __init__(self, end: End, seed: int = 0):
         self.end, self._seed = end, seed
         self._blackjax = require_blackjax()
-        self._target = _Target(end.problem, end.at, end.directions.moves, end.found.scale, end.point.chi2)
+        scale, chi2 = jnp.asarray(end.found.scale), jnp.asarray(end.point.chi2)
+        self._target = _Target(end.problem, end.at, end.directions.moves, scale, chi2)
 
     def first(self) -> Drawn:
         """Nothing drawn yet."""
@@ -156,7 +157,7 @@ class Sampler:
         key = jax.random.fold_in(jax.random.fold_in(jax.random.key(self._seed), chain), drawn.count)
         place = jnp.asarray(drawn.places[chain, -1]) if drawn.count else self._apart(chain)
         size = jnp.asarray(self._size(drawn.acceptance[chain, :WARM_UP]))
-        state, path = self._onward(self._target, key, place, size)
+        state, path = _onward()(self._target, key, place, size)
         return np.asarray(state.position), float(path.acceptance_rate), bool(path.is_divergent)
 
     def _apart(self, chain: int) -> Array:
@@ -174,17 +175,18 @@ class Sampler:
             state = update(state, share)
         return float(final(state) if len(acceptance) == WARM_UP else np.exp(state.log_step_size))
 
-    @functools.cached_property
-    def _onward(self) -> Callable[[_Target, Array, Array, Array], tuple[Any, Any]]:
-        """The state after a path, and what it was like; compiled."""
-        nuts = self._blackjax.mcmc.nuts
-        kernel = nuts.build_kernel()
 
-        def onward(target: _Target, key: Array, place: Array, size: Array) -> tuple[Any, Any]:
-            state, metric = nuts.init(place, target.log_density), jnp.ones_like(place)
-            return kernel(key, state, target.log_density, size, metric, max_num_doublings=MOST_DOUBLINGS)
+@functools.cache
+def _onward() -> Callable[[_Target, Array, Array, Array], tuple[Any, Any]]:
+    """The state after a path, and what it was like; compiled once for all samplers of the same problem."""
+    nuts = require_blackjax().mcmc.nuts
+    kernel = nuts.build_kernel()
 
-        return eqx.filter_jit(onward)
+    def onward(target: _Target, key: Array, place: Array, size: Array) -> tuple[Any, Any]:
+        state, metric = nuts.init(place, target.log_density), jnp.ones_like(place)
+        return kernel(key, state, target.log_density, size, metric, max_num_doublings=MOST_DOUBLINGS)
+
+    return eqx.filter_jit(onward)
 
 
 def require_blackjax() -> types.ModuleType:
