@@ -5,7 +5,7 @@ import pathlib
 
 import numpy as np
 import pytest
-from commands import read, run_command
+from commands import NOTHING_ELSE, read, run_command
 
 import vgtjax
 from vgtjax.estimation import plan_task, start_calibration
@@ -108,12 +108,14 @@ def fit(
     fixed: str = "",
     seconds: float = 25.0,
     command: str = "fit",
+    more: str = "",
 ):
-    """Runs a study of the first seconds of the records; the outcome, `parameters.json` and `summary.json`."""
+    """Runs a study of the first seconds of the records, with `more` in it; the outcome, `parameters.json` and
+    `summary.json`."""
     for source in sorted(records.glob("*.csv")):
         lines = source.read_text().splitlines()[: round(seconds * 1000) + 1]
         (folder / source.name).write_text("\n".join(lines) + "\n")
-    (folder / "study.toml").write_text(STUDY.format(friction=friction, fixed=fixed))
+    (folder / "study.toml").write_text(STUDY.format(friction=friction, fixed=fixed) + more)
     out = folder / "out"
     outcome = run_command(command, folder / "study.toml", "--out", out)
     return outcome, read(out / "parameters.json")["parameters"], read(out / "summary.json")
@@ -152,7 +154,7 @@ def test_identify_has_a_test_for_it(tmp_path, records):
     ("friction", "fixed"), [("dahl", ""), ("lugre", 'fixed = ["friction.static_force", "friction.stribeck_velocity"]')]
 )
 def test_with_bristles_as_well(tmp_path, records, friction, fixed):
-    outcome, found, summary = fit(tmp_path, records, friction, fixed, seconds=8.0)
+    outcome, found, summary = fit(tmp_path, records, friction, fixed, seconds=8.0, more=NOTHING_ELSE)
     assert outcome.status == 0, outcome.err
     assert summary["converged"] is True
     assert_recovered(found, 0.03)
@@ -231,7 +233,7 @@ def test_a_record_that_begins_in_motion_is_pointed_out(tmp_path, records):
         position = np.array([float(line.split(",")[2]) for line in lines[1:6000]])
         fastest = 100 + int(np.argmax(np.abs(position[200:] - position[:-200])))
         (tmp_path / source.name).write_text("\n".join([lines[0], *lines[fastest : fastest + 4001]]) + "\n")
-    (tmp_path / "study.toml").write_text(STUDY.format(friction="coulomb", fixed=""))
+    (tmp_path / "study.toml").write_text(STUDY.format(friction="coulomb", fixed="") + NOTHING_ELSE)
     outcome = run_command("fit", tmp_path / "study.toml", "--out", tmp_path / "out")
     said = " ".join(outcome.out.split())
     assert "note: record_1: it begins at 0." in said

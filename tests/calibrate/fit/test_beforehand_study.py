@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from commands import read, run_command
+from commands import NOTHING_ELSE, read, run_command
 
 from calibrate.fit.plan import plan
 from calibrate.study.units import prepare
@@ -64,7 +64,7 @@ def test_nonsense_is_refused_in_one_sentence(small, line, sentence):
     assert not out.exists()
 
 
-SENSOR = '\n[fit.unknown]\ngain = ["x_d"]\n[[report.sensor]]\nchannel = "x_d"\nrelative_uncertainty = 0.01\n'
+SENSOR = f'{NOTHING_ELSE}gain = ["x_d"]\n[[report.sensor]]\nchannel = "x_d"\nrelative_uncertainty = 0.01\n'
 
 
 def test_a_gain_that_is_free_is_no_parameter_of_the_actuator(small, parameters):
