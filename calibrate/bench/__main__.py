@@ -39,6 +39,7 @@ _CASES = (
     "kills",
     "assurance",
     "recovery",
+    "structures",
     "accelerator",
     "memory",
     "files",
@@ -66,13 +67,14 @@ _LONG = (
     "kills",
     "assurance",
     "recovery",
+    "structures",
     "memory",
     "unknown-plants",
     "wider-plants",
     "adaptive-gains",
 )
 """Only when asked for: minutes, another question than speed, or a device that most machines lack."""
-_KEPT = ("opponents", "tuning", "coverage", "wider-plants", "adaptive-gains")
+_KEPT = ("opponents", "tuning", "coverage", "structures", "wider-plants", "adaptive-gains")
 _KEEP = f"What is finished of {', '.join(_KEPT)}; the same command goes on from there, unless the code has changed."
 _PACKAGES = ("jax", "diffrax", "numba", "scipy", "casadi", "cma")
 

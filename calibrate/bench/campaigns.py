@@ -11,7 +11,8 @@ from jaxtyping import Float
 import vgtjax
 from vgtjax.experiments import StandardRun
 
-from . import numba_plant
+from . import numba_plant, structured_plant
+from .structured_plant import Gas, Structure
 
 SPREAD = {
     "converter.membrane_stiffness": 0.08,
@@ -39,8 +40,14 @@ NOISE = {"x_d": 8e-6, "p_act": 60.0}
 """m and Pa."""
 RATE = 1e-3
 """s between samples."""
+LOOP_RATE, LIVELY_RATE = 1e-2, 2e-3
+"""s between samples of an end-of-line bench, of its slow loops and of its random levels."""
 STEP = 1e-5
 """s."""
+GAS_SPREAD = 0.12
+"""Of the logarithm of the vane force's two sides from unit to unit; normal."""
+SIDES = {"side_speed": (1e-4, 1e-3), "reversal_distance": (3e-5, 1.2e-4)}
+"""m/s and m, between which the vane force's change of sides is drawn, evenly in the logarithm."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -103,12 +110,9 @@ def record(unit: vgtjax.Actuator, rng: np.random.Generator, fault: Fault) -> lis
 
 def record_fleet(unit: vgtjax.Actuator, rng: np.random.Generator, fleet: Fleet) -> list[vgtjax.Trace]:
     """A slow loop at 100 Hz and, for a lively fleet, random levels at 500 Hz; the duty changes with the samples."""
-    loop = np.concatenate([np.zeros(50), np.linspace(0, 100, 1450), np.linspace(100, 0, 1450), np.zeros(50)])
-    traces = [_record(unit, "loop", loop, rng, FAULTS[0], 1e-2)]
+    traces = [_record(unit, "loop", _slow_loop(), rng, FAULTS[0], LOOP_RATE)]
     if fleet.lively:
-        holds = rng.integers(25, 150, 100)
-        levels = np.repeat([0.0, *np.round(rng.uniform(15, 95, 100), 1)], [50, *holds])[:2500]
-        traces.append(_record(unit, "lively", levels, rng, FAULTS[0], 2e-3))
+        traces.append(_record(unit, "lively", _lively_levels(rng), rng, FAULTS[0], LIVELY_RATE))
     return traces
 
 
@@ -118,6 +122,35 @@ def record_end_of_line(unit: vgtjax.Actuator, rng: np.random.Generator) -> list[
     first, lively = record_fleet(unit, rng, FLEETS[1])
     loops = [loop.replace(name=f"loop_{number}") for number, loop in enumerate((first, *more), 1)]
     return [*loops, lively]
+
+
+def draw_gas(rng: np.random.Generator) -> Gas:
+    """The force of the exhaust gas on the vanes of a unit."""
+    closing, opening = np.exp(GAS_SPREAD * rng.standard_normal(2))
+    sides = {name: float(np.exp(rng.uniform(*np.log(bounds)))) for name, bounds in SIDES.items()}
+    return Gas(Gas.closing * closing, Gas.opening * opening, **sides)
+
+
+def record_structure(
+    unit: vgtjax.Actuator,
+    structure: Structure,
+    pressures: tuple[float, ...],
+    every: int,
+    rng: np.random.Generator,
+) -> list[vgtjax.Trace]:
+    """A slow loop at 100 Hz at each of several turbine pressures in Pa gauge, and 5 s of random levels without gas at 1
+    kHz, of which the record keeps `every` so many samples; a linear duty is one between the samples of the record."""
+    gas = draw_gas(rng)
+    runs = [(f"loop_{pressure / 100:04.0f}mbar", _slow_loop(), pressure, LOOP_RATE) for pressure in pressures]
+    runs.append(("lively", np.repeat(_lively_levels(rng), 2)[::every], 0.0, every * RATE))
+    traces = []
+    for name, duty, pressure, rate in runs:
+        time = np.arange(len(duty)) * rate
+        supply = _supply(time, rng)
+        found = structured_plant.simulate(unit, structure, gas, (time, duty, supply), pressure, STEP)
+        seen = _seen(duty, supply, found, rng, FAULTS[0])
+        traces.append(vgtjax.Trace(time, **seen, p_trb=np.full(len(time), pressure), name=name))
+    return traces
 
 
 def record_run(unit: vgtjax.Actuator, rng: np.random.Generator, run: StandardRun) -> vgtjax.Trace:
@@ -131,14 +164,26 @@ def write_csv(trace: vgtjax.Trace, path: pathlib.Path) -> None:
     """A trace as a bench would hand it over, with its columns' units in their heads."""
     of = {name: channel.value for name, channel in trace.channels.items()}
     gauge = {name: 0.01 * (of[name] - trace.atmosphere) for name in ("p_act", "p_res")}
-    np.savetxt(
-        path,
-        np.column_stack([trace.time, of["pwm"], gauge["p_act"], 1e3 * of["x_d"], gauge["p_res"]]),
-        delimiter=",",
-        comments="",
-        fmt="%.6f",
-        header="time [s],pwm [%],p_act [mbar gauge],x_d [mm],p_res [mbar gauge]",
-    )
+    columns = {
+        "time [s]": trace.time,
+        "pwm [%]": of["pwm"],
+        "p_act [mbar gauge]": gauge["p_act"],
+        "x_d [mm]": 1e3 * of["x_d"],
+        "p_res [mbar gauge]": gauge["p_res"],
+    }
+    if "p_trb" in of:
+        columns["p_trb [mbar gauge]"] = 0.01 * of["p_trb"]
+    values = np.column_stack(list(columns.values()))
+    np.savetxt(path, values, delimiter=",", comments="", fmt="%.6f", header=",".join(columns))
+
+
+def _slow_loop() -> Float[np.ndarray, " time"]:
+    return np.concatenate([np.zeros(50), np.linspace(0, 100, 1450), np.linspace(100, 0, 1450), np.zeros(50)])
+
+
+def _lively_levels(rng: np.random.Generator) -> Float[np.ndarray, " time"]:
+    holds = rng.integers(25, 150, 100)
+    return np.repeat([0.0, *np.round(rng.uniform(15, 95, 100), 1)], [50, *holds])[:2500]
 
 
 def _duties(rng: np.random.Generator) -> list[tuple[str, Float[np.ndarray, " time"]]]:
@@ -159,19 +204,36 @@ def _record(
 ) -> vgtjax.Trace:
     time, late = np.arange(len(duty)) * rate, round(fault.delay / rate)
     applied = np.concatenate([np.full(late, duty[0]), duty[: len(duty) - late]])
-    phases = rng.uniform(0, 2 * np.pi, 2)
-    supply = 2e4 + 150 * np.sin(2 * np.pi * 12.3 * time + phases[0]) + 300 * np.sin(0.1 * np.pi * time + phases[1])
+    supply = _supply(time, rng)
     x_d, p_act = np.empty((2, len(duty)))
     row = numba_plant.constants(numba_plant.pack(unit))
     numba_plant.run(row, time, applied, supply, STEP, x_d, p_act)
+    shown = _seen(duty, supply, (x_d, p_act), rng, fault)
+    return vgtjax.Trace(time[:: fault.every], **{name: each[:: fault.every] for name, each in shown.items()}, name=name)
+
+
+def _supply(time: Float[np.ndarray, " time"], rng: np.random.Generator) -> Float[np.ndarray, " time"]:
+    """Pressure of the reservoir in Pa, which a pump shakes."""
+    phases = rng.uniform(0, 2 * np.pi, 2)
+    return 2e4 + 150 * np.sin(2 * np.pi * 12.3 * time + phases[0]) + 300 * np.sin(0.1 * np.pi * time + phases[1])
+
+
+def _seen(
+    duty: Float[np.ndarray, " time"],
+    supply: Float[np.ndarray, " time"],
+    found: tuple[Float[np.ndarray, " time"], Float[np.ndarray, " time"]],
+    rng: np.random.Generator,
+    fault: Fault,
+) -> dict[str, Float[np.ndarray, " time"]]:
+    """What sensors show of a duty, a supply, and the position and pressure that were found."""
+    x_d, p_act = found
     noise = _position_noise(rng, len(duty), fault)
-    shown = {
+    return {
         "pwm": duty,
         "p_res": supply + rng.normal(0, NOISE["p_act"], len(duty)),
         "x_d": x_d + rng.normal(0, NOISE["x_d"]) + noise,
         "p_act": p_act + rng.normal(0, NOISE["p_act"]) + rng.normal(0, NOISE["p_act"], len(duty)),
     }
-    return vgtjax.Trace(time[:: fault.every], **{name: each[:: fault.every] for name, each in shown.items()}, name=name)
 
 
 def _position_noise(rng: np.random.Generator, count: int, fault: Fault) -> Float[np.ndarray, " time"]:

@@ -116,7 +116,7 @@ def at_rest(c, pwm, reservoir):
 
 
 @compiled
-def _moved(y, h, k):
+def moved(y, h, k):
     return (
         y[0] + h * k[0],
         y[1] + h * k[1],
@@ -132,11 +132,11 @@ def _moved(y, h, k):
 def _step(y, h, magnetic, before, between, after, c):
     """One step of RK4, given the reservoir pressure at its start, middle and end."""
     k1 = rates(y, magnetic, before, c)
-    k2 = rates(_moved(y, 0.5 * h, k1), magnetic, between, c)
-    k3 = rates(_moved(y, 0.5 * h, k2), magnetic, between, c)
-    k4 = rates(_moved(y, h, k3), magnetic, after, c)
-    ends = _moved(_moved(y, h / 6, k1), h / 6, k4)
-    return _moved(_moved(ends, h / 3, k2), h / 3, k3)
+    k2 = rates(moved(y, 0.5 * h, k1), magnetic, between, c)
+    k3 = rates(moved(y, 0.5 * h, k2), magnetic, between, c)
+    k4 = rates(moved(y, h, k3), magnetic, after, c)
+    ends = moved(moved(y, h / 6, k1), h / 6, k4)
+    return moved(moved(ends, h / 3, k2), h / 3, k3)
 
 
 @compiled
