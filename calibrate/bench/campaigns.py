@@ -3,6 +3,7 @@ smoothed, steps of 10 us. For measuring how honest the intervals of a fit are.""
 
 import dataclasses
 import pathlib
+from typing import Any
 
 import numpy as np
 import scipy.signal
@@ -224,8 +225,8 @@ def _seen(
     found: tuple[Float[np.ndarray, " time"], Float[np.ndarray, " time"]],
     rng: np.random.Generator,
     fault: Fault,
-) -> dict[str, Float[np.ndarray, " time"]]:
-    """What sensors show of a duty, a supply, and the position and pressure that were found."""
+) -> dict[str, Any]:
+    """What sensors show of a duty, a supply, and the position and pressure that were found, a value per sample each."""
     x_d, p_act = found
     noise = _position_noise(rng, len(duty), fault)
     return {

@@ -117,6 +117,7 @@ def at_rest(c, pwm, reservoir):
 
 @compiled
 def moved(y, h, k):
+    """States a time `h` on, at rates `k`."""
     return (
         y[0] + h * k[0],
         y[1] + h * k[1],

@@ -1,9 +1,9 @@
-"""The plant of the benchmarks with what `compare` has to find: a duty that is linear between samples, a squared Stribeck
-curve, and a force of the exhaust gas that changes sides with the rod's speed or along its way.
+"""The plant of the benchmarks with what `compare` has to find: a duty that is linear between samples, a squared
+Stribeck curve, and a force of the exhaust gas that changes sides with the rod's speed or along its way.
 
 A plant of its own, so that the loop that is timed decides nothing: the equations are those of `numba_plant`, in which a
-vane force acts as the preload does, and a Stribeck curve of exponent two is one whose velocity depends on the speed. The
-force is a smooth function of the crank angle, not the table that this package has.
+vane force acts as the preload does, and a squared Stribeck curve is one whose velocity depends on the speed. The force
+is a smooth function of the crank angle, not the table that this package has.
 """
 
 import dataclasses
@@ -33,7 +33,8 @@ BAR = 1e5
 @dataclasses.dataclass(frozen=True)
 class Structure:
     """What the plant is made of, in the words of `compare`: the duty's hold, the exponent of the Stribeck curve [3.7,
-    5.62], and how the vane force changes sides [3.16, 3.17]: over a distance (`map`), with the speed, or there is none."""
+    5.62], and how the vane force changes sides [3.16, 3.17]: over a distance (`map`), with the speed, or there is
+    none."""
 
     duty_hold: Hold = "zero-order"
     stribeck_exponent: Literal[1, 2] = 1
@@ -61,8 +62,8 @@ def simulate(
 ) -> tuple[Float[np.ndarray, " time"], Float[np.ndarray, " time"]]:
     """Position in m and chamber pressure in Pa at the samples, from rest.
 
-    **Arguments:** `unit` with LuGre friction, whose own exponent and vane force don't count; `inputs`: time in s, duty in
-    % and reservoir pressure in Pa; `turbine_pressure` in Pa gauge; `max_step` in s.
+    **Arguments:** `unit` with LuGre friction, whose own exponent and vane force don't count; `inputs`: time in s, duty
+    in % and reservoir pressure in Pa; `turbine_pressure` in Pa gauge; `max_step` in s.
     """
     time, pwm, reservoir = inputs
     x_d, p_act = np.empty((2, len(time)))
@@ -104,7 +105,7 @@ def loaded(c, force, velocity, gas):
     inv_v_s = c[31]
     if gas[0] > 0:
         inv_v_s *= abs(velocity) * inv_v_s
-    return c[:20] + (c[20] + force,) + c[21:31] + (inv_v_s,) + c[32:]
+    return (*c[:20], c[20] + force, *c[21:31], inv_v_s, *c[32:])
 
 
 @compiled
@@ -115,18 +116,18 @@ def rates(y, magnetic, reservoir, c, gas):
     if gas[1] == 0:
         direction = math.tanh(velocity * gas[4])
     force = gas_force(y[2], direction, c, gas)
-    return numba_plant.rates(y[:7], magnetic, reservoir, loaded(c, force, velocity, gas)) + (turning,)
+    return (*numba_plant.rates(y[:7], magnetic, reservoir, loaded(c, force, velocity, gas)), turning)
 
 
 @compiled
 def at_rest(c, pwm, reservoir, gas):
     """Vented, in static balance with the vanes open, between the directions."""
-    return numba_plant.at_rest(loaded(c, gas_force(0.0, 0.0, c, gas), 0.0, gas), pwm, reservoir) + (0.0,)
+    return (*numba_plant.at_rest(loaded(c, gas_force(0.0, 0.0, c, gas), 0.0, gas), pwm, reservoir), 0.0)
 
 
 @compiled
 def _moved(y, h, k):
-    return numba_plant.moved(y[:7], h, k[:7]) + (y[7] + h * k[7],)
+    return (*numba_plant.moved(y[:7], h, k[:7]), y[7] + h * k[7])
 
 
 @compiled
