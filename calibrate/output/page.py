@@ -51,9 +51,8 @@ def _figure(figure: go.Figure) -> markupsafe.Markup:
     content = figure.to_plotly_json()
     layout = {key: value for key, value in content["layout"].items() if key != "template"}
     drawn = to_json_plotly({"data": content["data"], "layout": layout})  # without a "<", which could end the script
-    return markupsafe.Markup(
-        f'<div class="plotly-graph-div" style="height: {layout["height"]}px"></div><script>drawFigure({drawn})</script>'
-    )
+    place = f'<div class="plotly-graph-div" style="height: {layout.get("height", 450)}px"></div>'
+    return markupsafe.Markup(f"{place}<script>drawFigure({drawn})</script>")
 
 
 def _number(value: float | None, digits: int = 5) -> str:
