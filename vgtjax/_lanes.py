@@ -59,10 +59,13 @@ def map_rows(
     return jax.tree.map(lambda *leaves: np.concatenate(leaves), *chunks)
 
 
-def share_out(rows: PyTree) -> PyTree[Array]:
-    """Arrays that every process has whole, with their first axis spread over the devices of all processes."""
+def share_out(rows: PyTree) -> PyTree[Array | np.ndarray]:
+    """Arrays that every process has whole, with their first axis spread over the devices of all processes.
+
+    A single device takes them as they are when a compiled function is called: to put each there first takes longer.
+    """
     if jax.device_count() == 1:
-        return rows  # a compiled function takes them as they are; one by one they would take longer than many a row
+        return rows
     sharding = _sharding("lane")
     if jax.process_count() == 1:
         return jax.device_put(rows, sharding)

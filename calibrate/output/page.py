@@ -15,6 +15,8 @@ from .software import software
 
 TEMPLATE = "plotly_white"
 """Of all figures; a page has it once."""
+HEIGHT = 450
+"""px of a figure that states none, as plotly has it."""
 
 
 @functools.cache
@@ -51,7 +53,7 @@ def _figure(figure: go.Figure) -> markupsafe.Markup:
     content = figure.to_plotly_json()
     layout = {key: value for key, value in content["layout"].items() if key != "template"}
     drawn = to_json_plotly({"data": content["data"], "layout": layout})  # without a "<", which could end the script
-    place = f'<div class="plotly-graph-div" style="height: {layout.get("height", 450)}px"></div>'
+    place = f'<div class="plotly-graph-div" style="height: {layout.get("height", HEIGHT)}px"></div>'
     return markupsafe.Markup(f"{place}<script>drawFigure({drawn})</script>")
 
 
