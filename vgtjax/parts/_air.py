@@ -62,12 +62,14 @@ def flow_between(
     source_temperature: Values,
     pressure: Values,
     temperature: Values,
+    conductance: Values | None = None,
 ) -> tuple[Values, Values]:
     """Mass flow from one volume through an orifice into another [2.13-2.14, A.29], either way.
 
     Upstream is whichever pressure is larger. Gas carries the temperature of the volume that it leaves.
 
-    **Arguments:** `area` in m2; pressure in Pa absolute and temperature in K of the source, then of the other volume.
+    **Arguments:** `area` in m2; pressure in Pa absolute and temperature in K of the source, then of the other volume;
+    `conductance` in kg/(s Pa), the most that flows for each Pa between them, without a limit if absent.
 
     **Returns:** mass flow out of the source in kg/s, and the temperature of the gas that flows in K.
     """
@@ -80,16 +82,26 @@ def flow_between(
     # sqrt(gamma / (R T)) and Phi under a single root: roots and divisions are what this costs.
     scale = gas.heat_capacity_ratio / gas.gas_constant
     speed = jnp.sqrt(scale * _choked_or_smooth(gas, ratio) / gas_temperature)
-    return jnp.where(entering, area, -area) * upstream * speed * _chord(gas, ratio), gas_temperature
+    passed = area * speed
+    if conductance is not None:
+        # Where the chord falls to zero it takes the limit with it, so that neither is zero at equal pressures alone.
+        passed = jnp.minimum(passed, conductance * jnp.maximum(1 - ratio, 1 - gas.linear_above))
+    return jnp.where(entering, passed, -passed) * upstream * _chord(gas, ratio), gas_temperature
 
 
 def orifice_flow(
-    air: Air, area: Values, source_pressure: Values, pressure: Values, temperature: Values
+    air: Air,
+    area: Values,
+    source_pressure: Values,
+    pressure: Values,
+    temperature: Values,
+    conductance: Values | None = None,
 ) -> tuple[Values, Values]:
     """Mass flow from a source of ambient air through an orifice into a volume, either way; see [`flow_between`][].
 
-    **Arguments:** `area` in m2, both pressures in Pa absolute, `temperature` of the volume in K.
+    **Arguments:** `area` in m2, both pressures in Pa absolute, `temperature` of the volume in K; `conductance` in
+    kg/(s Pa), the most that flows for each Pa between them, without a limit if absent.
 
     **Returns:** mass flow into the volume in kg/s, and the temperature of the gas that flows in K.
     """
-    return flow_between(air, area, source_pressure, air.temperature, pressure, temperature)
+    return flow_between(air, area, source_pressure, air.temperature, pressure, temperature, conductance)

@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
+from .._errors import require_positive
 from .._types import Scalar, StateLeaf, Values
 from ..parameters import Part, parameter
 from ._air import Air, orifice_flow
@@ -71,6 +72,9 @@ class Converter(Part):
     opening_width: float = eqx.field(static=True, default=1e-6)
     """Lift in m over which the printed jump `c0` of the atmosphere orifice opens, above zero, with the printed
     membrane; a numerical setting, see `opening_lift`."""
+    widest_opening: float = eqx.field(static=True, default=0.0256)
+    """Largest flow in kg/s into a volume, for each Pa between the pressures and each m3 of it; a numerical setting:
+    air fills a chamber at 3000 1/s then, which no orifice of the printed plunger comes near."""
 
     @property
     def opening_lift(self) -> Values:
@@ -80,6 +84,9 @@ class Converter(Part):
         fit would read their stiffness off that force, which the actuator itself does not have.
         """
         return self.opening_width * (PRINTED_MEMBRANE / self.membrane_stiffness)
+
+    def __check_init__(self) -> None:
+        require_positive("widest_opening", self.widest_opening, "flow in kg/(s Pa m3)", "use e.g. 0.0256")
 
     def start(self, pwm: Values, ambient: Values, reservoir: Values, pressure: Values) -> ConverterState:
         """State at rest at a chamber pressure in Pa absolute, after a duty in percent has been held for long."""
@@ -156,16 +163,24 @@ class Converter(Part):
         return jnp.where(position < 0, to_reservoir, to_atmosphere)
 
     def flow(
-        self, air: Air, position: Values, ambient: Values, reservoir: Values, pressure: Values, temperature: Values
+        self,
+        air: Air,
+        position: Values,
+        ambient: Values,
+        reservoir: Values,
+        pressure: Values,
+        temperature: Values,
+        volume: Values | None = None,
     ) -> Flow:
         """Flow into a volume at `pressure` (Pa absolute) and `temperature` (K) behind the converter.
 
         Only one orifice is open, so only one flow is evaluated, between the volume and the atmosphere
-        (position above zero) or the reservoir.
+        (position above zero) or the reservoir. A `volume` in m3 fills no faster than `widest_opening` has it.
         """
         source = jnp.where(position < 0, reservoir, ambient)
         area = self.orifice_area(position)
-        return Flow(*orifice_flow(air, area, source, pressure, temperature))
+        conductance = None if volume is None else self.widest_opening * volume
+        return Flow(*orifice_flow(air, area, source, pressure, temperature, conductance))
 
 
 def without_chatter(model: Any) -> Any:

@@ -9,6 +9,13 @@ from .._types import Scalar, StateLeaf, Values
 from ..parameters import Part, parameter
 from ..traces import Start
 
+LOOK_AHEAD = 5e-4
+"""s, the default step, in which a fast rod goes far into a stop."""
+CUSHION_DAMPING = LOOK_AHEAD * 1.4e5 / 6e-7
+"""N s/m5, of air at ambient pressure whose stiffness `gamma p / V` at its least volume pushes for a step."""
+USUAL_SPEED = 0.05
+"""m/s, at which the printed rod in a step comes no deeper into a stop than it rests there."""
+
 
 class Body(eqx.Module):
     """State of the diaphragm and its rod: position in m (pulled in, vanes closing, is positive), velocity in m/s."""
@@ -53,15 +60,19 @@ class Diaphragm(Part):
             + self.stop_force(body)
         )
 
-    def damping_rate(self, body: Body, friction_damping: Values) -> Values:
+    def damping_rate(self, body: Body, friction_damping: Values, thinness: Values | float = 0.0) -> Values:
         """Rate in 1/s at which damping, friction in N s/m and the contact with a stop slow the rod.
 
         Hunt and Crossley's damper of a rod that rests against a stop is twice as strong as friction, and lighter rods
-        than the printed one diverge without it.
+        than the printed one diverge without it. Where a fast rod may be `LOOK_AHEAD` later counts as well: it is deep
+        in its stop before a step has seen it there. So does gas that the diaphragm has nearly squeezed out, by the
+        `thinness` of its chamber.
         """
-        into_stop = jnp.maximum(jnp.maximum(-body.position, body.position - self.travel), 0.0)
-        stop_damping = self._contact_stiffness() * into_stop * self.stop_damping
-        return (self.damping + friction_damping + stop_damping) / self.mass
+        into_stop = jnp.maximum(-body.position, body.position - self.travel)
+        lead = LOOK_AHEAD * jnp.maximum(jnp.abs(body.velocity) - USUAL_SPEED, 0.0)
+        stop_damping = self._contact_stiffness() * jnp.maximum(into_stop + lead, 0.0) * self.stop_damping
+        thin = self.area * thinness
+        return (self.damping + friction_damping + stop_damping + CUSHION_DAMPING * thin * thin) / self.mass
 
     def drive_force(self, ambient: Values, pressure: Values) -> Values:
         """Force in N along +x of pressures in Pa absolute, `(p_atm - p_act) A_d` [2.34]."""

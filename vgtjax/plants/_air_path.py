@@ -110,7 +110,7 @@ class AirPath(AbstractConverterPath):
     ) -> AirPathState:
         """Time derivative of the state [2.58]."""
         ambient, reservoir = ambient_pressure(air, drive), reservoir_pressure(time, drive)
-        upstream, entering = self._port(air, state, ambient, reservoir)
+        upstream, entering = self._port(air, state, ambient, reservoir, self.chamber.gas_volume(displaced))
         inflow, line_rate = self.line(air, state.line, entering, state.gas)
         return AirPathState(
             self.converter.rates(state.converter, drive.pwm, ambient, reservoir, upstream.pressure),
@@ -127,7 +127,10 @@ class AirPath(AbstractConverterPath):
         )
 
     def signals(self, air: Air, state: AirPathState, drive: Drive) -> dict[str, Array]:
-        """States and flows; `m_dot_in` comes from the atmosphere, `m_dot_out` goes to the reservoir."""
+        """States and flows; `m_dot_in` comes from the atmosphere, `m_dot_out` goes to the reservoir.
+
+        Where an orifice is wide enough for the converter's `widest_opening` to matter, it is what would flow without.
+        """
         _, entering = self._port(air, state, ambient_pressure(air, drive), reservoir_pressure(0.0, drive))
         inflow, _ = self.line(air, state.line, entering, state.gas)
         flow, evacuating = entering.mass_flow, state.converter.plunger.position < 0
@@ -150,12 +153,14 @@ class AirPath(AbstractConverterPath):
         """What the line resolves; everything else is resolved by the default."""
         return self.line.longest_step
 
-    def _port(self, air: Air, state: AirPathState, ambient: Values, reservoir: Values) -> tuple[Gas, Flow]:
-        """What the converter sees, and the flow that leaves it."""
+    def _port(
+        self, air: Air, state: AirPathState, ambient: Values, reservoir: Values, volume: Values | None = None
+    ) -> tuple[Gas, Flow]:
+        """What the converter sees, and the flow that leaves it, into a chamber of a volume in m3."""
 
         def flow(into: Gas) -> Flow:
             lift = state.converter.plunger.position
-            return self.converter.flow(air, lift, ambient, reservoir, into.pressure, into.temperature)
+            return self.converter.flow(air, lift, ambient, reservoir, into.pressure, into.temperature, volume)
 
         return self.line.port(air, state.line, state.gas, flow)
 

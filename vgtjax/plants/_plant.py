@@ -66,7 +66,7 @@ class AbstractPlant(AbstractRodModel):
         displaced = self.rod.diaphragm.displaced_volume(state.rod.body.position)
         return PlantState(
             self.air_path.relaxation(self.air, state.air_path, displaced),
-            self.rod.relaxation(state.rod, drive.turbine(time)),
+            self.rod.relaxation(state.rod, drive.turbine(time), self.chamber.thinness(displaced)),
         )
 
     @property

@@ -41,14 +41,17 @@ class Rod(eqx.Module):
         friction_force, friction_rate = self.friction(self._contact(body, vanes), state.friction, applied)
         return RodState(Body(body.velocity, (applied - friction_force) / self.diaphragm.mass), friction_rate, vane_rate)
 
-    def relaxation(self, state: RodState, turbine_pressure: Values) -> RodState:
-        """Relaxation rates in 1/s of the rod's velocity, of friction and of the vanes."""
+    def relaxation(self, state: RodState, turbine_pressure: Values, thinness: Values | float = 0.0) -> RodState:
+        """Relaxation rates in 1/s of the rod's velocity, of friction and of the vanes.
+
+        `thinness` is that of the gas behind the diaphragm, [`AbstractChamber.thinness`][vgtjax.parts.AbstractChamber].
+        """
         body = state.body
         vanes = self._vanes(body, turbine_pressure)
         contact = self._contact(body, vanes)
         damping = self.friction.damping(contact) + self.vane_force.damping(vanes, body.velocity)
         return RodState(
-            Body(None, self.diaphragm.damping_rate(body, damping)),
+            Body(None, self.diaphragm.damping_rate(body, damping, thinness)),
             self.friction.relaxation(contact, state.friction),
             self.vane_force.relaxation(vanes, body.velocity, state.vanes),
         )

@@ -11,7 +11,7 @@ from jaxtyping import Bool
 
 from .._errors import SimulationError, is_traced
 from ..parts import lost_points
-from ..plants import State
+from ..plants import AbstractModel, State, least_volume
 
 
 class RESULTS(eqx.Enumeration):
@@ -22,7 +22,7 @@ class RESULTS(eqx.Enumeration):
     max_steps_reached = "The solver took max_steps steps before the end: raise max_steps, or loosen rtol and atol."
     root_not_found = "The implicit solver did not find the root of a step: lower max_step, or loosen its root finder."
     unphysical = "The diaphragm swallows the chamber: enlarge chamber.volume, or correct diaphragm.area or travel."
-    """Of members of a population, which are not refused one by one."""
+    """Whether or not the rod gets that far."""
     not_periodic = "No cycle repeats itself: check that engine and operating point are physical, then raise substeps."
     """Of an engine, whose exhaust pulsates."""
     no_steady_flow = "There is no steady flow through the nozzle: check its geometry and its gas, or vary them less."
@@ -41,7 +41,10 @@ def judge(states: State, result: RESULTS, model: Any = None) -> RESULTS:
 
 
 def blame(model: Any, result: RESULTS) -> RESULTS:
-    """`result`, or of a failure what tables of the model have lost before."""
+    """`result`, or of a failure what tables of the model have lost before; of an actuator that can't exist, that."""
+    left = least_volume(model) if isinstance(model, AbstractModel) else None
+    if left is not None:
+        result = choose((result == RESULTS.successful) & (left <= 0), RESULTS.unphysical, result)
     lost = lost_points(model)
     return result if lost is None else choose((result != RESULTS.successful) & lost, RESULTS.no_steady_flow, result)
 

@@ -181,8 +181,12 @@ def test_a_fit_that_ran_away_is_brought_back(small, monkeypatch):
     assert damping["value"] == pytest.approx(plain["value"], abs=0.1 * plain["std_error"])  # both stop near the minimum
 
 
+SOFT_STOP = '"diaphragm.travel" = {value = 2e-3}\n"diaphragm.stop_stiffness" = {value = 1e3}\n"chamber.volume" = '
+"""Past its soft stop the diaphragm sweeps so small a chamber twice, which is larger than what the travel sweeps."""
+
+
 def test_a_start_that_cannot_be_simulated(small):
-    small.write_text(small.read_text() + '"converter.plunger_damping" = {value = 1e-6}\n')
+    small.write_text(f"{small.read_text()}{SOFT_STOP}{{value = 7e-6}}\n")
     outcome = run_command("fit", small, "--out", small.parent / "out")
     assert outcome.status == 1
     assert outcome.err.startswith(
@@ -196,9 +200,9 @@ def test_a_start_that_cannot_be_simulated(small):
 
 
 def test_a_validation_that_cannot_be_simulated(plain):
-    # At the end of this step the diaphragm leaves next to nothing of so small a chamber.
+    # At the end of a step to 80 % the diaphragm has gone too far, of one to 50 % not.
     study = plain.read_text().replace('"step_80.csv"', '"swap"').replace('"step_50.csv"', '"step_80.csv"')
-    plain.write_text(study.replace('"swap"', '"step_50.csv"') + '"chamber.volume" = {value = 2.9625e-5}\n')
+    plain.write_text(study.replace('"swap"', '"step_50.csv"') + SOFT_STOP + "{value = 8.5e-6}\n")
     outcome, _, said = refit(plain)
     sentence = "the simulation of step_80 with the fitted values failed: The simulation left the finite numbers: check"
     assert outcome.status == 1

@@ -163,7 +163,10 @@ def test_a_unit_that_fails_leaves_the_others_alone(fleet, study, tmp_path):
     for unit in ("unit_01", "unit_02"):
         content = read(out / unit / "parameters.json")
         if unit == "unit_01":
-            content["parameters"]["converter.plunger_damping"]["value"] = 1e-6  # it would oscillate without end
+            # Past its soft stop the diaphragm would sweep its chamber twice.
+            soft = {"diaphragm.travel": 2e-3, "diaphragm.stop_stiffness": 1e3, "chamber.volume": 7e-6}
+            for name, value in soft.items():
+                content["parameters"][name]["value"] = value
         (tmp_path / "start" / unit).mkdir(parents=True)
         (tmp_path / "start" / unit / "parameters.json").write_text(json.dumps(content))
     again = tmp_path / "out"

@@ -186,8 +186,9 @@ def test_a_file_whose_name_looks_like_a_pattern(folder, tmp_path):
 
 
 def test_a_simulation_that_fails_says_which_and_keeps_the_others(small, tmp_path):
-    # Past its soft stop the diaphragm swallows the chamber, which is large enough for the travel.
-    soft = '"chamber.volume" = {value = 3e-5}\n"diaphragm.stop_stiffness" = {value = 1e3}\n'
+    # Far past its soft stop the diaphragm has swept its chamber twice, which is large enough for the travel.
+    soft = '"chamber.volume" = {value = 7e-6}\n"diaphragm.stop_stiffness" = {value = 1e3}\n'
+    soft += '"diaphragm.travel" = {value = 2e-3}\n'
     small.write_text(small.read_text() + soft)
     outcome = run_command("simulate", small, "--out", tmp_path / "out")
     assert outcome.status == 1

@@ -81,3 +81,21 @@ def test_flow_at_equal_pressures_feels_both():
     flow = orifice_flow(AIR, area, even, even - step, jnp.asarray(290.0))[0]
     assert by_pressure == pytest.approx(-float(flow) / step, rel=0.02)  # gas of 290 or of 293 K: 0.5 %
     assert by_source == pytest.approx(-float(by_pressure), rel=0.02)
+
+
+def test_a_wide_orifice_passes_no_more_than_its_conductance():
+    """From where the limit is reached down to equal pressures, where the slope is the limit itself."""
+    even, conductance = 101013.0, 1e-8
+
+    def limited(pressure, area, conductance=conductance):
+        return orifice_flow(AIR, jnp.asarray(area), even, pressure, AIR.temperature, conductance)[0]
+
+    for difference in (0.0, 1.0, -1.0, 100.0, 1000.0):
+        found, slope = jax.value_and_grad(limited)(even - difference, 1e-5)
+        assert found == pytest.approx(conductance * difference, rel=1e-6)
+        assert slope == pytest.approx(-conductance, rel=0.02)  # differences are up to 1 % of the pressure
+    for difference in (0.0, 1.0, 1000.0, 8e4):
+        narrow = 1e-12
+        assert limited(even - difference, narrow) == limited(even - difference, narrow, None)
+    opening = jax.grad(limited, 1)(even - 1000.0, 0.0)
+    assert opening == pytest.approx(float(jax.grad(limited, 1)(even - 1000.0, 0.0, None)), rel=1e-12)

@@ -1,5 +1,7 @@
 """Chambers: heat of the wall between the adiabatic and the isothermal limit, and conservation in each."""
 
+import itertools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,6 +11,7 @@ from support import duty_trace, rms
 import vgtjax
 from vgtjax import Actuator, Air, FixedStep, IsothermalChamber, WallChamber, replace_parameters, simulate
 from vgtjax.parts import Flow, Gas
+from vgtjax.parts.chamber._base import DEAD_VOLUME
 
 AIR = Air()
 TRACE = duty_trace((0, 0.05), (90, 0.35), (35, 0.3), (60, 0.3), (0, 0.5), p_res=2.0e4)
@@ -158,3 +161,36 @@ def test_the_derivative_by_the_conductance_is_there_without_conductance():
 def test_walls_refuse_settings_that_are_none():
     with pytest.raises(vgtjax.InputError, match="fastest_exchange must be a positive rate in 1/s, but it is 0"):
         WallChamber(fastest_exchange=0)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 1 - 1e-9, 1 + 1e-9, 20.0, -0.5])
+def test_the_volume_that_is_left_shrinks_as_its_slope_says(share):
+    """On either side of where the diaphragm comes to the bottom, and past it; `share` is of twice the dead volume."""
+    chamber = vgtjax.AdiabaticChamber()
+    displaced = chamber.volume - share * 2 * DEAD_VOLUME
+    volume, slope = jax.value_and_grad(chamber.gas_volume)(jnp.asarray(displaced))
+    assert volume >= DEAD_VOLUME
+    assert -slope == pytest.approx(float(chamber.shrinking(displaced, 1.0)), abs=1e-6)
+    if share > 1:
+        assert volume == chamber.volume - displaced
+
+
+def test_a_diaphragm_that_sweeps_its_chamber_twice_has_none():
+    chamber = vgtjax.AdiabaticChamber()
+    assert np.isfinite(chamber.gas_volume(jnp.asarray(1.9 * chamber.volume)))
+    assert np.isnan(chamber.gas_volume(jnp.asarray(2.1 * chamber.volume)))
+
+
+def test_gas_that_a_diaphragm_squeezes_out_comes_back_as_it_was():
+    """To the bottom and back without flow: an adiabat, p V^gamma."""
+    chamber, none = vgtjax.AdiabaticChamber(), Flow(jnp.asarray(0.0), jnp.asarray(293.15))
+    way = np.linspace(chamber.volume - 4e-6, chamber.volume + 2e-7, 4001)
+    gas, seen = np.array([2e4, 250.0]), []
+    rates = jax.jit(lambda gas, displaced: chamber.rates(AIR, Gas(*gas), none, displaced, jnp.asarray(1.0)))
+    for begin, end in itertools.pairwise(way):
+        middle, step = (begin + end) / 2, end - begin
+        slope = np.array(jax.tree.leaves(rates(gas, begin)))
+        gas = gas + step * np.array(jax.tree.leaves(rates(gas + 0.5 * step * slope, middle)))
+        seen.append(gas[0] * float(chamber.gas_volume(end)) ** AIR.heat_capacity_ratio)
+    expected = 2e4 * 4e-6**AIR.heat_capacity_ratio
+    np.testing.assert_allclose(seen, expected, rtol=1e-5)  # of midpoint steps of a nanolitre

@@ -31,7 +31,8 @@ class AdiabaticChamber(AbstractChamber):
 
     def rates(self, air: Air, gas: Gas, inflow: Flow, displaced: Values, displacement_rate: Values) -> Gas:
         """Time derivatives of pressure (Pa/s) and temperature (K/s) [2.57]."""
-        return adiabatic_rates(air, gas, inflow, self.gas_volume(displaced), displacement_rate)
+        shrinking = self.shrinking(displaced, displacement_rate)
+        return adiabatic_rates(air, gas, inflow, self.gas_volume(displaced), shrinking)
 
     def relaxation(self, air: Air, gas: Gas, displaced: Values) -> Gas:
         """The gas is slow."""

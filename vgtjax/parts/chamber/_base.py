@@ -11,6 +11,11 @@ from ...parameters import Part
 from .._air import Air
 from .._converter import Flow
 
+DEAD_VOLUME = 6e-7
+"""m3 that no diaphragm displaces, a hundredth of the printed chamber; from twice that on, nothing of it is felt."""
+THIN_VOLUME = 6e-6
+"""m3 below which gas may be too stiff a spring for the default step."""
+
 
 class Gas(eqx.Module):
     """State of the gas in the chamber: pressure in Pa absolute and temperature in K."""
@@ -28,12 +33,28 @@ class AbstractChamber(Part):
     """Volume in m3 with the diaphragm at its open stop."""
 
     def gas_volume(self, displaced: Values) -> Values:
-        """Volume of the gas in m3 when the diaphragm has displaced `displaced` m3 [2.41].
+        """Volume of the gas in m3 when the diaphragm has displaced `displaced` m3 [2.41], and never less than
+        `DEAD_VOLUME`.
 
-        A diaphragm that has swallowed its chamber is a failed simulation, not a negative volume: then it is NaN.
+        A stop gives, and a diaphragm that comes to the chamber's bottom lies against it. One that sweeps twice its
+        chamber is a failed simulation: then it is NaN.
         """
         volume = self.volume - displaced
-        return jnp.where(volume > 0, volume, jnp.nan)
+        squeezed = jnp.where(volume > -self.volume, DEAD_VOLUME * (1 + self._moving_share(displaced) ** 2), jnp.nan)
+        return jnp.where(volume > 2 * DEAD_VOLUME, volume, squeezed)
+
+    def shrinking(self, displaced: Values, swept: Values) -> Values:
+        """Rate in m3/s at which the volume of the gas shrinks while the diaphragm sweeps `swept` m3/s."""
+        return swept * self._moving_share(displaced)
+
+    def thinness(self, displaced: Values) -> Values:
+        """Zero where the gas has `THIN_VOLUME` or more; one where it has nothing left."""
+        return jnp.maximum(1 - (self.volume - displaced) * (1 / THIN_VOLUME), 0.0)
+
+    def _moving_share(self, displaced: Values) -> Values:
+        """How much of the diaphragm still moves: one, and zero where it lies against the bottom; the slope of
+        `gas_volume`."""
+        return jnp.clip((self.volume - displaced) * (0.5 / DEAD_VOLUME), 0.0, 1.0)
 
     @abc.abstractmethod
     def rates(self, air: Air, gas: Gas, inflow: Flow, displaced: Values, displacement_rate: Values) -> Gas:

@@ -21,7 +21,8 @@ class IsothermalChamber(AbstractChamber):
         carries no gamma: that belongs to the adiabatic chamber.
         """
         flow = air.gas_constant * air.temperature * inflow.mass_flow
-        pressure_rate = (flow + gas.pressure * displacement_rate) / self.gas_volume(displaced)
+        shrinking = self.shrinking(displaced, displacement_rate)
+        pressure_rate = (flow + gas.pressure * shrinking) / self.gas_volume(displaced)
         return Gas(pressure_rate, jnp.zeros_like(gas.temperature))
 
     def relaxation(self, air: Air, gas: Gas, displaced: Values) -> Gas:

@@ -30,7 +30,8 @@ class WallChamber(AbstractChamber):
 
     def rates(self, air: Air, gas: Gas, inflow: Flow, displaced: Values, displacement_rate: Values) -> Gas:
         """Time derivatives of pressure (Pa/s) and temperature (K/s): [2.57] and the wall's heat."""
-        isolated = adiabatic_rates(air, gas, inflow, self.gas_volume(displaced), displacement_rate)
+        shrinking = self.shrinking(displaced, displacement_rate)
+        isolated = adiabatic_rates(air, gas, inflow, self.gas_volume(displaced), shrinking)
         exchange = self._exchange_rate(air, gas, displaced)
         warming = isolated.temperature + exchange * (self.wall_temperature - gas.temperature)
         warming = warming / jnp.maximum(exchange / self.fastest_exchange, 1.0)
