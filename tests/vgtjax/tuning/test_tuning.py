@@ -390,5 +390,6 @@ def test_steps_stay_inside_the_conditions_of_the_design(actuator, cases):
         progress = tuner.step()
         seen.append(problem.conditions(np.asarray(progress.coordinates)).min())
         problem.controller_at(np.asarray(progress.coordinates))  # raises where the design does not hold
-    assert 0 <= min(seen) <= max(seen) < 1e-12, "each step ends at the edge"
+    assert min(seen) >= 0
+    assert seen[0] < 1e-12, "the first step ends at the edge; later ones may come away from it"
     assert progress.cost <= progress.history[0]
