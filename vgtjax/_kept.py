@@ -14,7 +14,7 @@ import re
 import tempfile
 import threading
 import uuid
-from collections.abc import Callable, Generator, Hashable, Sequence
+from collections.abc import Callable, Generator, Hashable, Iterable, Sequence
 from concurrent.futures import Future
 from typing import Any, Generic, ParamSpec, TypeVar
 
@@ -163,18 +163,20 @@ def keep_compiled(function: Callable[P, R]) -> Kept[P, R]:
 
 
 @contextlib.contextmanager
-def preparing(jobs: Sequence[T], prepare: Callable[[T], None]) -> Generator[None]:
-    """Compiles for one job after the other in a thread of its own, as long as the block runs."""
+def preparing(jobs: Iterable[T], prepare: Callable[[T], None]) -> Generator[None]:
+    """Compiles for one job after the other in a thread of its own, as long as the block runs; there jobs that come from
+    a generator are made, too."""
     ended = threading.Event()
 
     def work() -> None:
         for job in jobs:
+            if ended.is_set():
+                return
             # What fails here fails again where it is asked, and is reported there.
             with contextlib.suppress(Exception):
-                if not ended.is_set():
-                    prepare(job)
+                prepare(job)
 
-    if jobs and FOLDER is not None:
+    if FOLDER is not None:
         threading.Thread(target=work, name="compiling ahead").start()
     try:
         yield

@@ -1,15 +1,33 @@
 """The command `compare`: fits the alternatives of every component, resumably, and ranks them."""
 
+import contextlib
 import dataclasses
 import functools
 import pathlib
 import shutil
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 from vgtjax import Calibration, InputError, SimulationError
-from vgtjax.estimation import Progress, Steps, run_alone, run_together
-from vgtjax.identification import Begin, Compared, comparing_structures, starting_fit
+from vgtjax.estimation import (
+    Progress,
+    Question,
+    Steps,
+    asked_first,
+    compiling_ahead,
+    foreseen,
+    run_alone,
+    run_together,
+)
+from vgtjax.identification import (
+    Ahead,
+    Begin,
+    Compared,
+    Structure,
+    comparing_structures,
+    nothing_ahead,
+    starting_fit,
+)
 
 from ..output.console import console
 from ..output.files import REPORT, SUMMARY, write_json, write_text
@@ -42,11 +60,11 @@ def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathli
 def _compare_units(job: Job, folders: Folders) -> None:
     """Compares for the units that are left, side by side if there are several."""
     names = {unit.name: (unit, folder) for unit, folder in folders}
-    searches = {name: _comparing(job, *place) for name, place in names.items()}
-    if len(searches) == 1:
-        for name, search in searches.items():
-            _write(job, *names[name], run_alone(search))
+    if len(names) == 1:
+        for unit, folder in names.values():
+            _write(job, unit, folder, run_alone(_comparing(job, unit, folder, functools.partial(_ahead, job, unit))))
         return
+    searches = {name: _comparing(job, *place) for name, place in names.items()}
     with console.status(f"{len(searches)} units side by side"):
         run_together(searches, lambda name, outcome: _write(job, *names[name], outcome))
 
@@ -55,14 +73,26 @@ Outcome = tuple[Compared, float]
 """What was found, and the seconds that it took."""
 
 
-def _comparing(job: Job, unit: Unit, folder: pathlib.Path) -> Steps[Outcome]:
+def _comparing(job: Job, unit: Unit, folder: pathlib.Path, ahead: Ahead = nothing_ahead) -> Steps[Outcome]:
     began, own = time.monotonic(), own_structure(job.study)
 
     def fitting(structure: Mapping[str, str], begin: Begin) -> Steps[Calibration]:
         return _fitting(job, unit, folder, structure, begin)
 
-    compared = yield from comparing_structures(own, options(job.study, unit), fitting, WIDER)
+    compared = yield from comparing_structures(own, options(job.study, unit), fitting, WIDER, ahead)
     return compared, time.monotonic() - began
+
+
+def _ahead(job: Job, unit: Unit, structures: Sequence[Structure]) -> contextlib.AbstractContextManager[None]:
+    """Compiles beside the fits what each asks first and soon."""
+
+    def questions() -> Iterator[Question]:
+        for structure in structures:
+            with contextlib.suppress(InputError, SimulationError):  # its fit says so
+                task = plan(job, unit, structure, {})
+                yield from (asked_first(task), *foreseen(task))
+
+    return compiling_ahead(questions())
 
 
 def _fitting(

@@ -15,6 +15,7 @@ from vgtjax.estimation import (
     Question,
     Steps,
     foreseen,
+    foreseen_certificate,
     looking_around,
     run_alone,
     run_together,
@@ -83,7 +84,7 @@ def _fit_units(job: Job, folders: Folders) -> None:
 
 
 def _fit_unit(job: Job, unit: Unit, folder: pathlib.Path) -> None:
-    _write(job, unit, folder, _outcome_alone(_fitting(job, unit, folder), foreseen(plan(job, unit))))
+    _write(job, unit, folder, _outcome_alone(_fitting(job, unit, folder), _ahead(job, unit)))
 
 
 def _fit_together(job: Job, folders: Folders) -> None:
@@ -91,8 +92,13 @@ def _fit_together(job: Job, folders: Folders) -> None:
     names = {unit.name: (unit, folder) for unit, folder in folders}
     fits = {name: _fitting(job, *place) for name, place in names.items()}
     with console.status(f"{len(fits)} fits side by side"):
-        first = foreseen(plan(job, folders[0][0]))
-        run_together(fits, lambda name, outcome: _write(job, *names[name], outcome), first)
+        run_together(fits, lambda name, outcome: _write(job, *names[name], outcome), _ahead(job, folders[0][0]))
+
+
+def _ahead(job: Job, unit: Unit) -> list[Question]:
+    """What the fit of a unit asks beside its start."""
+    task = plan(job, unit)
+    return [*foreseen(task), foreseen_certificate(task)]
 
 
 def _outcome_alone(fit: Steps[Fitted], ahead: Sequence[Question]) -> Fitted | SimulationError:

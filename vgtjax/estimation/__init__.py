@@ -19,8 +19,10 @@ from ._calibration import (
 )
 from ._calibrator import (
     Calibrator as Calibrator,
+    asked_first as asked_first,
     calibrate as calibrate,
     foreseen as foreseen,
+    foreseen_certificate as foreseen_certificate,
     start_calibration as start_calibration,
     starting as starting,
 )
@@ -58,7 +60,12 @@ from ._least_squares import (
 from ._measured import Sensors as Sensors, white_sensors as white_sensors
 from ._point import Point as Point, Reduced as Reduced, Secant as Secant, misfit_at as misfit_at
 from ._profiles import Profile as Profile, Profiles as Profiles, profiling as profiling
-from ._programs import Question as Question, run_alone as run_alone, run_together as run_together
+from ._programs import (
+    Question as Question,
+    compiling_ahead as compiling_ahead,
+    run_alone as run_alone,
+    run_together as run_together,
+)
 from ._progress import CHI2_TOLERANCE as CHI2_TOLERANCE, Progress as Progress, Report as Report, quiet as quiet
 from ._remains import VERDICTS as VERDICTS, Remains as Remains, find_remains as find_remains
 from ._residuals import FitProblem as FitProblem, build_fit_problem as build_fit_problem

@@ -206,19 +206,29 @@ def _delay_of(task: Task, progress: Progress, coordinates: Sequence[float]) -> f
     return float(transform_of(task, progress).scale[-1]) * coordinates[-1] if progress.late else 0.0
 
 
+def asked_first(task: Task) -> list[Evaluation]:
+    """The question by which a fit starts."""
+    progress = first_progress(task)
+    return [problem_of(task, progress).evaluation(np.array(progress.coordinates), slopes=True)]
+
+
+def foreseen_certificate(task: Task) -> list[Evaluation]:
+    """What the gradient certificate of a fit asks in the end; it takes the longest to compile."""
+    (slopes,) = asked_first(task)
+    nothing = [np.zeros((*np.shape(each.values),)) for each in problem_of(task, first_progress(task)).measured]
+    return [dataclasses.replace(slopes, cotangent=nothing)]
+
+
 def foreseen(task: Task) -> list[list[Evaluation]]:
-    """What a fit asks soon after its start, and its gradient certificate in the end: the longest to compile last."""
+    """What a fit asks soon after its start."""
     progress = first_progress(task)
     problem = problem_of(task, progress)
-    here = np.array(progress.coordinates)
-    plain, slopes = problem.evaluation(here), problem.evaluation(here, slopes=True)
-    nothing = [np.zeros((*np.shape(each.values),)) for each in problem.measured]
+    plain = problem.evaluation(np.array(progress.coordinates))
     exact = dataclasses.replace(
         plain, model=with_sharp_seat(plain.model), bundles=sharp_bundles(task.model, task.traces, task.stepping)
     )
     sharp = [[exact]] if task.unknown.numerics else []
-    certificate = [dataclasses.replace(slopes, cotangent=nothing)]
-    return [[plain] * WIDE, [plain], *sharp, *_foreseen_of_delay(task, problem, progress), certificate]
+    return [[plain] * WIDE, [plain], *sharp, *_foreseen_of_delay(task, problem, progress)]
 
 
 def _foreseen_of_delay(task: Task, problem: FitProblem, progress: Progress) -> list[list[Evaluation]]:

@@ -1,9 +1,10 @@
 """Who drives fits: one alone on all devices, or many side by side in programs that they share."""
 
+import contextlib
 import dataclasses
 import os
 from collections import deque
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Generic, NamedTuple, TypeVar
 
@@ -43,8 +44,14 @@ def run_alone(computation: Steps[T], foreseen: Sequence[Question] = ()) -> T:
 
     **Arguments:** `foreseen`: what it will ask, whose programs are compiled beside it.
     """
-    with preparing(foreseen, _prepare_alone):
+    with compiling_ahead(foreseen):
         return _run_alone(computation)
+
+
+def compiling_ahead(questions: Iterable[Question]) -> contextlib.AbstractContextManager[None]:
+    """While its block runs, programs of what a computation will ask that runs alone are compiled in a thread of their
+    own, where the questions are made as well."""
+    return preparing(questions, _prepare_alone)
 
 
 def _run_alone(computation: Steps[T]) -> T:

@@ -275,7 +275,11 @@ def _push_chunks(
             lambda all_, each: jax.lax.dynamic_update_index_in_dim(all_, each, number, 0), found, push(number)
         )
 
-    nothing = jax.tree.map(lambda each: jnp.zeros((whole, *each.shape), each.dtype), jax.eval_shape(push, 0))
+    # Shapes are written down: to ask JAX for them would trace all steps and their derivatives twice.
+    states, kind = len(jax.tree.leaves(first)), jax.tree.leaves(first)[0].dtype
+    known, samples = len(jax.tree.leaves(values[1])[0]) + (inputs[1] is not None), len(jax.tree.leaves(inputs)[0])
+    shapes = ((states, states + known), (samples, states, len(CHANNELS)), (samples, known, len(CHANNELS)))
+    nothing = tuple(jnp.zeros((whole, *shape, devices * together), kind) for shape in shapes)
     found = jax.lax.fori_loop(0, chunks, onward, place(nothing))
 
     def joined(leaf):

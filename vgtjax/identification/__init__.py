@@ -37,10 +37,13 @@ from ._result import Curve as Curve, Identified as Identified, NotPossible as No
 from ._second_order import identify_mass_and_damping as identify_mass_and_damping
 from ._spring import identify_spring as identify_spring
 from ._structures import (
+    Ahead as Ahead,
     Begin as Begin,
     Compared as Compared,
+    Structure as Structure,
     compare_structures as compare_structures,
     comparing_structures as comparing_structures,
+    nothing_ahead as nothing_ahead,
 )
 from ._vane_force import identify_vane_map as identify_vane_map, identify_vane_polynomial as identify_vane_polynomial
 from ._weak_form import (

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 import numpy as np
@@ -34,6 +35,13 @@ class Begin:
 
 Fitting = Callable[[Structure, Begin], Steps[Calibration]]
 """The fit of a structure."""
+Ahead = Callable[[Sequence[Structure]], AbstractContextManager[None]]
+"""What is done beside the fits of some structures, as long as these go on, e.g. compilation."""
+
+
+def nothing_ahead(structures: Sequence[Structure]) -> AbstractContextManager[None]:
+    """Nothing is done beside the fits of structures."""
+    return nullcontext()
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -65,10 +73,17 @@ def compare_structures(
 
 
 def comparing_structures(
-    own: Structure, options: Mapping[str, Sequence[str]], fitting: Fitting, wider: Wider | None = None
+    own: Structure,
+    options: Mapping[str, Sequence[str]],
+    fitting: Fitting,
+    wider: Wider | None = None,
+    ahead: Ahead = nothing_ahead,
 ) -> Steps[Compared]:
-    """`compare_structures` as a computation."""
-    search, base = _Search(fitting, {} if wider is None else wider), dict(own)
+    """`compare_structures` as a computation.
+
+    **Arguments:** `ahead`: is told which structures are fitted next, and what it returns is left when they are.
+    """
+    search, base = _Search(fitting, {} if wider is None else wider, ahead), dict(own)
     rankings: dict[str, Ranking] = {}
     ranked_in: dict[str, Structure] = {}
     for _ in range(MOST_SWEEPS):
@@ -95,8 +110,8 @@ def _better(ranking: Ranking, now: str) -> str:
 class _Search:
     """The fits so far, by structure."""
 
-    def __init__(self, fitting: Fitting, wider: Wider):
-        self._fitting, self._wider = fitting, wider
+    def __init__(self, fitting: Fitting, wider: Wider, ahead: Ahead):
+        self._fitting, self._wider, self._ahead = fitting, wider, ahead
         self._fits: dict[tuple[str, ...], Outcome] = {}
         self._again: set[tuple[str, ...]] = set()
 
@@ -107,10 +122,12 @@ class _Search:
 
     def rank(self, base: Structure, component: str, names: Sequence[str]) -> Steps[Ranking]:
         """The variants of a component in a structure, those fitted that aren't yet."""
-        yield from self._fit(base, Begin({}))
         structures = {name: {**base, component: name} for name in names}
-        for structure in structures.values():
-            yield from self._fit_beside(structure, Begin(self._values(base), ceiling=self._ceiling(base)))
+        all_ = (base, *(each for each in structures.values() if each != base))
+        with self._ahead([each for each in all_ if _key(each) not in self._fits]):
+            yield from self._fit(base, Begin({}))
+            for structure in structures.values():
+                yield from self._fit_beside(structure, Begin(self._values(base), ceiling=self._ceiling(base)))
         ranking = yield from rank(
             {name: self._fits[_key(structure)] for name, structure in structures.items()}, self._wider
         )

@@ -50,8 +50,8 @@ def test_records_of_two_rates_share_a_shape(shared):
     assert shared[0].shape == shared[1].shape == (4, 2, 6)
 
 
-def test_a_shape_that_adds_too_much_work_is_not_shared(actuator, monkeypatch):
-    monkeypatch.setattr(_layout, "EXTRA_WORK", 0.05)
+def test_a_shape_that_takes_too_much_room_is_not_shared(actuator, monkeypatch):
+    monkeypatch.setattr(_layout, "MOST_ROOM", 1.4)
     apart = bundle_traces(actuator, [SLOW, FAST, OTHER])
     assert [each.shape for each in apart] == [(4, 2, 6), (2, 1, 2)]
 
