@@ -160,7 +160,7 @@ class Progress:
         if self.converged:
             return "the last step lowered chi^2 by next to nothing, or another one would"
         if self.given_up:
-            return "given up, far from what another structure reaches and hardly nearer"
+            return "given up, far from what another structure reaches"
         if self.stuck:
             return "stuck, no trial of the last step lowered the cost"
         if self.iteration >= MAX_ITERATIONS:

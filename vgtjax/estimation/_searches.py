@@ -80,6 +80,26 @@ def beginning_again(ended: C, report: Report) -> Steps[C]:
     return ended
 
 
+def giving_up(ended: C, report: Report) -> Steps[C]:
+    """A search that has ended far above its ceiling, given up unless it was stuck and ends elsewhere when it begins
+    again. The traces say nothing of their duty by a structure that is so far off, and to ask takes longer than to
+    search."""
+    if not _is_far_above(ended):
+        return ended
+    ended = yield from beginning_again(ended, report)
+    if _is_far_above(ended):
+        ended.minimiser.progress = dataclasses.replace(ended.minimiser.progress, given_up=True, converged=False)
+        report(ended.minimiser.progress)
+    return ended
+
+
+def _is_far_above(calibrator: Any) -> bool:
+    """Whether a search without corrections is far above the cost that another structure reaches."""
+    progress, above = calibrator.minimiser.progress, calibrator.minimiser.progress.cost - calibrator.task.ceiling
+    ended = progress.corrections or progress.given_up
+    return not ended and 2 * calibrator.minimiser.problem.count * above > FAR_ABOVE
+
+
 def _got_stuck(calibrator: C) -> bool:
     """Whether a search has ended above the noise where its moves led nowhere."""
     progress = calibrator.minimiser.progress

@@ -54,11 +54,25 @@ def test_a_search_that_is_given_up_is_asked_nothing_more(task, monkeypatch):
     monkeypatch.setattr("vgtjax.estimation._searches.MOST_TO_GO", 0)
     found = start_calibration(dataclasses.replace(task, ceiling=-1e6)).run(seen.append)
     assert not found.converged
-    assert found.verdict == "given up, far from what another structure reaches and hardly nearer"
+    assert found.verdict == "given up, far from what another structure reaches"
     assert len(seen) == 1
     again = start_calibration(task, dataclasses.replace(seen[-1], given_up=False)).run()
     assert again.converged
     assert not again.progress.given_up
+
+
+def test_a_search_that_has_ended_far_above_another_structure_is_given_up(task, monkeypatch):
+    monkeypatch.setattr("vgtjax.estimation._searches.FAR_ABOVE", 0.0)
+    free, seen = start_calibration(task).run(), []
+    reached = free.progress.searched
+    for ceiling, given_up in ((reached * 1.001, False), (reached * 0.999, True)):
+        found = start_calibration(dataclasses.replace(task, ceiling=ceiling)).run(seen.append)
+        assert found.progress.given_up == given_up
+        assert found.converged != given_up
+    assert seen[-1].given_up
+    # A run that was interrupted there ends there, too.
+    again = start_calibration(dataclasses.replace(task, ceiling=reached * 0.999), seen[-1]).run()
+    assert again.progress == seen[-1]
 
 
 def test_a_structure_that_values_of_another_spoil_begins_at_its_own(task):
