@@ -6,14 +6,15 @@ import functools
 import numpy as np
 from jaxtyping import Float, Int
 
+from ._beginning import problem_of, transform_of
 from ._calibration import Calibration, comparing
-from ._evaluation import Evaluated, Steps, ask
-from ._evidence import DELAY_SCALE, LONGEST_DELAY
+from ._evaluation import Evaluated, Steps
 from ._least_squares import LeastSquares, estimate_uncertainty, finite_columns, reduce_rows
 from ._measured import Sensors
 from ._progress import Progress
-from ._residuals import FitProblem, build_fit_problem
+from ._residuals import FitProblem
 from ._search import LevenbergMarquardt
+from ._slopes import Slopes
 
 BLOCKS = 16
 """Stretches of a trace that count as independent of each other: few enough that residuals forget from one to the next,
@@ -41,23 +42,10 @@ class Linearised:
     @staticmethod
     def of(calibration: Calibration) -> Steps["Linearised"]:
         """As a computation: one evaluation with derivatives."""
-        task, progress = calibration.task, calibration.progress
-        start = np.asarray(task.selection.pack(task.model))
-        transform = task.transform().holding(progress.held, start)
-        if task.late_duty:
-            transform = transform.extended(DELAY_SCALE, -LONGEST_DELAY, LONGEST_DELAY)
-        problem = build_fit_problem(
-            task.model,
-            task.selection,
-            transform,
-            task.traces,
-            channels=task.channels,
-            stepping=task.steps,
-            prior=task.prior,
-        )
-        at = np.array(progress.coordinates)
-        evaluated = yield from ask(problem.evaluation(at, slopes=True))
-        return Linearised(calibration, problem, at, evaluated)
+        at, late = np.array(calibration.progress.coordinates), dataclasses.replace(calibration.progress, late=True)
+        problem = problem_of(calibration.task, late)
+        slopes = yield from Slopes.find(_own(problem, calibration), at)
+        return Linearised(calibration, problem, at, (yield from _with_delay(problem, slopes, calibration)))
 
     def _with_noise(self, sensors: Sensors) -> FitProblem:
         """The problem with the noise of these sensors; values have this fit's own numerical errors taken away."""
@@ -69,14 +57,16 @@ class Linearised:
 
     def searched(self, sensors: Sensors) -> Steps["Linearised"]:
         """Where the search ends in the weights of these sensors, which are not those of the fit itself."""
-        search = yield from LevenbergMarquardt.begin(self._with_noise(sensors), Progress(tuple(self.at.tolist())))
+        problem = _own(self._with_noise(sensors), self.calibration)
+        search = yield from LevenbergMarquardt.begin(problem, Progress(tuple(self.at.tolist())))
         while not search.progress.finished and search.progress.iteration < MOST_STEPS:
             yield from search.steps()
         at, task = np.array(search.progress.coordinates), self.calibration.task
         model, delay = self.problem.at(at)
         compared = yield from comparing(task, model, 0.0 if delay is None else float(delay), self.calibration.sensors)
         calibration = dataclasses.replace(self.calibration, traces=compared)
-        return dataclasses.replace(self, calibration=calibration, at=at, evaluated=search.slopes.evaluated)
+        evaluated = yield from _with_delay(self.problem, search.slopes, calibration)
+        return dataclasses.replace(self, calibration=calibration, at=at, evaluated=evaluated)
 
     def weighed(self, sensors: Sensors) -> "Weighed":
         """Seen with the noise of these sensors."""
@@ -86,6 +76,19 @@ class Linearised:
         pinned = np.asarray(problem.transform.pinned(self.at, residuals @ columns))
         trace, block = _owners(problem)
         return Weighed(residuals, np.where(pinned, 0.0, columns), trace, block, problem.count - problem.offsets)
+
+
+def _own(problem: FitProblem, calibration: Calibration) -> FitProblem:
+    """A problem as the fit has searched it: a duty that this took for timely stays so."""
+    return dataclasses.replace(problem, transform=transform_of(calibration.task, calibration.progress))
+
+
+def _with_delay(problem: FitProblem, slopes: Slopes, calibration: Calibration) -> Steps[Evaluated]:
+    """What is observed, and its derivatives, that with respect to the delay of the duty included. Where the fit took
+    that for timely it is asked by itself, as the fit has done: another program would compile for ten seconds."""
+    if problem.late_duty and not calibration.progress.late:
+        slopes = yield from slopes.with_delay(problem)
+    return dataclasses.replace(slopes.evaluated, columns=slopes.columns)
 
 
 def _owners(problem: FitProblem) -> tuple[Int[np.ndarray, " rows"], Int[np.ndarray, " rows"]]:

@@ -8,7 +8,7 @@ from known_truth import FREE, bench
 
 import vgtjax
 from vgtjax import SimulationError
-from vgtjax.estimation import Progress, plan_task, start_calibration
+from vgtjax.estimation import Linearised, Progress, Unknown, ask, plan_task, run_alone, start_calibration
 from vgtjax.estimation._searches import FAR_ABOVE, MOST_TO_GO, TRIED, _is_hopeless
 from vgtjax.identification import compare_structures
 
@@ -73,6 +73,20 @@ def test_a_search_that_has_ended_far_above_another_structure_is_given_up(task, m
     # A run that was interrupted there ends there, too.
     again = start_calibration(dataclasses.replace(task, ceiling=reached * 0.999), seen[-1]).run()
     assert again.progress == seen[-1]
+
+
+def test_derivatives_of_a_timely_duty_are_those_of_one_that_may_be_late(task):
+    calibration = start_calibration(dataclasses.replace(task, unknown=Unknown())).run()
+    assert not calibration.progress.late
+    found = run_alone(Linearised.of(calibration))
+    assert found.problem.delay_is_free
+    expected = run_alone(ask(found.problem.evaluation(found.at, slopes=True)))
+    for mine, theirs in zip(found.evaluated.columns, expected.columns, strict=True):
+        mine, theirs = (each.reshape(-1, each.shape[-1]) for each in (mine, theirs))
+        lengths = np.linalg.norm(theirs, axis=0)
+        assert np.all(lengths > 0)
+        # Rounding, which the seat's steep ramp multiplies; of columns as long as they are.
+        assert np.all(np.linalg.norm(mine - theirs, axis=0) <= 1e-8 * lengths)
 
 
 def test_a_structure_that_values_of_another_spoil_begins_at_its_own(task):
