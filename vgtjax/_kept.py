@@ -176,7 +176,7 @@ def preparing(jobs: Iterable[T], prepare: Callable[[T], None]) -> Generator[None
             with contextlib.suppress(Exception):
                 prepare(job)
 
-    if FOLDER is not None:
+    if jobs and FOLDER is not None:
         threading.Thread(target=work, name="compiling ahead").start()
     try:
         yield

@@ -208,15 +208,21 @@ def _delay_of(task: Task, progress: Progress, coordinates: Sequence[float]) -> f
 
 def asked_first(task: Task) -> list[Evaluation]:
     """The question by which a fit starts."""
-    progress = first_progress(task)
-    return [problem_of(task, progress).evaluation(np.array(progress.coordinates), slopes=True)]
+    problem, here = _at_start(task)
+    return [problem.evaluation(here, slopes=True)]
 
 
 def foreseen_certificate(task: Task) -> list[Evaluation]:
     """What the gradient certificate of a fit asks in the end; it takes the longest to compile."""
-    (slopes,) = asked_first(task)
-    nothing = [np.zeros((*np.shape(each.values),)) for each in problem_of(task, first_progress(task)).measured]
-    return [dataclasses.replace(slopes, cotangent=nothing)]
+    problem, here = _at_start(task)
+    nothing = [np.zeros(np.shape(each.values)) for each in problem.measured]
+    return [dataclasses.replace(problem.evaluation(here, slopes=True), cotangent=nothing)]
+
+
+def _at_start(task: Task) -> tuple[FitProblem, Float[np.ndarray, " coordinates"]]:
+    """The problem of a search at its start, and where that is."""
+    progress = first_progress(task)
+    return problem_of(task, progress), np.array(progress.coordinates)
 
 
 def foreseen(task: Task) -> list[list[Evaluation]]:

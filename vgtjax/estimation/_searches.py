@@ -16,7 +16,8 @@ MOST_RESCUES = 4
 
 TRIED, FAR_ABOVE, MOST_TO_GO = 4, 1000.0, 20
 """A search may be given up after so many steps, if chi^2 is so much above its ceiling, and so many more steps like the
-last one would not bring it down to that; or at once, where without what ran away it is so many times its ceiling."""
+last one would not bring it down to that; or where it ends so much above; or at once, where without what ran away it is
+so many times its ceiling."""
 
 FAR_OFF = 50.0
 """Cost of an end that is tried again from the second guess of where it began: ten times the noise. What a simulation
@@ -94,10 +95,10 @@ def giving_up(ended: C, report: Report) -> Steps[C]:
 
 
 def _is_far_above(calibrator: Any) -> bool:
-    """Whether a search without corrections is far above the cost that another structure reaches."""
-    progress, above = calibrator.minimiser.progress, calibrator.minimiser.progress.cost - calibrator.task.ceiling
-    ended = progress.corrections or progress.given_up
-    return not ended and 2 * calibrator.minimiser.problem.count * above > FAR_ABOVE
+    """Whether a search without corrections is far above the cost that another structure reaches, and not given up."""
+    progress = calibrator.minimiser.progress
+    above = 2 * calibrator.minimiser.problem.count * (progress.cost - calibrator.task.ceiling)
+    return above > FAR_ABOVE and not (progress.corrections or progress.given_up)
 
 
 def _got_stuck(calibrator: C) -> bool:

@@ -41,7 +41,7 @@ class Linearised:
 
     @staticmethod
     def of(calibration: Calibration) -> Steps["Linearised"]:
-        """As a computation: one evaluation with derivatives."""
+        """As a computation: the derivatives where the fit has ended."""
         at, late = np.array(calibration.progress.coordinates), dataclasses.replace(calibration.progress, late=True)
         problem = problem_of(calibration.task, late)
         slopes = yield from Slopes.find(_own(problem, calibration), at)

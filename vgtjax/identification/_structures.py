@@ -123,8 +123,8 @@ class _Search:
     def rank(self, base: Structure, component: str, names: Sequence[str]) -> Steps[Ranking]:
         """The variants of a component in a structure, those fitted that aren't yet."""
         structures = {name: {**base, component: name} for name in names}
-        all_ = (base, *(each for each in structures.values() if each != base))
-        with self._ahead([each for each in all_ if _key(each) not in self._fits]):
+        in_turn = (base, *(each for each in structures.values() if each != base))
+        with self._ahead([each for each in in_turn if _key(each) not in self._fits]):
             yield from self._fit(base, Begin({}))
             for structure in structures.values():
                 yield from self._fit_beside(structure, Begin(self._values(base), ceiling=self._ceiling(base)))
