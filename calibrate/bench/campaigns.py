@@ -13,7 +13,10 @@ import vgtjax
 from vgtjax.experiments import StandardRun
 
 from . import numba_plant, structured_plant
-from .structured_plant import Gas, Structure
+from .structured_plant import Gas, Hold, Structure
+
+Run = tuple[str, Float[np.ndarray, " time"], float, float]
+"""Name, duty in % at every sample, turbine pressure in Pa gauge, and s between samples."""
 
 SPREAD = {
     "converter.membrane_stiffness": 0.08,
@@ -79,13 +82,23 @@ FAULTS = (
 
 @dataclasses.dataclass(frozen=True)
 class Fleet:
-    """What a bench records of every unit: a slow loop, and a lively run as well if it is `lively`."""
+    """What a bench records of every unit: a slow loop, and a lively run as well if it is `lively`; or slow loops at
+    several turbine `pressures` in Pa gauge, with a duty that is held or linear between samples."""
 
     name: str
     lively: bool
+    pressures: tuple[float, ...] = ()
+    duty_hold: Hold = "zero-order"
 
 
-FLEETS = (Fleet("a slow loop", False), Fleet("a slow loop and a lively run", True))
+WITH_GAS = (0.0, 1.5e5, 3.0e5)
+"""Pa gauge, of the loops of the thesis's twenty turbochargers."""
+FLEETS = (
+    Fleet("a slow loop", False),
+    Fleet("a slow loop and a lively run", True),
+    Fleet("three slow loops with exhaust gas, duty held", False, WITH_GAS),
+    Fleet("three slow loops with exhaust gas, duty linear", False, WITH_GAS, "linear"),
+)
 
 
 def draw_unit(rng: np.random.Generator) -> vgtjax.Actuator:
@@ -110,7 +123,11 @@ def record(unit: vgtjax.Actuator, rng: np.random.Generator, fault: Fault) -> lis
 
 
 def record_fleet(unit: vgtjax.Actuator, rng: np.random.Generator, fleet: Fleet) -> list[vgtjax.Trace]:
-    """A slow loop at 100 Hz and, for a lively fleet, random levels at 500 Hz; the duty changes with the samples."""
+    """A slow loop at 100 Hz and, for a lively fleet, random levels at 500 Hz, whose duty changes with the samples; or
+    slow loops with exhaust gas."""
+    if fleet.pressures:
+        structure, gas = Structure(fleet.duty_hold, vane_force="speed-map"), draw_gas(rng)
+        return [_record_gas(unit, structure, gas, run, rng) for run in _loops(fleet.pressures)]
     traces = [_record(unit, "loop", _slow_loop(), rng, FAULTS[0], LOOP_RATE)]
     if fleet.lively:
         traces.append(_record(unit, "lively", _lively_levels(rng), rng, FAULTS[0], LIVELY_RATE))
@@ -142,16 +159,8 @@ def record_structure(
     """A slow loop at 100 Hz at each of several turbine pressures in Pa gauge, and 5 s of random levels without gas at 1
     kHz, of which the record keeps `every` so many samples; a linear duty is one between the samples of the record."""
     gas = draw_gas(rng)
-    runs = [(f"loop_{pressure / 100:04.0f}mbar", _slow_loop(), pressure, LOOP_RATE) for pressure in pressures]
-    runs.append(("lively", np.repeat(_lively_levels(rng), 2)[::every], 0.0, every * RATE))
-    traces = []
-    for name, duty, pressure, rate in runs:
-        time = np.arange(len(duty)) * rate
-        supply = _supply(time, rng)
-        found = structured_plant.simulate(unit, structure, gas, (time, duty, supply), pressure, STEP)
-        seen = _seen(duty, supply, found, rng, FAULTS[0])
-        traces.append(vgtjax.Trace(time, **seen, p_trb=np.full(len(time), pressure), name=name))
-    return traces
+    runs = [*_loops(pressures), ("lively", np.repeat(_lively_levels(rng), 2)[::every], 0.0, every * RATE)]
+    return [_record_gas(unit, structure, gas, run, rng) for run in runs]
 
 
 def record_run(unit: vgtjax.Actuator, rng: np.random.Generator, run: StandardRun) -> vgtjax.Trace:
@@ -180,6 +189,10 @@ def write_csv(trace: vgtjax.Trace, path: pathlib.Path) -> None:
 
 def _slow_loop() -> Float[np.ndarray, " time"]:
     return np.concatenate([np.zeros(50), np.linspace(0, 100, 1450), np.linspace(100, 0, 1450), np.zeros(50)])
+
+
+def _loops(pressures: tuple[float, ...]) -> list[Run]:
+    return [(f"loop_{pressure / 100:04.0f}mbar", _slow_loop(), pressure, LOOP_RATE) for pressure in pressures]
 
 
 def _lively_levels(rng: np.random.Generator) -> Float[np.ndarray, " time"]:
@@ -211,6 +224,18 @@ def _record(
     numba_plant.run(row, time, applied, supply, STEP, x_d, p_act)
     shown = _seen(duty, supply, (x_d, p_act), rng, fault)
     return vgtjax.Trace(time[:: fault.every], **{name: each[:: fault.every] for name, each in shown.items()}, name=name)
+
+
+def _record_gas(
+    unit: vgtjax.Actuator, structure: Structure, gas: Gas, run: Run, rng: np.random.Generator
+) -> vgtjax.Trace:
+    """One run of an actuator with a force of the exhaust gas."""
+    name, duty, pressure, rate = run
+    time = np.arange(len(duty)) * rate
+    supply = _supply(time, rng)
+    found = structured_plant.simulate(unit, structure, gas, (time, duty, supply), pressure, STEP)
+    seen = _seen(duty, supply, found, rng, FAULTS[0])
+    return vgtjax.Trace(time, **seen, p_trb=np.full(len(time), pressure), name=name)
 
 
 def _supply(time: Float[np.ndarray, " time"], rng: np.random.Generator) -> Float[np.ndarray, " time"]:

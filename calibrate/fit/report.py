@@ -131,6 +131,11 @@ def found_besides(calibration: Calibration) -> list[str]:
         sentences.append(
             f"the duty of {names} was linear between samples: held, it would have to reach the valve early"
         )
+    if progress.otherwise:
+        sentences.append(
+            "whether the duty was held or linear between samples these slow traces cannot tell: they were fitted both "
+            "ways, and how far values differ is part of their errors; state duty_hold of the traces if it is known"
+        )
     if calibration.duty_delay_error is not None:
         sentences.append(delay_found(1e3 * calibration.duty_delay, 1e3 * calibration.duty_delay_error))
     sentences += _edges_found(calibration) + _inputs_found(calibration)

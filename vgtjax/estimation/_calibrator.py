@@ -32,6 +32,7 @@ from ._measured import Sensors, white_sensors
 from ._point import Point
 from ._programs import WIDE, run_alone
 from ._progress import Progress, Report, quiet
+from ._readings import reading_both_ways
 from ._residuals import FitProblem
 from ._search import LevenbergMarquardt
 from ._searches import beginning_again, from_second_guess, giving_up, searching, searching_once
@@ -89,10 +90,8 @@ class Calibrator:
             calibrator = yield from asking_beside_edges((yield from beginning_again(first, report)), report)
         else:
             calibrator = yield from asking_of_duty(first, report)
-        while (following := (yield from calibrator.correcting())) is not None:
-            calibrator = following
-            report(calibrator.minimiser.progress)
-        return calibrator
+        calibrator = yield from calibrator.corrected_to_its_end(report)
+        return (yield from reading_both_ways(calibrator, report))
 
     def at(self, progress: Progress) -> "Steps[Calibrator]":
         """The same task at another place."""
@@ -108,6 +107,14 @@ class Calibrator:
         calibrator = yield from self.at(progress)
         report(calibrator.minimiser.progress)
         return (yield from searching(calibrator, report))
+
+    def corrected_to_its_end(self, report: Report) -> "Steps[Calibrator]":
+        """A search that has ended, after all of its corrections."""
+        calibrator = self
+        while (following := (yield from calibrator.correcting())) is not None:
+            calibrator = following
+            report(calibrator.minimiser.progress)
+        return calibrator
 
     def linearised_around(self) -> "Steps[Calibrator]":
         """The same place of its corrections, with derivatives over all that its errors leave possible."""

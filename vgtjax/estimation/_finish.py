@@ -24,6 +24,9 @@ WINDOW = 0.25
 WINDOWS = 4
 """Windows for each unknown that traces should have at least: with fewer they are shorter."""
 
+AS_LIKELY = 0.5
+"""That of two readings of a duty which meet the traces the other one is right."""
+
 _unpack = keep_compiled(Selection.unpack)
 
 EXPERIMENTS, SEED = 5, 0
@@ -50,6 +53,9 @@ def finishing(
     sources = {**_moved_by_gains(task, search), **(yield from _moved_by_tolerances(task, search))}
     moved = {name: np.where(uncertainty.determined, each[:count], 0.0) for name, each in sources.items()}
     driven = np.where(uncertainty.determined, (yield from _moved_by_inputs(task, search))[:, :count], 0.0)
+    if progress.otherwise:
+        other = np.array(progress.otherwise)[:count] - coordinates[:count]
+        moved["hold of the duty"] = np.where(uncertainty.determined, other * np.sqrt(AS_LIKELY), 0.0)
     beside = np.column_stack([np.zeros((count, 0)), *moved.values(), *driven])
     if len(driven):
         moved["sensor of the drive"] = np.linalg.norm(driven, axis=0)

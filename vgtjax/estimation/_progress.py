@@ -36,9 +36,10 @@ class Progress:
     intervals in s of traces whose duty was found to be linear between samples, and `hold_decided` whether that, or that
     it was held, is the only explanation; `None` before that was asked. `late` says whether the delay of the duty is
     free. `edges` are by how many samples those of the duty of every trace are late, beside that delay, where their
-    times are free, and `edges_seen` the coordinates at which it was seen what they move. `finer` says that no trace has
-    longer steps than others. `waterfall` has cost (`None`
-    where a simulation failed), steps and status of every start, where there were several, the given one first.
+    times are free, and `edges_seen` the coordinates at which it was seen what they move. `otherwise` is where a fit of
+    slow traces ends that reads their duty the other way, held or linear, and meets them as well; empty where it does
+    not, and `None` before that was asked. `finer` says that no trace has longer steps than others. `waterfall` has cost
+    (`None` where a simulation failed), steps and status of every start, where there were several, the given one first.
     """
 
     coordinates: tuple[float, ...]
@@ -68,6 +69,7 @@ class Progress:
     late: bool = False
     edges: tuple[tuple[float, ...], ...] = ()
     edges_seen: tuple[float, ...] = ()
+    otherwise: tuple[float, ...] | None = None
     finer: bool = False
     waterfall: tuple[tuple[float | None, int, str], ...] = ()
 

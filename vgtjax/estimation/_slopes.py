@@ -8,38 +8,40 @@ by Stein's lemma it is the best linear fit).
 """
 
 import dataclasses
+import functools
 from collections.abc import Callable, Sequence
 
 import numpy as np
 from jaxtyping import Float
 
-from .._errors import SimulationError
 from ..parameters import Selection, select
 from ._bundle import Bundle
 from ._evaluation import Evaluated, Evaluation, Steps, ask
 from ._least_squares import LeastSquares
+from ._mean_columns import Believed, Columns, mean_columns
 from ._residuals import FitProblem
 
 PAIRS = 2
 """Pairs of opposite places beside the end itself; with four the errors of 25 campaigns were the same."""
+NUDGE = 1e-3
+"""Coordinates by which all are moved where derivatives tell of none: they explode at that place."""
 FARTHEST = 0.3
 """Coordinates by which a standard error of any direction moves one at most, however little is known of that."""
 SEED = 1966
 
 Coordinates = Float[np.ndarray, " coordinates"]
-Columns = list[np.ndarray]
-"""By bundle, what is observed by each parameter."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Slopes:
     """Derivatives of all traces: what is `evaluated` at some coordinates, and `columns`, which are their means over
-    places `around` it where there are any."""
+    places `around` it where there are any, by the rows of each that are `believed`."""
 
     at: Coordinates
     evaluated: Evaluated
     columns: Columns
     around: Sequence[Coordinates] = ()
+    believed: Believed | None = None
     _with_delay: "Slopes | None" = dataclasses.field(default=None, init=False)
 
     @staticmethod
@@ -47,7 +49,8 @@ class Slopes:
         """Derivatives at some coordinates, and around them."""
         evaluated = yield from _derivatives(problem, problem.bundles, at)
         here = Slopes(at, evaluated, evaluated.columns, around)
-        return dataclasses.replace(here, columns=(yield from here.mean(problem, problem.bundles, evaluated.columns)))
+        columns, believed = yield from here.mean(problem, problem.bundles, evaluated.columns)
+        return dataclasses.replace(here, columns=columns, believed=believed)
 
     @property
     def alone(self) -> "Slopes":
@@ -57,7 +60,7 @@ class Slopes:
     def along(self, problem: FitProblem, bundles: Sequence[Bundle]) -> Steps[Evaluated]:
         """The same derivatives of other traces."""
         evaluated = yield from _derivatives(problem, bundles, self.at)
-        columns = yield from self.mean(problem, bundles, evaluated.columns)
+        columns, _ = yield from self.mean(problem, bundles, evaluated.columns)
         return dataclasses.replace(evaluated, columns=columns)
 
     def with_delay(self, problem: FitProblem) -> Steps["Slopes"]:
@@ -71,7 +74,7 @@ class Slopes:
 
         if self._with_delay is None:
             own = (yield from asked(self.at)).columns
-            late = yield from _mean_columns(own, self.around, asked, lambda _: np.ones(1))
+            late = yield from self._of_the_same_rows(own, asked)
             pairs = zip(self.columns, late, strict=True)
             columns = [np.concatenate([each[..., :-1], more], axis=-1) for each, more in pairs]
             object.__setattr__(self, "_with_delay", dataclasses.replace(self, columns=columns))
@@ -86,16 +89,20 @@ class Slopes:
             return (yield from ask(dataclasses.replace(question, selection=select(question.model, list(entries)))))
 
         own = yield from asked(self.at)
-        return (yield from _mean_columns(own.columns, self.around, asked, lambda _: np.ones(1)))
+        return (yield from self._of_the_same_rows(own.columns, asked))
 
-    def mean(self, problem: FitProblem, bundles: Sequence[Bundle], own: Columns) -> Steps[Columns]:
-        """The mean over all places of what is `own` to the first."""
+    def mean(self, problem: FitProblem, bundles: Sequence[Bundle], own: Columns) -> Steps[tuple[Columns, Believed]]:
+        """The mean over all places of what is `own` to the first, and which rows of each are in it."""
         slope = problem.transform.slope
+        others = [functools.partial(_derivatives, problem, bundles, place) for place in self.around]
+        units = [np.asarray(slope(place)) / np.asarray(slope(self.at)) for place in self.around]
+        return (yield from mean_columns(own, others, units))
 
-        def units(place: Coordinates) -> np.ndarray:
-            return np.asarray(slope(place)) / np.asarray(slope(self.at))
-
-        return (yield from _mean_columns(own, self.around, lambda at: _derivatives(problem, bundles, at), units))
+    def _of_the_same_rows(self, own: Columns, asked: Callable[[Coordinates], Steps[Evaluated]]) -> Steps[Columns]:
+        """The mean of other columns over the same rows of the same places."""
+        others = [functools.partial(asked, place) for place in self.around]
+        columns, _ = yield from mean_columns(own, others, [np.ones(1)] * len(others), self.believed)
+        return columns
 
 
 def _derivatives(problem: FitProblem, bundles: Sequence[Bundle], at: Coordinates) -> Steps[Evaluated]:
@@ -113,45 +120,17 @@ def by_delay_alone(problem: FitProblem, at: Coordinates) -> Evaluation:
 
 def places_around(found: LeastSquares, at: Coordinates) -> list[Coordinates]:
     """Places that the errors of an end leave possible, in pairs to either side; what is not determined stays."""
+    if not np.any(found.determined):
+        return _pairs(at, NUDGE * np.eye(len(at)))
     errors = np.where(found.determined, np.nan_to_num(found.std_errors), 0.0)
     sizes = np.where(errors > 0, errors, 1.0)
     known = np.outer(errors > 0, errors > 0)
     parts, ways = np.linalg.eigh(np.where(known, found.covariance / np.outer(sizes, sizes), 0.0))
     factor = errors[:, None] * ways * np.sqrt(np.maximum(parts, 0.0))
     # Whole directions are shortened: parts of one would lead to where the traces rule it out.
-    factor = factor / np.maximum(1.0, np.max(np.abs(factor), axis=0) / FARTHEST)
+    return _pairs(at, factor / np.maximum(1.0, np.max(np.abs(factor), axis=0) / FARTHEST))
+
+
+def _pairs(at: Coordinates, factor: Float[np.ndarray, "coordinates directions"]) -> list[Coordinates]:
     moves = np.random.default_rng(SEED).standard_normal((PAIRS, len(at))) @ factor.T
     return [at + sign * move for move in moves for sign in (1.0, -1.0)]
-
-
-def _mean_columns(
-    own: Columns,
-    places: Sequence[Coordinates],
-    asked: Callable[[Coordinates], Steps[Evaluated]],
-    units: Callable[[Coordinates], np.ndarray],
-) -> Steps[Columns]:
-    """The mean of columns at an end and at places around it, without those where a simulation fails.
-
-    **Arguments:** `asked`: what is observed at a place, and its derivatives; `units` that these have there, in those of
-    `own`.
-    """
-    if not places:
-        return own
-    total, count = own, 1
-    for place in places:
-        try:
-            there = yield from asked(place)
-        except SimulationError:
-            continue
-        if there.failed or not _as_finite(there.columns, own):
-            continue
-        factor = units(place)
-        total = [sum_ + each * factor for sum_, each in zip(total, there.columns, strict=True)]
-        count += 1
-    return [each / count for each in total]
-
-
-def _as_finite(columns: Columns, own: Columns) -> bool:
-    """Whether all columns are finite that are so at the end."""
-    found, wanted = (np.isfinite(sum(np.sum(each, axis=(0, 1, 2)) for each in lists)) for lists in (columns, own))
-    return bool(np.all(found | ~wanted))

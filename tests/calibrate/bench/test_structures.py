@@ -8,7 +8,7 @@ import pytest
 
 import vgtjax
 from calibrate.bench import structured_plant
-from calibrate.bench.campaigns import record_structure, write_csv
+from calibrate.bench.campaigns import FLEETS, WITH_GAS, record_fleet, record_structure, write_csv
 from calibrate.bench.cases import structures
 from calibrate.bench.cases.structures import CAMPAIGNS, OPEN, RIGHT, WRONG, Campaign, measure, outcomes, tabulate
 from calibrate.bench.structured_plant import BAR, DECAY, FAR, Gas, Structure
@@ -158,3 +158,16 @@ def test_finished_campaigns_are_not_compared_again(tmp_path, monkeypatch):
     assert ran == ["compare"]
     assert first.rows == second.rows
     assert [row[1:] for row in first.rows] == [("1", "0", "0")] * 4
+
+
+def test_a_fleet_with_exhaust_gas_has_loops_of_one_gas_and_of_either_hold():
+    held, linear = FLEETS[2:]
+    loops = {each.duty_hold: record_fleet(vgtjax.Actuator(), np.random.default_rng(0), each) for each in (held, linear)}
+    assert [float(loop.p_trb[0]) for loop in loops["linear"]] == list(WITH_GAS)
+    assert [loop.duty_hold for loop in loops["linear"]] == ["zero-order"] * 3  # which the record does not say
+    for one, other in zip(loops["zero-order"], loops["linear"], strict=True):
+        np.testing.assert_array_equal(one.pwm, other.pwm)
+        apart = np.max(np.abs(one.x_d - other.x_d))
+        assert 1e-6 < apart < 2e-4  # half a sample of a loop's 0.7 mm/s is 3.5 um, where the rod slips many times that
+    closed = [float(np.max(loop.x_d)) for loop in loops["zero-order"]]
+    assert np.ptp(closed) < 1e-4  # at 100 % the springs hold against any gas

@@ -75,6 +75,19 @@ def test_a_search_that_went_on_with_shorter_steps_says_so(calibration):
     assert said in found_besides(dataclasses.replace(calibration, progress=refined))
 
 
+def test_a_hold_that_slow_traces_cannot_tell_is_said(calibration):
+    said = next(each for each in _with(calibration, otherwise=(0.0,)) if "cannot tell" in each)
+    assert "state duty_hold of the traces if it is known" in said
+    assert said not in _with(calibration, otherwise=())
+    assert said not in found_besides(calibration)
+
+
+def _with(calibration, **changes):
+    """What is said of a fit whose progress is another."""
+    progress = dataclasses.replace(calibration.progress, **changes)
+    return found_besides(dataclasses.replace(calibration, progress=progress))
+
+
 def test_a_misfit_that_is_no_parabola_is_shown_with_the_numbers_of_the_summary(fitted, calibration):
     name = "diaphragm.stiffness"
     bent = Slice(2, {name: 1.0}, (-2.0, -1.0, 1.0, 2.0), (8.125, 3.0625, 3.25, math.inf), (2.0, 3.0, 3.0, 2.0))

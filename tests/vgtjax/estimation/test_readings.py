@@ -1,0 +1,79 @@
+"""Slow traces are read both ways, as they cannot tell how their duty was held."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from known_truth import FREE, NOISE, TRUTH
+from support import duty_trace
+
+import vgtjax
+from vgtjax.estimation import Unknown, plan_task, start_calibration
+from vgtjax.estimation._finish import AS_LIKELY
+from vgtjax.estimation._programs import run_alone
+from vgtjax.estimation._readings import leaves_hold_open
+
+CHOICES = Unknown(noise="white", loss="gaussian", numerics=False, start_state=False)
+
+
+def ramp(*, louder=1.0, seed=3):
+    """A duty that rises and falls by 90 % a second in lines, recorded at 100 Hz."""
+    time, rng = 1e-3 * np.arange(2100), np.random.default_rng(seed)
+    duty = 85 * np.clip(1 - np.abs(time - 1.0) / 0.95, 0, None)
+    drive = vgtjax.Trace(time, pwm=duty, p_res=np.full_like(time, 2.0e4), duty_hold="linear")
+    run = vgtjax.simulate(vgtjax.replace_parameters(vgtjax.Actuator(), TRUTH), drive)
+    seen = {
+        name: (np.asarray(getattr(run, name)) + rng.normal(0, louder * NOISE[name], len(time)))[::10]
+        for name in ("x_d", "p_act")
+    }
+    return vgtjax.Trace(time[::10], pwm=duty[::10], p_res=drive.p_res[::10], name="ramp", **seen)
+
+
+def task_of(*traces, **changes):
+    return plan_task(vgtjax.Actuator(), traces, free=FREE, unknown=dataclasses.replace(CHOICES, **changes))
+
+
+@pytest.fixture(scope="module")
+def ended():
+    """With so much noise that the traces can't tell."""
+    return run_alone(start_calibration(task_of(ramp(louder=50.0))).ending())
+
+
+def test_only_slow_traces_leave_the_hold_open():
+    levels = duty_trace((0, 0.05), (70, 0.35), p_res=2.0e4).replace(x_d=np.zeros(400), p_act=np.full(400, 1e5))
+    assert leaves_hold_open(task_of(ramp()))
+    assert not leaves_hold_open(task_of(ramp(), levels))
+    assert not leaves_hold_open(task_of(ramp(), duty_hold=False))
+
+
+def test_both_readings_are_known_where_either_meets_the_traces(ended):
+    progress = ended.minimiser.progress
+    assert progress.hold_decided is False
+    assert progress.otherwise
+    other = run_alone(start_calibration(task_of(ramp(louder=50.0))).ending())
+    assert other.minimiser.progress == progress  # nothing of it is chance
+
+
+def test_how_far_values_differ_is_part_of_their_errors(ended):
+    found = ended.finish()
+    here, there = np.array(found.progress.coordinates), np.array(found.progress.otherwise)
+    units = np.asarray(found.transform.slope(here))
+    part = (np.sqrt(AS_LIKELY) * units * (there - here))[: len(found.values)]
+    np.testing.assert_allclose(found.budget.moved["hold of the duty"], part, rtol=1e-9)
+    alone = dataclasses.replace(found.progress, otherwise=())
+    ended.minimiser.progress, kept = alone, ended.minimiser.progress
+    without = ended.finish()
+    ended.minimiser.progress = kept
+    np.testing.assert_allclose(found.std_errors**2 - without.std_errors**2, part**2, rtol=1e-6)
+
+
+def test_a_reading_that_leaves_more_than_noise_is_none():
+    found = run_alone(start_calibration(task_of(ramp())).ending()).minimiser.progress
+    assert found.linear == (1e-2,)
+    assert found.otherwise == ()
+    assert found.hold_decided
+
+
+def test_a_fit_that_knows_both_does_not_ask_again(ended):
+    again = start_calibration(ended.task, ended.minimiser.progress)
+    assert run_alone(again.ending()).minimiser.progress == ended.minimiser.progress
