@@ -7,7 +7,15 @@ import jax.numpy as jnp
 import numpy as np
 
 import vgtjax
-from vgtjax.experiments import AbstractExperiment, MeasuredLoops, SlowLoop, StepResponse, measure_loops, nominal_target
+from vgtjax.experiments import (
+    POSITIONS,
+    AbstractExperiment,
+    MeasuredLoops,
+    SlowLoop,
+    StepResponse,
+    measure_loops,
+    nominal_target,
+)
 from vgtjax.parts import AbstractVaneMap, feels_gas
 from vgtjax.population import Population
 
@@ -74,7 +82,11 @@ def _more_notes(
             f"the tables of vane_force = '{name}' are all zero, so gas acts on nothing; give --parameters of a fit"
         )
     if sources and not measured:
-        notes.append("no trace of the study is a slow loop with position and pressure, so nothing measured is shown")
+        fewest = 2 * (len(POSITIONS) + 1)
+        notes.append(
+            "no trace of the study is a slow loop with position and pressure, and with about "
+            f"{fewest} samples at least on either way through the middle of the travel, so nothing measured is shown"
+        )
     return tuple(notes)
 
 
