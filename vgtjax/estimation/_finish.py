@@ -53,9 +53,10 @@ def finishing(
     sources = {**_moved_by_gains(task, search), **(yield from _moved_by_tolerances(task, search))}
     moved = {name: np.where(uncertainty.determined, each[:count], 0.0) for name, each in sources.items()}
     driven = np.where(uncertainty.determined, (yield from _moved_by_inputs(task, search))[:, :count], 0.0)
+    apart = np.zeros(count)
     if progress.otherwise:
         other = np.array(progress.otherwise)[:count] - coordinates[:count]
-        moved["hold of the duty"] = np.where(uncertainty.determined, other * np.sqrt(AS_LIKELY), 0.0)
+        moved["hold of the duty"] = apart = np.where(uncertainty.determined, other * np.sqrt(AS_LIKELY), 0.0)
     beside = np.column_stack([np.zeros((count, 0)), *moved.values(), *driven])
     if len(driven):
         moved["sensor of the drive"] = np.linalg.norm(driven, axis=0)
@@ -66,7 +67,8 @@ def finishing(
     model = _unpack(task.selection, task.model, values[:count])
     late = task.late_duty and progress.coordinates[-1] != 0.0
     delay = float(values[-1]) if late else 0.0
-    errors = yield from _bands(task, search, uncertainty.covariance, lacking)
+    # Both readings of the duty meet the traces, whatever a linear model says of the way from one to the other.
+    errors = yield from _bands(task, search, uncertainty.covariance - np.outer(apart, apart), lacking)
     compared = yield from comparing(task, model, delay, sensors, errors)
     with np.errstate(over="ignore"):  # the error of a value that ran away may be beyond every number
         covariance = uncertainty.covariance * np.outer(slope[:count], slope[:count])

@@ -68,10 +68,9 @@ def _read_otherwise(calibrator: C, progress: Progress) -> Steps[C | None]:
     every = {sample_interval(trace) for trace in calibrator.task.fit}
     linear = () if progress.linear else tuple(sorted(every))
     begin = progress.began or first_progress(calibrator.task).coordinates
-    onward = progress.reading_duty((*begin[:-1], 0.0), linear)
-    onward = dataclasses.replace(onward, wanted=(), settled=False, late=False)
+    afresh = Progress((*begin[:-1], 0.0), linear=linear, finer=progress.finer, waterfall=progress.waterfall)
     try:
-        other = yield from calibrator.searching_from(onward, quiet)
+        other = yield from calibrator.searching_from(afresh, quiet)
         if other.is_lost() or not leaves_only_noise(other.task, other.minimiser):
             return None
         return (yield from other.corrected_to_its_end(quiet))

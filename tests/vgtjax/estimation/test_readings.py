@@ -64,6 +64,8 @@ def test_how_far_values_differ_is_part_of_their_errors(ended):
     ended.minimiser.progress, kept = alone, ended.minimiser.progress
     without = ended.finish()
     ended.minimiser.progress = kept
+    for one, other in zip(found.traces, without.traces, strict=True):  # which either reading meets
+        np.testing.assert_allclose(one.channels["x_d"].error, other.channels["x_d"].error, rtol=1e-6)
     np.testing.assert_allclose(found.std_errors**2 - without.std_errors**2, part**2, rtol=1e-6)
 
 
