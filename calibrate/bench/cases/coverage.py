@@ -6,12 +6,13 @@ import time
 
 import numpy as np
 import scipy.stats
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 import vgtjax
 from vgtjax import SimulationError
 from vgtjax.estimation import Steps, run_together
 from vgtjax.identification import plan_fit, starting_fit
+from vgtjax.parameters import parameter_table, select
 
 from ..campaigns import FAULTS, Fault, draw_unit, record
 from ..kept import Cells, KeptRows
@@ -109,14 +110,20 @@ def fitting(traces: list[vgtjax.Trace], model: vgtjax.AbstractModel | None = Non
     return (yield from calibrator.steps())
 
 
-def scores_of(found: vgtjax.Calibration, unit: vgtjax.Actuator) -> np.ndarray:
-    """Errors in standard errors, those of positive values by their logarithm; NaN where there is no interval.
+def counted_entries(found: vgtjax.Calibration, unit: vgtjax.Actuator) -> Int[np.ndarray, " counted"]:
+    """Which entries of a fit are counted: what the plant has too, but for the stops, which no plant of these campaigns
+    varies."""
+    known, entries = parameter_table(unit), found.task.selection.entries
+    counted = [entry.partition("[")[0] in known and not entry.startswith("diaphragm.stop") for entry in entries]
+    return np.flatnonzero(counted)
 
-    Of the stops, which no plant of these campaigns varies, nothing is counted.
-    """
-    selection = found.task.selection
-    count, late = len(selection.entries), [found.duty_delay] * found.task.late_duty
-    truth = np.asarray(found.transform.to_coordinates(np.append(np.asarray(selection.pack(unit)), late)))
-    errors = (np.asarray(found.progress.coordinates) - truth)[:count] / found.uncertainty.std_errors
-    counted = [not entry.startswith("diaphragm.stop") for entry in selection.entries]
-    return errors[counted]
+
+def scores_of(found: vgtjax.Calibration, unit: vgtjax.Actuator) -> Float[np.ndarray, " counted"]:
+    """Errors of what is counted in standard errors, those of positive values by their logarithm; NaN where there is no
+    interval."""
+    counted, entries = counted_entries(found, unit), found.task.selection.entries
+    here = np.asarray(found.progress.coordinates)
+    truth = np.append(found.values, np.zeros(len(here) - len(found.values)))
+    truth[counted] = np.asarray(select(unit, [entries[each] for each in counted]).pack(unit))
+    errors = here - np.asarray(found.transform.to_coordinates(truth))
+    return errors[counted] / found.uncertainty.std_errors[counted]

@@ -9,12 +9,11 @@ import vgtjax
 from vgtjax import SimulationError
 from vgtjax.estimation import run_together
 from vgtjax.identification import identify
-from vgtjax.parameters import parameter_table, select
 from vgtjax.population import fitted_population
 
 from ..campaigns import FLEETS, Fleet, draw_unit, record_fleet
 from ..table import Section
-from .coverage import fitting
+from .coverage import counted_entries, fitting, scores_of
 
 UNITS = 20
 """Of each fleet."""
@@ -86,20 +85,9 @@ def _start(traces: list[vgtjax.Trace]) -> vgtjax.Actuator:
 
 
 def _scores(found: vgtjax.Calibration, unit: vgtjax.Actuator) -> np.ndarray:
-    """Errors in standard errors of what the plant has too, those of positive values by their logarithm; NaN where the
-    traces do not determine a value.
-
-    Of the stops, which no plant of these campaigns varies, nothing is counted, nor of the vane force, which is another.
-    """
-    known, entries = parameter_table(unit), found.task.selection.entries
-    common = [entry.partition("[")[0] in known and not entry.startswith("diaphragm.stop") for entry in entries]
-    counted = np.flatnonzero(common)
-    truth = np.array(found.values)
-    truth[counted] = np.asarray(select(unit, [entries[each] for each in counted]).pack(unit))
-    late = np.zeros(len(found.progress.coordinates) - len(truth))
-    coordinates = np.asarray(found.transform.to_coordinates(np.append(truth, late)))
-    errors = (np.asarray(found.progress.coordinates) - coordinates)[counted] / found.uncertainty.std_errors[counted]
-    return np.where(found.determined[counted], errors, np.nan)
+    """Errors in standard errors, NaN where the traces do not determine a value; of the vane force, which is another
+    law, nothing is counted."""
+    return np.where(found.determined[counted_entries(found, unit)], scores_of(found, unit), np.nan)
 
 
 def _spreads(found: list[vgtjax.Calibration], units: list[vgtjax.Actuator]) -> list[str]:

@@ -9,9 +9,11 @@ from support import duty_trace
 
 import vgtjax
 from vgtjax.estimation import Unknown, plan_task, start_calibration
+from vgtjax.estimation._beginning import first_progress
 from vgtjax.estimation._finish import AS_LIKELY
 from vgtjax.estimation._programs import run_alone
-from vgtjax.estimation._readings import leaves_hold_open
+from vgtjax.estimation._progress import quiet
+from vgtjax.estimation._readings import leaves_hold_open, reading_both_ways
 
 CHOICES = Unknown(noise="white", loss="gaussian", numerics=False, start_state=False)
 
@@ -69,7 +71,7 @@ def test_how_far_values_differ_is_part_of_their_errors(ended):
     np.testing.assert_allclose(found.std_errors**2 - without.std_errors**2, part**2, rtol=1e-6)
 
 
-def test_a_reading_that_leaves_more_than_noise_is_none():
+def test_a_reading_that_is_out_of_the_question_is_no_part_of_errors():
     found = run_alone(start_calibration(task_of(ramp())).ending()).minimiser.progress
     assert found.linear == (1e-2,)
     assert found.otherwise == ()
@@ -79,3 +81,16 @@ def test_a_reading_that_leaves_more_than_noise_is_none():
 def test_a_fit_that_knows_both_does_not_ask_again(ended):
     again = start_calibration(ended.task, ended.minimiser.progress)
     assert run_alone(again.ending()).minimiser.progress == ended.minimiser.progress
+
+
+@pytest.mark.parametrize("duty_delay", ["evidence", True])
+def test_a_duty_that_would_come_early_was_linear_unless_its_delay_is_to_be_found(duty_delay):
+    task = task_of(ramp(), duty_delay=duty_delay)
+    late = dataclasses.replace(first_progress(task), late=True)
+    early = run_alone(start_calibration(task, late).searching_from(late, quiet))
+    assert early.minimiser.progress.coordinates[-1] == pytest.approx(-5.0, abs=0.5)  # ms: half a sample
+    read = run_alone(reading_both_ways(early, quiet)).minimiser.progress
+    if duty_delay is True:
+        assert read == early.minimiser.progress
+    else:
+        assert (read.linear, read.late, read.otherwise, read.hold_decided) == ((1e-2,), False, (), True)

@@ -6,7 +6,7 @@ from known_truth import FREE, bench
 
 import vgtjax
 from vgtjax.estimation import LeastSquares, Slopes, Unknown, plan_task, run_alone, start_calibration
-from vgtjax.estimation._slopes import FARTHEST, places_around
+from vgtjax.estimation._slopes import FARTHEST, NUDGE, places_around
 
 
 @pytest.fixture(scope="module")
@@ -73,3 +73,10 @@ def test_what_is_hardly_known_is_not_moved_far_nor_against_what_is_known():
     assert np.sqrt(np.mean(moves[:, 0] ** 2)) == pytest.approx(FARTHEST, rel=0.1)
     distance = np.einsum("ni,ij,nj->n", moves, np.linalg.inv(covariance), moves)
     assert np.mean(distance) < 2.2  # two directions, none farther than its error
+
+
+def test_where_derivatives_tell_of_nothing_all_is_moved_a_little():
+    """They explode there, and a rounding's distance away they may not."""
+    moves = places(np.zeros((3, 3)), np.zeros(3, bool))
+    np.testing.assert_array_equal(moves[::2], -moves[1::2])
+    np.testing.assert_allclose(np.sqrt(np.mean(moves**2, axis=0)), NUDGE, rtol=0.1)  # four errors of a thousand
