@@ -1,7 +1,6 @@
 """The command `compare`: fits the alternatives of every component, resumably, and ranks them."""
 
 import contextlib
-import dataclasses
 import functools
 import pathlib
 import shutil
@@ -104,7 +103,7 @@ def _fitting(
     place = folder / FITS / name
     place.mkdir(parents=True, exist_ok=True)
     try:
-        task = dataclasses.replace(plan(job, unit, structure, begin.values), ceiling=begin.ceiling)
+        task = begin.of(plan(job, unit, structure, begin.values))
     except InputError as error:
         raise SimulationError(f"it has no start: {error}") from error
     saved = ProgressFile(place, Progress, f"the fit of {who}")

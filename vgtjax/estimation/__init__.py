@@ -27,6 +27,7 @@ from ._calibrator import (
     starting as starting,
 )
 from ._corrections import trusted as trusted
+from ._duties import RECORDED as RECORDED, Reading as Reading
 from ._evaluation import (
     Evaluated as Evaluated,
     Evaluation as Evaluation,

@@ -38,7 +38,8 @@ def spread_along(
     # By the correlation: variances here lie 20 orders apart, and those of a sum far below those of its parts.
     parts, ways = np.linalg.eigh(covariance / np.outer(sizes, sizes))
     factor = deviations[:, None] * ways * np.sqrt(np.maximum(parts, 0.0))
-    return np.sqrt(np.sum(np.square(columns @ factor), axis=-1))
+    with np.errstate(over="ignore", invalid="ignore"):  # of a value that ran away
+        return np.sqrt(np.sum(np.square(columns @ factor), axis=-1))
 
 
 def predicted_spread(

@@ -35,7 +35,7 @@ from ._progress import Progress, Report, quiet
 from ._readings import reading_both_ways
 from ._residuals import FitProblem
 from ._search import LevenbergMarquardt
-from ._searches import beginning_again, from_second_guess, giving_up, searching, searching_once
+from ._searches import beginning_again, from_second_guess, giving_up, searching, searching_once, without_ceiling
 from ._slopes import Slopes, by_delay_alone, places_around
 from ._task import Task
 
@@ -79,7 +79,8 @@ class Calibrator:
 
     def ending(self, report: Report = quiet) -> "Steps[Calibrator]":
         """`run` as a computation, as far as to the end of all steps."""
-        first = yield from searching_once((yield from from_many_starts(self, report)), report)
+        begin = yield from without_ceiling((yield from from_many_starts(self, report)))
+        first = yield from searching_once(begin, report)
         first = yield from giving_up((yield from from_second_guess(first, report)), report)
         progress = first.minimiser.progress
         if progress.given_up:

@@ -1,5 +1,6 @@
 """The duty of a trace as a fit reads it: held or linear between samples, and with edges between these."""
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -9,6 +10,20 @@ from ._holds import ramped, sample_interval
 
 Late = tuple[tuple[float, ...], ...]
 """By how many samples of its record each edge of each trace is late (negative: early)."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Reading:
+    """How duties are read: `linear` has the sample intervals in s of traces where they are linear between samples,
+    `edges` how late every edge of each trace is, where their times are known, and `delay` in s that of all beside."""
+
+    linear: tuple[float, ...] = ()
+    edges: Late = ()
+    delay: float = 0.0
+
+
+RECORDED = Reading()
+"""As duties are recorded."""
 
 
 def read_duties(traces: Sequence[Trace], linear: Sequence[float], late: Late, delay: float = 0.0) -> list[Trace]:

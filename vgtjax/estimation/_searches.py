@@ -7,9 +7,11 @@ import numpy as np
 
 from .._errors import SimulationError
 from ._beginning import first_progress, guess_of, guessed, transform_of
+from ._duties import RECORDED
 from ._duty import meets_noise
 from ._evaluation import Steps
 from ._progress import LENGTHS, Progress, Report, quiet
+from ._task import Task
 
 MOST_RESCUES = 4
 """Times that a search goes on without what ran away before it is lost."""
@@ -79,6 +81,34 @@ def beginning_again(ended: C, report: Report) -> Steps[C]:
     if ended is not first:
         report(ended.minimiser.progress)
     return ended
+
+
+def without_ceiling(calibrator: C) -> Steps[C]:
+    """A search at its start without its ceiling, if one comes near that by the reading of the duty that belongs to it;
+    the traces tell of another one than is recorded where a search has ended, and before it none as recorded comes near.
+
+    What is tried is not reported: a fit that is interrupted meanwhile tries it again.
+    """
+    task, progress = calibrator.task, calibrator.minimiser.progress
+    asked = progress.corrections or progress.linear or progress.edges or progress.given_up
+    if task.reading == RECORDED or asked:
+        return calibrator
+    try:
+        read = yield from calibrator.at(_read_as(task, progress))
+        read = yield from giving_up((yield from searching_once(read, quiet)), quiet)
+    except SimulationError:
+        return calibrator
+    if read.minimiser.progress.given_up:
+        return calibrator
+    return dataclasses.replace(calibrator, task=dataclasses.replace(task, ceiling=np.inf, reading=RECORDED))
+
+
+def _read_as(task: Task, progress: Progress) -> Progress:
+    """Where a search begins, with the reading of the duty that belongs to its ceiling."""
+    reading, first = task.reading, first_progress(task, task.reading.delay)
+    begin = (*(progress.began or progress.coordinates)[:-1], first.coordinates[-1])
+    read = dataclasses.replace(first, coordinates=begin, linear=reading.linear)
+    return read.moving_edges(begin, first.late, reading.edges) if reading.edges else read
 
 
 def giving_up(ended: C, report: Report) -> Steps[C]:

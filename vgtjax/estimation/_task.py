@@ -26,7 +26,7 @@ from ..plants import AbstractModel, bare
 from ..simulation import FixedStep
 from ..traces import SIGNALS, Trace
 from ._bundle import CHANNELS
-from ._duties import Late, read_duties
+from ._duties import RECORDED, Late, Reading, read_duties
 from ._evidence import NOTHING, Unknown
 from ._inputs import InputSensor, read_inputs
 from ._instruments import instrumented
@@ -47,7 +47,8 @@ class Task:
     s of the whole duty. `starts` is from how many places a search begins, `gains` by channel how well the gain of each
     sensor is known, relative, `inputs` what is known of the sensor of the pressure by which each trace to fit is
     driven, which is read without its noise. A search that hardly comes nearer to a cost of `ceiling`, and is far above
-    it, is given up. A `finer` one takes no longer steps along slow traces than along others. `second_guess` says what
+    it, is given up, with the duty as it is recorded and by the `reading` by which another structure reaches that. A
+    `finer` one takes no longer steps along slow traces than along others. `second_guess` says what
     traces tell of some parameters, by name, without a simulation, beside the other values of a model.
     """
 
@@ -68,6 +69,7 @@ class Task:
     gains: dict[str, float] = dataclasses.field(default_factory=dict)
     inputs: Sequence[InputSensor | None] = ()
     ceiling: float = np.inf
+    reading: Reading = RECORDED
     finer: bool = False
     second_guess: Callable[[AbstractModel, Sequence[Trace]], Mapping[str, Any]] | None = None
 

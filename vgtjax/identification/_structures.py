@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from .._errors import SimulationError
-from ..estimation import VERDICTS, Calibration, Linearised, Steps, find_remains, run_alone
+from ..estimation import RECORDED, VERDICTS, Calibration, Linearised, Reading, Steps, Task, find_remains, run_alone
 from ..parameters import get_parameter, parameter_table
 from ._ranking import Outcome, Ranking, own_criterion, rank, unusable
 
@@ -26,11 +26,16 @@ Values = Mapping[str, Any]
 @dataclasses.dataclass(frozen=True)
 class Begin:
     """How the fit of a structure begins: from which `values`, whether it is `again`, the second of that structure, and
-    the `ceiling` of its task: the cost that another structure reaches."""
+    the `ceiling` of its task: the cost that another structure reaches, by a `reading` of the duty."""
 
     values: Values
     again: bool = False
     ceiling: float = np.inf
+    reading: Reading = RECORDED
+
+    def of(self, task: Task) -> Task:
+        """The task of a structure that begins like this, but for its values."""
+        return dataclasses.replace(task, ceiling=self.ceiling, reading=self.reading)
 
 
 Fitting = Callable[[Structure, Begin], Steps[Calibration]]
@@ -127,7 +132,7 @@ class _Search:
         with self._ahead([each for each in in_turn if _key(each) not in self._fits]):
             yield from self._fit(base, Begin({}))
             for structure in structures.values():
-                yield from self._fit_beside(structure, Begin(self._values(base), ceiling=self._ceiling(base)))
+                yield from self._fit_beside(structure, self._beside(base))
         ranking = yield from rank(
             {name: self._fits[_key(structure)] for name, structure in structures.items()}, self._wider
         )
@@ -160,13 +165,17 @@ class _Search:
             found = _of_two(self._fits[key], found)
         self._fits[key] = found
 
-    def _ceiling(self, structure: Structure) -> float:
-        """The cost to which others must come down; none where the duty is not as recorded, as these first see it so."""
-        found = self._fits[_key(structure)]
+    def _beside(self, structure: Structure) -> Begin:
+        """How others begin beside a structure: from its values, and with the cost to which they must come down. None
+        where what reads the duty otherwise than it is recorded leaves more than noise, and may well read it wrongly."""
+        found, values = self._fits[_key(structure)], self._values(structure)
         if not isinstance(found, Linearised) or unusable(found):
-            return np.inf
-        progress = found.calibration.progress
-        return np.inf if progress.late or progress.edges or progress.linear else progress.searched
+            return Begin(values)
+        calibration, progress = found.calibration, found.calibration.progress
+        reading = Reading(progress.linear, progress.edges, calibration.duty_delay)
+        if reading != RECORDED and _misses(calibration):
+            return Begin(values)
+        return Begin(values, ceiling=progress.searched, reading=reading)
 
     def _values(self, structure: Structure) -> Values:
         """Where another structure begins: at the end of this one's fit, unless that is nowhere near the traces. Its
