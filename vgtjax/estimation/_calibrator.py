@@ -25,7 +25,7 @@ from ._evidence import (
     sharp_bundles,
     simulated,
 )
-from ._finish import finishing
+from ._finish import Lacking, finishing
 from ._least_squares import LeastSquares
 from ._many_starts import from_many_starts
 from ._measured import Sensors, white_sensors
@@ -36,6 +36,7 @@ from ._readings import reading_both_ways
 from ._residuals import FitProblem
 from ._search import LevenbergMarquardt
 from ._searches import beginning_again, from_second_guess, giving_up, searching, searching_once, without_ceiling
+from ._silence import unheard
 from ._slopes import Slopes, by_delay_alone, places_around
 from ._task import Task
 
@@ -169,7 +170,7 @@ class Calibrator:
 
     def finishing(self) -> Steps[Calibration]:
         """`finish` as a computation."""
-        lacking = yield from unanswered(self)
+        lacking = Lacking((yield from unanswered(self)), (yield from unheard(self)))
         return (yield from finishing(self.task, self.minimiser, self.sensors, self.notes, lacking))
 
 

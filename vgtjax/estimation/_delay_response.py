@@ -62,7 +62,7 @@ def _wanted_beside(calibrator: Any, along: Coordinates, vague: Combinations) -> 
     search, found = calibrator.minimiser, []
     here = np.array(search.progress.coordinates)
     for side in (1.0, -1.0):
-        reach = _reach(search.problem.transform, here, side * along)
+        reach = reach_of(search.problem.transform, here, side * along)
         if reach < NEAREST:
             continue
         there = tuple((here + side * reach * along).tolist())
@@ -82,9 +82,9 @@ def _holding(calibrator: Any, vague: Combinations) -> LeastSquares:
     return search.point.holding(vague).uncertainty(search.problem.count)
 
 
-def _reach(transform: Any, here: Coordinates, along: Coordinates) -> float:
-    """How much of a move keeps within the bounds, and is short enough for a linear model; at most all of it."""
+def reach_of(transform: Any, here: Coordinates, along: Coordinates, most: float = 1.0) -> float:
+    """How often a move may be made, at `most`, within the bounds and as far as a linear model reaches."""
     with np.errstate(divide="ignore", invalid="ignore"):
         room = np.where(along > 0, (transform.upper - here) / along, (transform.lower - here) / along)
     room = np.where(along == 0, np.inf, room)
-    return float(min(1.0, FARTHEST / np.max(np.abs(along)), 0.99 * np.min(room)))
+    return float(min(most, FARTHEST / np.max(np.abs(along)), 0.99 * np.min(room)))

@@ -36,20 +36,26 @@ Coordinates = Float[np.ndarray, " coordinates"]
 Covariance = Float[np.ndarray, "entries entries"]
 
 
-def finishing(
-    task: Task, search: LevenbergMarquardt, sensors: Sensors, notes: tuple[str, ...], lacking: Coordinates
-) -> Steps[Calibration]:
-    """The result, as a computation.
+@dataclasses.dataclass(frozen=True)
+class Lacking:
+    """What the errors of a search lack, as moves of the coordinates: one along a `delay` that is answered less than
+    promised, and one row for each direction along which traces are `unheard`."""
 
-    **Arguments:** `lacking`: a move of the coordinates that the errors of `search` lack.
-    """
+    delay: Coordinates
+    unheard: Float[np.ndarray, "directions coordinates"]
+
+
+def finishing(
+    task: Task, search: LevenbergMarquardt, sensors: Sensors, notes: tuple[str, ...], lacking: Lacking
+) -> Steps[Calibration]:
+    """The result, as a computation."""
     problem, progress, transform = search.problem, search.progress, search.problem.transform
     everything, count = search.uncertainty(), len(task.selection.entries)
     coordinates = np.asarray(progress.coordinates)
     values, slope = np.asarray(transform.to_physical(coordinates)), np.asarray(transform.slope(coordinates))
     uncertainty = everything.first(count)
     more = _scatter(uncertainty, np.array(progress.wanted)[:, :count]) if progress.wanted else np.zeros((count, count))
-    more = more + np.outer(lacking[:count], lacking[:count])
+    more = more + np.outer(lacking.delay[:count], lacking.delay[:count])
     sources = {**_moved_by_gains(task, search), **(yield from _moved_by_tolerances(task, search))}
     moved = {name: np.where(uncertainty.determined, each[:count], 0.0) for name, each in sources.items()}
     driven = np.where(uncertainty.determined, (yield from _moved_by_inputs(task, search))[:, :count], 0.0)
@@ -57,9 +63,12 @@ def finishing(
     if progress.otherwise:
         other = np.array(progress.otherwise)[:count] - coordinates[:count]
         moved["hold of the duty"] = apart = np.where(uncertainty.determined, other * np.sqrt(AS_LIKELY), 0.0)
-    beside = np.column_stack([np.zeros((count, 0)), *moved.values(), *driven])
+    unheard = np.where(uncertainty.determined, lacking.unheard[:, :count], 0.0)
+    beside = np.column_stack([np.zeros((count, 0)), *moved.values(), *driven, *unheard])
     if len(driven):
         moved["sensor of the drive"] = np.linalg.norm(driven, axis=0)
+    if len(unheard):
+        moved["slow traces' derivatives"] = np.linalg.norm(unheard, axis=0)
     window, windowed = _by_windows(task, search, everything)
     budget = _budget(uncertainty, more, moved, slope[:count], windowed[:count], window)
     more = more + beside @ beside.T
@@ -67,8 +76,10 @@ def finishing(
     model = _unpack(task.selection, task.model, values[:count])
     late = task.late_duty and progress.coordinates[-1] != 0.0
     delay = float(values[-1]) if late else 0.0
-    # Both readings of the duty meet the traces, whatever a linear model says of the way from one to the other.
-    errors = yield from _bands(task, search, uncertainty.covariance - np.outer(apart, apart), lacking)
+    # What traces hardly answer leaves them as they are, as do both readings of the duty that meet them, whatever a
+    # linear model says of it.
+    seen = uncertainty.covariance - np.outer(apart, apart) - unheard.T @ unheard
+    errors = yield from _bands(task, search, seen, lacking.delay)
     compared = yield from comparing(task, model, delay, sensors, errors)
     with np.errstate(over="ignore"):  # the error of a value that ran away may be beyond every number
         covariance = uncertainty.covariance * np.outer(slope[:count], slope[:count])
@@ -85,7 +96,9 @@ def finishing(
         sensors,
         budget,
         delay,
-        float(slope[-1] * np.hypot(everything.std_errors[-1], lacking[-1])) if late else None,
+        float(slope[-1] * np.linalg.norm([everything.std_errors[-1], lacking.delay[-1], *lacking.unheard[:, -1]]))
+        if late
+        else None,
         notes,
     )
 

@@ -8,7 +8,17 @@ from known_truth import FREE, bench
 
 import vgtjax
 from vgtjax import SimulationError
-from vgtjax.estimation import Linearised, Progress, Unknown, ask, plan_task, run_alone, start_calibration
+from vgtjax.estimation import (
+    RECORDED,
+    Linearised,
+    Progress,
+    Reading,
+    Unknown,
+    ask,
+    plan_task,
+    run_alone,
+    start_calibration,
+)
 from vgtjax.estimation._searches import FAR_ABOVE, MOST_TO_GO, TRIED, _is_hopeless
 from vgtjax.identification import compare_structures
 
@@ -103,3 +113,47 @@ def test_a_structure_that_values_of_another_spoil_begins_at_its_own(task):
     reached = compared.fit.calibration.progress.searched
     assert begun == [("lugre", False, np.inf), ("dahl", True, reached), ("dahl", False, reached)]
     assert {row.name: row.reason for row in compared.rankings["friction"].rows} == {"lugre": "", "dahl": ""}
+
+
+@pytest.fixture(scope="module")
+def late():
+    """The same task with a duty that reaches the valve 4 ms late, and its fit, which finds that out."""
+    trace = bench(1)
+    applied = trace.replace(pwm=np.concatenate([np.full(4, trace.pwm[0]), trace.pwm[:-4]]))
+    run = vgtjax.simulate(vgtjax.Actuator(), applied)
+    rng, count = np.random.default_rng(4), len(trace.time)
+    seen = trace.replace(x_d=run.x_d + rng.normal(0, 8e-6, count), p_act=run.p_act + rng.normal(0, 60.0, count))
+    task = plan_task(vgtjax.Actuator(), [seen], free=FREE, unknown=Unknown(duty_hold=False))
+    return task, start_calibration(task).run()
+
+
+def test_a_search_that_comes_near_by_the_other_ones_reading_of_the_duty_is_not_given_up(late):
+    task, free = late
+    assert free.progress.late
+    assert free.duty_delay == pytest.approx(4e-3, abs=1e-3)
+    limited = dataclasses.replace(task, ceiling=free.progress.searched)
+    assert start_calibration(limited).run().progress.given_up
+    reading = Reading(delay=free.duty_delay)
+    found = start_calibration(dataclasses.replace(limited, reading=reading)).run()
+    assert found.progress == free.progress
+
+
+def test_a_search_that_is_far_above_by_either_reading_is_given_up(late):
+    task, free = late
+    hopeless = dataclasses.replace(task, ceiling=free.progress.searched - 1e3, reading=Reading(delay=free.duty_delay))
+    seen = []
+    assert start_calibration(hopeless).run(seen.append).progress.given_up
+    assert not any(progress.late for progress in seen)
+
+
+def test_others_begin_with_the_reading_by_which_a_structure_leaves_noise_only(late):
+    task, free = late
+    begun = []
+
+    def fitting(structure, begin):
+        begun.append(begin)
+        return (yield from start_calibration(begin.of(task)).steps())
+
+    compare_structures({"friction": "lugre"}, {"friction": ["lugre", "dahl"]}, fitting)
+    assert (begun[0].ceiling, begun[0].reading) == (np.inf, RECORDED)
+    assert (begun[1].ceiling, begun[1].reading) == (free.progress.searched, Reading(delay=free.duty_delay))
