@@ -17,7 +17,9 @@ class Budget:
     colour were found, and `scatter`, of corrections that go to and fro, and of those that
     answer a late duty less than derivatives promise. Type B, by what is known from elsewhere:
     `moved`, by source, is how far each value moves when what is held, or the gain of a sensor, is off by its
-    uncertainty, with its sign; and how far, without one, when the pressure that drives a rod is measured once more.
+    uncertainty, with its sign; and how far, without one, when the pressure that drives a rod is measured once more, or
+    along what the sharp model answers less than derivatives of slow traces promise; and between both readings of a duty
+    whose hold is not decided.
 
     `windowed` checks `noise` and is no further part: the same from sums of residuals over windows of `window` seconds,
     which believes nothing of the noise but that it forgets within that time.

@@ -68,7 +68,7 @@ def finishing(
     if len(driven):
         moved["sensor of the drive"] = np.linalg.norm(driven, axis=0)
     if len(unheard):
-        moved["slow traces' derivatives"] = np.linalg.norm(unheard, axis=0)
+        moved["derivatives of slow traces"] = np.linalg.norm(unheard, axis=0)
     window, windowed = _by_windows(task, search, everything)
     budget = _budget(uncertainty, more, moved, slope[:count], windowed[:count], window)
     more = more + beside @ beside.T

@@ -211,7 +211,7 @@ def test_a_calibration_has_it_in_errors_and_budget_and_no_band_has_it(monkeypatc
     found = ended.finish()
     np.testing.assert_allclose(found.uncertainty.std_errors, np.sqrt(10) * before.uncertainty.std_errors, rtol=1e-9)
     np.testing.assert_allclose(found.budget.combined, found.std_errors, rtol=1e-6)
-    part = found.budget.moved["slow traces' derivatives"]
+    part = found.budget.moved["derivatives of slow traces"]
     np.testing.assert_allclose(part, 3 * before.std_errors, rtol=1e-6)
     for channel in ("x_d", "p_act"):
         bands = [each.traces[0].channels[channel].error for each in (before, found)]
