@@ -87,19 +87,21 @@ def without_ceiling(calibrator: C) -> Steps[C]:
     """A search at its start without its ceiling, if one comes near that by the reading of the duty that belongs to it;
     the traces tell of another one than is recorded where a search has ended, and before it none as recorded comes near.
 
-    What is tried is not reported: a fit that is interrupted meanwhile tries it again.
+    What is tried is not reported: a fit that is interrupted meanwhile tries it again. One that reads the duty otherwise
+    already has come near.
     """
     task, progress = calibrator.task, calibrator.minimiser.progress
-    asked = progress.corrections or progress.linear or progress.edges or progress.given_up
-    if task.reading == RECORDED or asked:
+    if task.reading == RECORDED or progress.given_up:
         return calibrator
-    try:
-        read = yield from calibrator.at(_read_as(task, progress))
-        read = yield from giving_up((yield from searching_once(read, quiet)), quiet)
-    except SimulationError:
-        return calibrator
-    if read.minimiser.progress.given_up:
-        return calibrator
+    late = progress.late != first_progress(task).late
+    if not (progress.corrections or progress.linear or progress.edges or late):
+        try:
+            read = yield from calibrator.at(_read_as(task, progress))
+            read = yield from giving_up((yield from searching_once(read, quiet)), quiet)
+        except SimulationError:
+            return calibrator
+        if read.minimiser.progress.given_up:
+            return calibrator
     return dataclasses.replace(calibrator, task=dataclasses.replace(task, ceiling=np.inf, reading=RECORDED))
 
 

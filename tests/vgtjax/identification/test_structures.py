@@ -134,8 +134,13 @@ def test_a_search_that_comes_near_by_the_other_ones_reading_of_the_duty_is_not_g
     limited = dataclasses.replace(task, ceiling=free.progress.searched)
     assert start_calibration(limited).run().progress.given_up
     reading = Reading(delay=free.duty_delay)
-    found = start_calibration(dataclasses.replace(limited, reading=reading)).run()
+    seen = []
+    found = start_calibration(dataclasses.replace(limited, reading=reading)).run(seen.append)
     assert found.progress == free.progress
+    # A run that was interrupted ends there, too, whether it knew of the delay by then or not.
+    for progress in (seen[0], next(each for each in seen if each.late)):
+        again = start_calibration(dataclasses.replace(limited, reading=reading), progress).run()
+        assert again.progress == free.progress
 
 
 def test_a_search_that_is_far_above_by_either_reading_is_given_up(late):
