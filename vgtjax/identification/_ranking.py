@@ -82,6 +82,10 @@ class Ranking:
 
 Outcome = Linearised | str
 """A fit, or why there is none."""
+ASTRAY = 1000.0
+"""Difference of the criterion that decides where a fit has found a duty that comes early, which none does: its search
+has gone astray, and chi^2 may be off by hundreds. One such campaign, with a squared Stribeck curve, seemed to decide
+for a plain one by 15."""
 
 
 def rank(outcomes: Mapping[str, Outcome], wider: Mapping[str, Sequence[str]] | None = None) -> Steps[Ranking]:
@@ -108,6 +112,8 @@ def rank(outcomes: Mapping[str, Outcome], wider: Mapping[str, Sequence[str]] | N
     unseen = _score(fits, weighed)
     remains = find_remains(fits[best].calibration)
     needed = NEEDED[worst_verdict(remains)]
+    if any(fits[name].calibration.duty_delay < 0 for name in able):
+        needed = (max(needed[0], ASTRAY), needed[1])
     rows = [_row(name, reasons[name], weighed, criteria, unseen) for name in outcomes]
     rows.sort(key=lambda row: (row.name != best, bool(row.reason), np.inf if row.criterion is None else row.criterion))
     against = {}

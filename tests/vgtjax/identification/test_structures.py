@@ -21,6 +21,7 @@ from vgtjax.estimation import (
 )
 from vgtjax.estimation._searches import FAR_ABOVE, MOST_TO_GO, TRIED, _is_hopeless
 from vgtjax.identification import compare_structures
+from vgtjax.identification._ranking import ASTRAY, STRONG
 
 COUNT = 2000
 """Measurements, so that chi^2 is as many times 2."""
@@ -162,3 +163,24 @@ def test_others_begin_with_the_reading_by_which_a_structure_leaves_noise_only(la
     compare_structures({"friction": "lugre"}, {"friction": ["lugre", "dahl"]}, fitting)
     assert (begun[0].ceiling, begun[0].reading) == (np.inf, RECORDED)
     assert (begun[1].ceiling, begun[1].reading) == (free.progress.searched, Reading(delay=free.duty_delay))
+
+
+@pytest.mark.parametrize("delay", [0.0, -1e-3])
+def test_a_duty_that_comes_early_decides_only_what_is_far_apart(task, delay):
+    """A volume that is held beside the truth costs some tens of chi^2, and one far off thousands."""
+    held = {"near": 57.3e-6, "far": 80e-6}
+    tasks = {"free": task} | {
+        name: plan_task(vgtjax.Actuator(), task.fit, free=FREE[:2], values={"chamber.volume": volume})
+        for name, volume in held.items()
+    }
+
+    def fitting(structure, begin):
+        calibration = yield from start_calibration(tasks[structure["friction"]]).steps()
+        return dataclasses.replace(calibration, duty_delay=delay)
+
+    found = compare_structures({"friction": "free"}, {"friction": list(tasks)}, fitting).rankings["friction"]
+    assert found.best == "free"
+    near, far = (found.against[name] for name in held)
+    assert STRONG < near.difference < ASTRAY < far.difference
+    assert bool(near.doubt) == (delay < 0)
+    assert not far.doubt
