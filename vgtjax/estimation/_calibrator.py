@@ -36,8 +36,8 @@ from ._readings import reading_both_ways
 from ._residuals import FitProblem
 from ._search import LevenbergMarquardt
 from ._searches import beginning_again, from_second_guess, giving_up, searching, searching_once, without_ceiling
-from ._silence import unheard
 from ._slopes import Slopes, by_delay_alone, places_around
+from ._slow_response import unanswered_directions
 from ._task import Task
 
 HELD_MATTERS = 9.0
@@ -170,7 +170,7 @@ class Calibrator:
 
     def finishing(self) -> Steps[Calibration]:
         """`finish` as a computation."""
-        lacking = Lacking((yield from unanswered(self)), (yield from unheard(self)))
+        lacking = Lacking((yield from unanswered(self)), (yield from unanswered_directions(self)))
         return (yield from finishing(self.task, self.minimiser, self.sensors, self.notes, lacking))
 
 

@@ -8,23 +8,18 @@ an end solves `J^T r = 0` with derivatives `J` of another model than that of the
 `(J^T dr/dx)^-1 J^T` (estimating equations, Huber 1967), so errors are as much longer as the answer is shorter.
 """
 
-import dataclasses
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
-from .._errors import SimulationError
+from ._answers import answers_beside, holding
 from ._evaluation import Steps
-from ._least_squares import LeastSquares
-from ._slopes import FARTHEST, Coordinates
+from ._slopes import Coordinates
 
 LEAST = 0.2
 """Of the answer that is promised, at least: errors are never longer than by its inverse."""
 NEAREST = 0.5
 """Standard errors by which the delay must be moved: the sharp model chatters by about a tenth of one."""
-
-Combinations = Float[np.ndarray, "directions coordinates"]
 
 
 def unanswered(calibrator: Any) -> Steps[Coordinates]:
@@ -43,48 +38,14 @@ def unanswered(calibrator: Any) -> Steps[Coordinates]:
     if not (progress.late and corrected) or progress.edges:
         return nothing
     vague = calibrator.uncertainty().vague(search.problem.transform.positive)
-    found = _holding(calibrator, vague)
+    found = holding(calibrator, vague)
     error = float(np.nan_to_num(found.std_errors[-1]))
     if error <= 0:
         return nothing
     along = np.where(found.determined, found.covariance[-1], 0.0) / error
-    beside = yield from _wanted_beside(calibrator, along, vague)
+    beside = yield from answers_beside(calibrator, along, vague, least=NEAREST)
     if not beside:
         return nothing
-    places, wanted = zip((0.0, -float(found.values[-1])), *beside, strict=True)
-    answer = np.clip(-np.polyfit(places, wanted, 1)[0] / error, LEAST, 1.0)
+    places, back = zip((0.0, found.values), *beside, strict=True)
+    answer = np.clip(np.polyfit(places, np.array(back)[:, -1], 1)[0] / error, LEAST, 1.0)
     return along * np.sqrt(answer**-2 - 1)
-
-
-def _wanted_beside(calibrator: Any, along: Coordinates, vague: Combinations) -> Steps[list[tuple[float, float]]]:
-    """Which part of a move leads beside the end, to either side, and how far the next correction from there wants to
-    move the delay."""
-    search, found = calibrator.minimiser, []
-    here = np.array(search.progress.coordinates)
-    for side in (1.0, -1.0):
-        reach = reach_of(search.problem.transform, here, side * along)
-        if reach < NEAREST:
-            continue
-        there = tuple((here + side * reach * along).tolist())
-        try:
-            beside = yield from calibrator.corrected(dataclasses.replace(search.progress, coordinates=there))
-        except SimulationError:
-            continue
-        wanted = -float(_holding(beside, vague).values[-1])
-        if np.isfinite(wanted):
-            found.append((side * reach, wanted))
-    return found
-
-
-def _holding(calibrator: Any, vague: Combinations) -> LeastSquares:
-    """The linear problem at the end, without what the traces hardly tell: no linear model says anything so far away."""
-    search = calibrator.minimiser
-    return search.point.holding(vague).uncertainty(search.problem.count)
-
-
-def reach_of(transform: Any, here: Coordinates, along: Coordinates, most: float = 1.0) -> float:
-    """How often a move may be made, at `most`, within the bounds and as far as a linear model reaches."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        room = np.where(along > 0, (transform.upper - here) / along, (transform.lower - here) / along)
-    room = np.where(along == 0, np.inf, room)
-    return float(min(most, FARTHEST / np.max(np.abs(along)), 0.99 * np.min(room)))

@@ -39,10 +39,10 @@ Covariance = Float[np.ndarray, "entries entries"]
 @dataclasses.dataclass(frozen=True)
 class Lacking:
     """What the errors of a search lack, as moves of the coordinates: one along a `delay` that is answered less than
-    promised, and one row for each direction along which traces are `unheard`."""
+    promised, and one row for each of the `directions` that slow traces answer less."""
 
     delay: Coordinates
-    unheard: Float[np.ndarray, "directions coordinates"]
+    directions: Float[np.ndarray, "directions coordinates"]
 
 
 def finishing(
@@ -63,12 +63,12 @@ def finishing(
     if progress.otherwise:
         other = np.array(progress.otherwise)[:count] - coordinates[:count]
         moved["hold of the duty"] = apart = np.where(uncertainty.determined, other * np.sqrt(AS_LIKELY), 0.0)
-    unheard = np.where(uncertainty.determined, lacking.unheard[:, :count], 0.0)
-    beside = np.column_stack([np.zeros((count, 0)), *moved.values(), *driven, *unheard])
+    unanswered = np.where(uncertainty.determined, lacking.directions[:, :count], 0.0)
+    beside = np.column_stack([np.zeros((count, 0)), *moved.values(), *driven, *unanswered])
     if len(driven):
         moved["sensor of the drive"] = np.linalg.norm(driven, axis=0)
-    if len(unheard):
-        moved["derivatives of slow traces"] = np.linalg.norm(unheard, axis=0)
+    if len(unanswered):
+        moved["derivatives of slow traces"] = np.linalg.norm(unanswered, axis=0)
     window, windowed = _by_windows(task, search, everything)
     budget = _budget(uncertainty, more, moved, slope[:count], windowed[:count], window)
     more = more + beside @ beside.T
@@ -78,7 +78,7 @@ def finishing(
     delay = float(values[-1]) if late else 0.0
     # What traces hardly answer leaves them as they are, as do both readings of the duty that meet them, whatever a
     # linear model says of it.
-    seen = uncertainty.covariance - np.outer(apart, apart) - unheard.T @ unheard
+    seen = uncertainty.covariance - np.outer(apart, apart) - unanswered.T @ unanswered
     errors = yield from _bands(task, search, seen, lacking.delay)
     compared = yield from comparing(task, model, delay, sensors, errors)
     with np.errstate(over="ignore"):  # the error of a value that ran away may be beyond every number
@@ -96,7 +96,7 @@ def finishing(
         sensors,
         budget,
         delay,
-        float(slope[-1] * np.linalg.norm([everything.std_errors[-1], lacking.delay[-1], *lacking.unheard[:, -1]]))
+        float(slope[-1] * np.linalg.norm([everything.std_errors[-1], lacking.delay[-1], *lacking.directions[:, -1]]))
         if late
         else None,
         notes,

@@ -84,8 +84,9 @@ def beginning_again(ended: C, report: Report) -> Steps[C]:
 
 
 def without_ceiling(calibrator: C) -> Steps[C]:
-    """A search at its start without its ceiling, if one comes near that by the reading of the duty that belongs to it;
-    the traces tell of another one than is recorded where a search has ended, and before it none as recorded comes near.
+    """A search at its start without its ceiling, if another one comes near that with the reading of the duty that
+    belongs to it. With the duty as recorded a right structure may be far above until its search has ended, as only then
+    the traces tell how to read it.
 
     What is tried is not reported: a fit that is interrupted meanwhile tries it again. One that reads the duty otherwise
     already has come near.

@@ -112,8 +112,6 @@ def rank(outcomes: Mapping[str, Outcome], wider: Mapping[str, Sequence[str]] | N
     unseen = _score(fits, weighed)
     remains = find_remains(fits[best].calibration)
     needed = NEEDED[worst_verdict(remains)]
-    if any(fits[name].calibration.duty_delay < 0 for name in able):
-        needed = (max(needed[0], ASTRAY), needed[1])
     rows = [_row(name, reasons[name], weighed, criteria, unseen) for name in outcomes]
     rows.sort(key=lambda row: (row.name != best, bool(row.reason), np.inf if row.criterion is None else row.criterion))
     against = {}
@@ -134,6 +132,7 @@ def rank(outcomes: Mapping[str, Outcome], wider: Mapping[str, Sequence[str]] | N
             WIDER
             if contained
             else _doubt((difference, by_fit, steadiness), elsewhere, needed, agreed=name != likeliest)
+            or _astray(difference, (fits[best], fits[name]))
         )
         against[name] = Duel(difference, steadiness, elsewhere, doubt)
     return Ranking(rows, best, against, "none" if unseen is None else unseen.what, remains)
@@ -158,6 +157,17 @@ def _doubt(
     if unseen is not None and unseen < -CONTRARY:
         return f"traces not fitted favour the other by {-unseen:.2g} standard errors"
     return ""
+
+
+def _astray(difference: float, duellists: Sequence[Linearised]) -> str:
+    """Why a duel does not decide where a fit has found a duty that comes early."""
+    early = min(each.calibration.duty_delay for each in duellists)
+    if early >= 0 or difference > ASTRAY:
+        return ""
+    return (
+        f"the duty of a fit would come {-1e3 * early:.2g} ms early, which none does: its search has gone astray; the "
+        f"criterion differs by {difference:.3g}, {ASTRAY:g} would decide"
+    )
 
 
 def worst_verdict(remains: Sequence[Remains]) -> str:

@@ -5,15 +5,15 @@ import dataclasses
 import numpy as np
 import pytest
 import scipy.linalg
+from linear_calibrator import LinearCalibrator
 from support import duty_trace
 
 import vgtjax
-from vgtjax import FixedStep, SimulationError
+from vgtjax import FixedStep
 from vgtjax.estimation import Progress, Unknown, _calibrator, plan_task, run_alone, start_calibration
 from vgtjax.estimation._bands import spread_of
 from vgtjax.estimation._delay_response import LEAST, unanswered
 from vgtjax.estimation._least_squares import VAGUE
-from vgtjax.estimation._point import Point
 from vgtjax.parameters import Transform
 from vgtjax.parts import with_sharp_seat
 
@@ -25,46 +25,8 @@ END = Progress((0.0, 0.0, 0.0), late=True, corrections=3, around=((0.0, 0.0, 0.0
 FREE_TO_MOVE = Transform(np.array([True, False, False]), np.ones(3), np.full(3, -np.inf), np.full(3, np.inf))
 
 
-@dataclasses.dataclass(frozen=True)
-class LinearCalibrator:
-    """The end of a fit whose residuals change by `sharp` columns where its derivatives say `columns`. Simulations fail
-    at delays above `fails_beyond`, and are not finite above `breaks_beyond`."""
-
-    sharp: np.ndarray
-    progress: Progress = END
-    columns: np.ndarray = dataclasses.field(default_factory=lambda: COLUMNS)
-    unknown: Unknown = dataclasses.field(default_factory=Unknown)
-    transform: Transform = FREE_TO_MOVE
-    fails_beyond: float = np.inf
-    breaks_beyond: float = np.inf
-    count = len(COLUMNS)
-
-    @property
-    def task(self):
-        return self
-
-    @property
-    def minimiser(self):
-        return self
-
-    @property
-    def problem(self):
-        return self
-
-    @property
-    def point(self):
-        broken = self.progress.coordinates[-1] > self.breaks_beyond
-        residuals = NOISE + self.sharp @ np.array(self.progress.coordinates)
-        return Point(np.where(broken, np.nan, residuals), self.columns)
-
-    def uncertainty(self):
-        return self.point.uncertainty(self.count)
-
-    def corrected(self, progress):
-        if progress.coordinates[-1] > self.fails_beyond:
-            raise SimulationError("no simulation there")
-        return dataclasses.replace(self, progress=progress)
-        yield
+def ending(sharp, progress=END, *, columns=COLUMNS, transform=FREE_TO_MOVE, **how):
+    return LinearCalibrator(sharp, columns, NOISE, progress, transform, **how)
 
 
 def inverse(columns):
@@ -92,20 +54,20 @@ def exact(sharp, columns):
 @pytest.mark.parametrize("answer", [0.3, 0.8])
 def test_errors_along_the_mean_move_are_those_of_the_fixed_point(answer):
     sharp = answering(answer)
-    lacking = run_alone(unanswered(LinearCalibrator(sharp)))
+    lacking = run_alone(unanswered(ending(sharp)))
     np.testing.assert_allclose(inverse(COLUMNS) + np.outer(lacking, lacking), exact(sharp, COLUMNS), rtol=1e-6)
 
 
 def test_the_error_of_the_delay_is_that_of_the_fixed_point_whatever_its_derivative_lacks():
     sharp = COLUMNS * [1.0, 1.0, 0.7]
-    lacking = run_alone(unanswered(LinearCalibrator(sharp)))
+    lacking = run_alone(unanswered(ending(sharp)))
     assert inverse(COLUMNS)[-1, -1] + lacking[-1] ** 2 == pytest.approx(exact(sharp, COLUMNS)[-1, -1], rel=1e-6)
 
 
 def test_what_the_traces_hardly_tell_does_not_look_like_an_answer():
     """A logarithm with a large error that goes with the delay: a perfect model answers in full."""
     columns = COLUMNS * [0.02, 1.0, 1.0]
-    calibrator = LinearCalibrator(columns, columns=columns)
+    calibrator = ending(columns, columns=columns)
     assert calibrator.uncertainty().std_errors[0] > VAGUE
     np.testing.assert_allclose(run_alone(unanswered(calibrator)), 0.0, atol=1e-4)  # the root of rounding
     lacking = run_alone(unanswered(dataclasses.replace(calibrator, sharp=columns * [1.0, 1.0, 0.5])))
@@ -119,20 +81,20 @@ def test_a_bound_shortens_a_move_and_is_no_answer():
         upper = np.where(np.arange(3) == 1, part * abs(move[1]), np.inf)
         transform = Transform(FREE_TO_MOVE.positive, np.ones(3), -np.full(3, np.inf), upper)
         for answer, lacking in ((1.0, 0.0), (0.5, np.sqrt(3) * move)):
-            found = run_alone(unanswered(LinearCalibrator(answering(answer), transform=transform)))
+            found = run_alone(unanswered(ending(answering(answer), transform=transform)))
             np.testing.assert_allclose(found, lacking + np.zeros(3), atol=1e-6)
 
 
 @pytest.mark.parametrize("beyond", ["fails_beyond", "breaks_beyond"])
 def test_one_simulation_beside_the_end_is_enough(beyond):
-    calibrator = LinearCalibrator(answering(0.5), **{beyond: 0.0})
+    calibrator = ending(answering(0.5), **{beyond: 0.0})
     np.testing.assert_allclose(run_alone(unanswered(calibrator)), np.sqrt(3) * mean_move(COLUMNS), rtol=1e-6)
 
 
 def test_an_answer_shortens_no_error_and_lengthens_none_without_end():
-    np.testing.assert_array_equal(run_alone(unanswered(LinearCalibrator(answering(1.3)))), np.zeros(3))
+    np.testing.assert_array_equal(run_alone(unanswered(ending(answering(1.3)))), np.zeros(3))
     for answer in (0.01, -1.0):
-        lacking = run_alone(unanswered(LinearCalibrator(answering(answer))))
+        lacking = run_alone(unanswered(ending(answering(answer))))
         np.testing.assert_allclose(lacking, mean_move(COLUMNS) * np.sqrt(LEAST**-2 - 1), rtol=1e-6)
 
 
@@ -148,7 +110,7 @@ def test_an_answer_shortens_no_error_and_lengthens_none_without_end():
     ids=["timely", "not settled", "lost", "edges", "no numerical errors"],
 )
 def test_where_no_delay_is_free_or_nothing_is_corrected_nothing_is_asked(progress, unknown):
-    calibrator = LinearCalibrator(answering(0.5), progress, unknown=unknown, fails_beyond=-np.inf)
+    calibrator = ending(answering(0.5), progress, unknown=unknown, fails_beyond=-np.inf)
     np.testing.assert_array_equal(run_alone(unanswered(calibrator)), np.zeros(3))
 
 

@@ -183,4 +183,5 @@ def test_a_duty_that_comes_early_decides_only_what_is_far_apart(task, delay):
     near, far = (found.against[name] for name in held)
     assert STRONG < near.difference < ASTRAY < far.difference
     assert bool(near.doubt) == (delay < 0)
+    assert ("would come 1 ms early" in near.doubt) == (delay < 0)
     assert not far.doubt

@@ -1,11 +1,11 @@
-"""Along which directions slow traces tell less than derivatives promise.
+"""How the sharp model answers along what slow traces tell, of which derivatives of the smooth one promise more.
 
 While a slow duty carries a plunger to its seat, this hovers and chatters there, in the smooth model as well as in the
 sharp one. A derivative has how the phase of the chatter moves with every parameter, which in a few thousand samples
-looks like information: stiffness of the membrane and slope of the reservoir's orifice to 2.5 %, which together no trace
-tells, and half of twenty actuators were more than two such errors off. The sharp model chatters otherwise. Moved by
-four standard errors along this direction, it answers by 0.13 of what is promised, and by 0.7 to 1.0 along those
-of the friction.
+looks like information: in one unit of a simulated fleet the stiffness of the membrane and the slope of the reservoir's
+orifice were told to 2.5 %, which slow loops hardly tell, and nine of twenty units were more than two such errors off.
+The sharp model chatters otherwise. Moved by four standard errors along this direction, it answers by 0.13 of what is
+promised in that unit, and by 0.7 to 0.9 along those of the friction.
 
 Where an end solves `J^T r = 0` with derivatives `J` of another model than that of the residuals `r`, noise moves it by
 `A^-1 (J^T J)^-1 J^T` with `A = (J^T J)^-1 J^T dr/dx` (estimating equations, Huber 1967). If all else is answered as
@@ -13,40 +13,40 @@ promised, and a move `m` of one standard error by `A m = x`, its part along `m` 
 along `m + (m - x) / a`.
 """
 
-import dataclasses
 from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from .._errors import SimulationError
-from ._delay_response import Combinations, reach_of
+from ._answers import Combinations, answers_beside, holding
 from ._evaluation import Steps, side_by_side
 from ._least_squares import LeastSquares, finite_columns
 from ._slopes import Coordinates
 from ._steps import lengthens
 
 TOLD = 0.01
-"""Standard error of a logarithm up to which its own direction is not asked: what hover has to say is weaker."""
-MOST = 4.0
-"""Standard errors by which it is moved to either side at most: chatter makes an answer uncertain by half of one."""
+"""Standard error of a logarithm up to which its own direction is not asked: what a hovering plunger seems to tell is
+weaker."""
+MOST, NEAREST = 4.0, 0.1
+"""Standard errors by which an end is moved to either side, at most and at least. The sharp model's chatter makes the
+answer to a move of one standard error uncertain by a half, that to four by a tenth."""
 NEW = 0.3
 """Part of a direction's square that those before it do not have, at least, for it to be asked."""
 NONE, LEAST = 0.25, 0.02
-"""Answer up to which there is none, and what counts for that along values that lie along the direction by `MOSTLY`:
-errors of two percent are a factor of ten then."""
+"""Answer below which there is none, and what counts for that in values that lie along the direction by `MOSTLY`: an
+error of two percent is one of a hundred then."""
 MOSTLY = 0.5
 """Part of a value's variance that is along a direction."""
 SMALLEST = 0.1
-"""Answer that counts at least for all other values: of theirs, chatter makes a tenth of a standard error."""
+"""Answer that counts at least for all other values: what chatter makes of theirs is divided by it."""
 
 
-def unheard(calibrator: Any) -> Steps[Combinations]:
-    """Moves of the coordinates whose products with themselves are to be added to the covariance of an end, as the sharp
-    model answers them less than derivatives promise; one row for each direction that is asked.
+def unanswered_directions(calibrator: Any) -> Steps[Combinations]:
+    """What the errors of an end lack where all traces are slow: moves of the coordinates whose products with themselves
+    are to be added to their covariance, one row for each direction that is answered less than promised.
 
     None where a trace is not slow, nothing is corrected for, or the search is lost; beside edges of unknown times,
-    which corrections would see anew.
+    which corrections would see anew. A direction that can't be asked to both sides stays as it is.
 
     **Arguments:** `calibrator`: at its end.
     """
@@ -57,17 +57,11 @@ def unheard(calibrator: Any) -> Steps[Combinations]:
         return nothing
     logarithms = np.asarray(search.problem.transform.positive)
     vague = calibrator.uncertainty().vague(logarithms)
-    found = _held(calibrator, vague)
+    found = holding(calibrator, vague)
     moves = _directions(found, logarithms)
-    answers = yield from side_by_side([_answer(calibrator, vague, each) for each in moves])
-    lacking = [_lacking(calibrator, found, *each) for each in zip(moves, answers, strict=True)]
+    back = yield from side_by_side([_answer(calibrator, found, vague, each) for each in moves])
+    lacking = [_lacking(calibrator, found, *each) for each in zip(moves, back, strict=True)]
     return np.array([each for each in lacking if np.any(each)]).reshape(-1, nothing.shape[1])
-
-
-def _held(calibrator: Any, vague: Combinations) -> LeastSquares:
-    """The linear problem at a place, without what the traces hardly tell."""
-    search = calibrator.minimiser
-    return search.point.holding(vague).uncertainty(search.problem.count)
 
 
 def _directions(found: LeastSquares, logarithms: Bool[np.ndarray, " coordinates"]) -> list[Coordinates]:
@@ -87,24 +81,14 @@ def _directions(found: LeastSquares, logarithms: Bool[np.ndarray, " coordinates"
     return [factor @ each for each in taken]
 
 
-def _answer(calibrator: Any, vague: Combinations, along: Coordinates) -> Steps[Coordinates]:
-    """By how much the end would go back after a move of it, by what the sharp model answers to moves to either side;
-    all of it where that can't be asked."""
-    search = calibrator.minimiser
-    here = np.array(search.progress.coordinates)
-    places, wanted = [0.0], [_held(calibrator, vague).values]
-    for side in (1.0, -1.0):
-        reach = reach_of(search.problem.transform, here, side * along, MOST)
-        there = tuple((here + side * reach * along).tolist())
-        try:
-            beside = yield from calibrator.corrected(dataclasses.replace(search.progress, coordinates=there))
-        except SimulationError:
-            continue
-        places.append(side * reach)
-        wanted.append(_held(beside, vague).values)
-    if len(places) < 3 or not np.all(np.isfinite(wanted)):
+def _answer(calibrator: Any, found: LeastSquares, vague: Combinations, along: Coordinates) -> Steps[Coordinates]:
+    """By how much the end would go back after a move, by what the sharp model answers to it on both sides; all of it
+    where that can't be asked."""
+    beside = yield from answers_beside(calibrator, along, vague, least=NEAREST, most=MOST)
+    if len(beside) < 2:
         return along
-    return np.polyfit(places, np.array(wanted), 1)[0]
+    places, back = zip((0.0, found.values), *beside, strict=True)
+    return np.polyfit(places, np.array(back), 1)[0]
 
 
 def _lacking(calibrator: Any, found: LeastSquares, along: Coordinates, back: Coordinates) -> Coordinates:

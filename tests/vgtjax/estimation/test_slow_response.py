@@ -5,14 +5,13 @@ import dataclasses
 import numpy as np
 import pytest
 import scipy.linalg
+from linear_calibrator import LinearCalibrator
 from support import duty_trace
 
 import vgtjax
-from vgtjax import SimulationError
-from vgtjax.estimation import Progress, Unknown, _calibrator, _silence, plan_task, run_alone, start_calibration
-from vgtjax.estimation._point import Point
-from vgtjax.estimation._silence import LEAST, MOST, TOLD, unheard
+from vgtjax.estimation import Progress, Unknown, _calibrator, _slow_response, plan_task, run_alone, start_calibration
 from vgtjax.estimation._slopes import FARTHEST
+from vgtjax.estimation._slow_response import LEAST, MOST, TOLD, unanswered_directions
 from vgtjax.parameters import Transform
 
 COLUMNS = np.random.default_rng(8).normal(size=(40, 4)) @ np.array(
@@ -25,53 +24,13 @@ END = Progress((0.0,) * 4, corrections=3, around=((0.0,) * 4,))
 LOGARITHMS = Transform(np.full(4, True), np.ones(4), np.full(4, -np.inf), np.full(4, np.inf))
 
 
-@dataclasses.dataclass(frozen=True)
-class LinearCalibrator:
-    """The end of a fit whose residuals change by `sharp` columns where its derivatives say `columns`. Simulations fail
-    at first values beyond `fails_beyond`."""
-
-    sharp: np.ndarray
-    progress: Progress = END
-    columns: np.ndarray = dataclasses.field(default_factory=lambda: COLUMNS)
-    unknown: Unknown = dataclasses.field(default_factory=Unknown)
-    fails_beyond: float = np.inf
-    chatter: float = 0.0
-    transform = LOGARITHMS
-    model = None
-    fit = (None,)
-    count = len(COLUMNS)
-
-    @property
-    def task(self):
-        return self
-
-    @property
-    def minimiser(self):
-        return self
-
-    @property
-    def problem(self):
-        return self
-
-    @property
-    def point(self):
-        here = np.array(self.progress.coordinates)
-        chatter = self.chatter * np.random.default_rng(int(1e6 * np.abs(here).sum())).standard_normal(len(COLUMNS))
-        return Point(NOISE + self.sharp @ here + chatter, self.columns)
-
-    def uncertainty(self):
-        return self.point.uncertainty(self.count)
-
-    def corrected(self, progress):
-        if progress.coordinates[0] > self.fails_beyond:
-            raise SimulationError("no simulation there")
-        return dataclasses.replace(self, progress=progress)
-        yield
+def ending(sharp, progress=END, *, columns=COLUMNS, transform=LOGARITHMS, **how):
+    return LinearCalibrator(sharp, columns, NOISE, progress, transform, **how)
 
 
 @pytest.fixture(autouse=True)
 def slow(monkeypatch):
-    monkeypatch.setattr(_silence, "lengthens", lambda model, trace: True)
+    monkeypatch.setattr(_slow_response, "lengthens", lambda model, trace: True)
 
 
 def covariance(columns):
@@ -96,7 +55,7 @@ def test_errors_are_those_of_the_fixed_point(answer):
     """The best told value first, in closed form: `A^-1 C A^-T` with `A = (J^T J)^-1 J^T dr/dx`."""
     best = int(np.argmin(np.diag(covariance(COLUMNS))))
     sharp = answering(answer, best)
-    moves = run_alone(unheard(LinearCalibrator(sharp)))
+    moves = run_alone(unanswered_directions(ending(sharp)))
     back = np.linalg.inv(covariance(COLUMNS) @ COLUMNS.T @ sharp)
     expected = back @ covariance(COLUMNS) @ back.T
     np.testing.assert_allclose(covariance(COLUMNS) + moves.T @ moves, expected, rtol=1e-5)
@@ -110,7 +69,7 @@ def test_errors_of_others_are_those_of_what_the_sharp_model_answers_instead():
     of_move = np.linalg.solve(usual, move)
     instead += (0.4 - of_move @ instead) * move
     back = np.eye(4) + np.outer(instead - move, of_move)
-    moves = run_alone(unheard(LinearCalibrator(COLUMNS @ back)))
+    moves = run_alone(unanswered_directions(ending(COLUMNS @ back)))
     forth = np.linalg.inv(back)
     expected = np.diag(forth @ usual @ forth.T)
     assert np.any(expected > 1.5 * np.diag(usual))
@@ -122,7 +81,7 @@ def test_one_direction_that_two_values_share_is_asked_and_counted_once():
     """Two values of which the traces tell the ratio far better than either; their answers are one."""
     shared = mean_move(0)
     assert shared[1] > 0.99 * np.sqrt(covariance(COLUMNS)[1, 1])
-    moves = run_alone(unheard(LinearCalibrator(answering(0.5, 0))))
+    moves = run_alone(unanswered_directions(ending(answering(0.5, 0))))
     longer = np.sqrt(np.diag(covariance(COLUMNS) + moves.T @ moves) / np.diag(covariance(COLUMNS)))
     # Asked first along the second, which has a hundredth of its direction for itself.
     np.testing.assert_allclose(longer[:2], 2.0, rtol=0.05)
@@ -130,28 +89,34 @@ def test_one_direction_that_two_values_share_is_asked_and_counted_once():
 
 
 def test_no_answer_makes_a_value_undetermined_whatever_chatter_says():
-    moves = run_alone(unheard(LinearCalibrator(answering(0.1), chatter=0.3)))
+    moves = run_alone(unanswered_directions(ending(answering(0.1), chatter=0.3)))
     first = np.sqrt(np.sum(moves[:, 0] ** 2))
     assert 0.8 / LEAST < first / np.sqrt(covariance(COLUMNS)[0, 0]) < 1.2 / LEAST
 
 
 def test_an_answer_in_full_or_more_adds_nothing():
     for answer in (1.0, 1.4):
-        moves = run_alone(unheard(LinearCalibrator(answering(answer))))
+        moves = run_alone(unanswered_directions(ending(answering(answer))))
         # Of the others, whose directions share something with it; and the root of rounding.
         np.testing.assert_allclose(moves.T @ moves, np.zeros((4, 4)), atol=1e-6)
 
 
 def test_values_that_are_told_well_are_not_asked():
     asked = COLUMNS * 1.01 * np.sqrt(np.max(np.diag(covariance(COLUMNS)))) / TOLD
-    calibrator = LinearCalibrator(np.zeros_like(asked), columns=asked)
+    calibrator = ending(np.zeros_like(asked), columns=asked)
     assert np.all(calibrator.uncertainty().std_errors < TOLD)
-    assert run_alone(unheard(calibrator)).shape == (0, 4)
+    assert run_alone(unanswered_directions(calibrator)).shape == (0, 4)
 
 
 def test_a_direction_that_cannot_be_asked_to_both_sides_is_left_as_it_is():
-    moves = run_alone(unheard(LinearCalibrator(0.1 * COLUMNS, fails_beyond=-np.inf)))
+    moves = run_alone(unanswered_directions(ending(0.1 * COLUMNS, fails_beyond=-np.inf)))
     assert moves.shape == (0, 4)
+
+
+def test_a_direction_along_which_a_value_is_at_its_bound_is_left_as_it_is():
+    """Nothing can be asked on that side, and one side alone may have a stop where the other has none."""
+    held = Transform(np.full(4, True), np.ones(4), np.full(4, -np.inf), np.zeros(4))
+    assert run_alone(unanswered_directions(ending(0.1 * COLUMNS, transform=held))).shape == (0, 4)
 
 
 def test_places_lie_within_what_a_linear_model_reaches():
@@ -162,7 +127,7 @@ def test_places_lie_within_what_a_linear_model_reaches():
             asked.append(progress.coordinates)
             return (yield from super().corrected(progress))
 
-    run_alone(unheard(Noting(COLUMNS)))
+    run_alone(unanswered_directions(Noting(COLUMNS, COLUMNS, NOISE, END, LOGARITHMS)))
     sizes = np.max(np.abs(asked), axis=1)
     assert np.all(sizes <= FARTHEST + 1e-12)
     errors = np.sqrt(np.einsum("ij,jk,ik->i", asked, COLUMNS.T @ COLUMNS, asked))
@@ -181,12 +146,12 @@ def test_places_lie_within_what_a_linear_model_reaches():
     ids=["not settled", "lost", "edges", "no numerical errors"],
 )
 def test_where_nothing_is_corrected_nothing_is_asked(progress, unknown):
-    assert run_alone(unheard(LinearCalibrator(0.1 * COLUMNS, progress, unknown=unknown))).shape == (0, 4)
+    assert run_alone(unanswered_directions(ending(0.1 * COLUMNS, progress, unknown=unknown))).shape == (0, 4)
 
 
 def test_a_trace_that_is_not_slow_is_believed(monkeypatch):
-    monkeypatch.setattr(_silence, "lengthens", lambda model, trace: False)
-    assert run_alone(unheard(LinearCalibrator(0.1 * COLUMNS))).shape == (0, 4)
+    monkeypatch.setattr(_slow_response, "lengthens", lambda model, trace: False)
+    assert run_alone(unanswered_directions(ending(0.1 * COLUMNS))).shape == (0, 4)
 
 
 def test_a_calibration_has_it_in_errors_and_budget_and_no_band_has_it(monkeypatch):
@@ -207,7 +172,7 @@ def test_a_calibration_has_it_in_errors_and_budget_and_no_band_has_it(monkeypatc
         return moves
         yield
 
-    monkeypatch.setattr(_calibrator, "unheard", known)
+    monkeypatch.setattr(_calibrator, "unanswered_directions", known)
     found = ended.finish()
     np.testing.assert_allclose(found.uncertainty.std_errors, np.sqrt(10) * before.uncertainty.std_errors, rtol=1e-9)
     np.testing.assert_allclose(found.budget.combined, found.std_errors, rtol=1e-6)
