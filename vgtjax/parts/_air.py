@@ -7,6 +7,7 @@ import jax.numpy as jnp
 
 from .._types import Scalar, Values
 from ..parameters import Part, parameter
+from ._logarithm import log_of_ratio
 
 
 class AbstractIdealGas(Part):
@@ -40,7 +41,7 @@ class Air(AbstractIdealGas):
 def _choked_or_smooth(gas: AbstractIdealGas, ratio: Values) -> Values:
     """`Phi^2` [2.15], held constant below the critical ratio and above `linear_above`."""
     clipped = jnp.clip(ratio, gas.critical_ratio(), gas.linear_above)
-    root = jnp.exp(jnp.log(clipped) / gas.heat_capacity_ratio)
+    root = jnp.exp(log_of_ratio(clipped) / gas.heat_capacity_ratio)
     return 2 / (gas.heat_capacity_ratio - 1) * root * (root - clipped)
 
 
