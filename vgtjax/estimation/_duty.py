@@ -75,8 +75,9 @@ def holds_of_duty(task: Task, search: LevenbergMarquardt) -> Steps[Holds | None]
         return Holds((), delay, False)
     point = yield from _with_delay(task, search)
     holds = read_holds(point.residuals, point.columns, problem.owner, task.fit, delay, scale, freedom, task.linear)
-    # No delay, and yet not held: neither is evident.
-    return holds if progress.late or not holds.linear else Holds((), delay, False)
+    # No delay, and yet not held: neither is evident, but of traces beside others whose edges are on time.
+    beside = bool(_held(task)) and not set(holds.linear) & set(_held(task))
+    return holds if progress.late or beside or not holds.linear else Holds((), delay, False)
 
 
 def holds_beside_edges(task: Task, search: LevenbergMarquardt, knowing: FitProblem) -> Steps[Holds]:

@@ -76,12 +76,16 @@ def _asking_of_hold(calibrator: C, report: Report) -> Steps[C]:
     if holds is None:
         return ended
     progress = ended.minimiser.progress
-    ended.minimiser.progress = dataclasses.replace(progress, hold_decided=holds.decided)
-    if not holds.linear:
+    already = set(holds.linear) == set(progress.linear)
+    ended.minimiser.progress = dataclasses.replace(progress, hold_decided=already and holds.decided)
+    if already or not set(holds.linear) > set(progress.linear):
         return ended
-    coordinates = (*(progress.found or progress.coordinates)[:-1], holds.delay / float(ended.transform.scale[-1]))
-    onward = ended.minimiser.progress.reading_duty(coordinates, holds.linear)
-    return (yield from ended.searching_from(onward, report))
+    here = progress.found or progress.coordinates
+    onward = dataclasses.replace(progress, hold_decided=holds.decided)
+    if not progress.late:
+        return (yield from _reading_as_linear(ended, onward.reading_duty(here, holds.linear), report))
+    coordinates = (*here[:-1], holds.delay / float(ended.transform.scale[-1]))
+    return (yield from ended.searching_from(onward.reading_duty(coordinates, holds.linear), report))
 
 
 def _asking_of_slow_holds(calibrator: C, report: Report) -> Steps[C]:
@@ -98,12 +102,18 @@ def _asking_of_slow_holds(calibrator: C, report: Report) -> Steps[C]:
     if not holds.linear:
         return calibrator
     begin = search.progress.began or first_progress(task).coordinates
-    onward = dataclasses.replace(search.progress.reading_duty(begin, holds.linear), hold_decided=False)
-    linear = yield from calibrator.searching_from(onward)
-    if linear.is_lost() or not calibrator.worth(search.progress.cost - linear.minimiser.progress.cost):
-        return calibrator
-    report(linear.minimiser.progress)
-    return linear
+    return (yield from _reading_as_linear(calibrator, search.progress.reading_duty(begin, holds.linear), report))
+
+
+def _reading_as_linear(ended: C, onward: Progress, report: Report) -> Steps[C]:
+    """The search gone on with a duty that is linear between samples, if that is evidently better. What is tried is not
+    reported: a fit that is interrupted meanwhile tries it again."""
+    progress = ended.minimiser.progress
+    other = yield from ended.searching_from(onward)
+    if other.is_lost() or not ended.worth(progress.searched - other.minimiser.progress.searched):
+        return ended
+    report(other.minimiser.progress)
+    return other
 
 
 def _asking_of_delay(calibrator: C, report: Report) -> Steps[C]:

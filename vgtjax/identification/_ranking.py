@@ -83,9 +83,9 @@ class Ranking:
 Outcome = Linearised | str
 """A fit, or why there is none."""
 ASTRAY = 1000.0
-"""Difference of the criterion that decides where a fit has found a duty that comes early, which none does: its search
-has gone astray, and chi^2 may be off by hundreds. One such campaign, with a squared Stribeck curve, seemed to decide
-for a plain one by 15."""
+"""Difference of the criterion that decides where a fit has found a duty that comes early, which none does, or two read
+it differently between samples: a search has gone astray, and chi^2 may be off by hundreds. A campaign with a squared
+Stribeck curve seemed to decide for a plain one by 15, one with a vane force by distance for one by speed by 369."""
 
 
 def rank(outcomes: Mapping[str, Outcome], wider: Mapping[str, Sequence[str]] | None = None) -> Steps[Ranking]:
@@ -133,6 +133,7 @@ def rank(outcomes: Mapping[str, Outcome], wider: Mapping[str, Sequence[str]] | N
             if contained
             else _doubt((difference, by_fit, steadiness), elsewhere, needed, agreed=name != likeliest)
             or _astray(difference, (fits[best], fits[name]))
+            or _read_otherwise(difference, (fits[best], fits[name]))
         )
         against[name] = Duel(difference, steadiness, elsewhere, doubt)
     return Ranking(rows, best, against, "none" if unseen is None else unseen.what, remains)
@@ -167,6 +168,17 @@ def _astray(difference: float, duellists: Sequence[Linearised]) -> str:
     return (
         f"the duty of a fit would come {-1e3 * early:.2g} ms early, which none does: its search has gone astray; the "
         f"criterion differs by {difference:.3g}, {ASTRAY:g} would decide"
+    )
+
+
+def _read_otherwise(difference: float, duellists: Sequence[Linearised]) -> str:
+    """Why a duel does not decide where its fits read the duty differently."""
+    readings = {(each.progress.linear, bool(each.progress.edges)) for each in (fit.calibration for fit in duellists)}
+    if len(readings) == 1 or difference > ASTRAY:
+        return ""
+    return (
+        "the two read the duty differently between samples, which alone is worth hundreds; the criterion differs by "
+        f"{difference:.3g}, {ASTRAY:g} would decide"
     )
 
 

@@ -16,6 +16,7 @@ from vgtjax.estimation import Progress, Unknown, _duty_questions, plan_task, sta
 from vgtjax.estimation._beginning import first_progress, problem_of
 from vgtjax.estimation._bundle import bundle_traces
 from vgtjax.estimation._duties import as_recorded
+from vgtjax.estimation._duty import meets_noise
 from vgtjax.estimation._edges import alike, edges_of, find_edges, possible, show_in, whole_samples
 from vgtjax.estimation._evaluation import Evaluation, ask
 from vgtjax.estimation._point import misfit_at
@@ -307,7 +308,7 @@ def test_residuals_tell_of_edges_before_anything_is_simulated(keep, tells):
     assert show_in(search.problem, search.slopes, calibrator.task.fit) == tells
 
 
-def ramp(seed, *, linear=True):
+def ramp(seed, *, linear=True, louder=1.0):
     """A duty that rises and falls by 130 % a second, recorded at 100 Hz: in lines, or in stairs of that."""
     time, rng = 1e-3 * np.arange(1500), np.random.default_rng(seed)
     duty = 80 * np.clip(1 - np.abs(time - 0.7) / 0.6, 0, None)
@@ -316,7 +317,8 @@ def ramp(seed, *, linear=True):
         time, pwm=applied, p_res=np.full_like(time, 2.0e4), duty_hold="linear" if linear else "zero-order"
     )
     run = vgtjax.simulate(vgtjax.replace_parameters(vgtjax.Actuator(), TRUTH), drive)
-    seen = {name: np.asarray(getattr(run, name)) + rng.normal(0, NOISE[name], len(time)) for name in ("x_d", "p_act")}
+    noise = {name: rng.normal(0, louder * NOISE[name], len(time)) for name in ("x_d", "p_act")}
+    seen = {name: np.asarray(getattr(run, name)) + each for name, each in noise.items()}
     trace = vgtjax.Trace(time, pwm=applied, p_res=drive.p_res, name="ramp", **seen)
     every = slice(None, None, 10)
     return vgtjax.Trace(
@@ -336,4 +338,20 @@ def test_slow_traces_beside_edges_are_read_as_they_were(linear):
     assert found.duty_hold(found.task.fit[2]) == ("linear" if linear else "zero-order")
     assert found.duty_hold(found.task.fit[0]) == "zero-order"
     assert abs(found.duty_delay) < 4 * (found.duty_delay_error or 1e-5)
+    assert np.all(np.abs(scores(found)) < 4)
+
+
+@pytest.mark.parametrize("linear", [True, False])
+def test_slow_traces_beside_edges_on_samples_are_read_as_they_were(linear):
+    """Quick ones, ten times as many samples, hide the misfit of a slow one that is read half a sample late."""
+    traces = recorded(1, 1), recorded(2, 1), recorded(3, 1), ramp(3, linear=linear, louder=8.0)
+    as_held = start_calibration(task_of(*traces, duty_delay=False, duty_hold=False)).minimiser
+    while not as_held.progress.finished:
+        as_held.step()
+    assert meets_noise(as_held)
+    found = start_calibration(task_of(*traces)).run()
+    assert found.converged
+    assert found.progress.linear == ((1e-2,) if linear else ())
+    assert not any(found.progress.edges)
+    assert not found.progress.late
     assert np.all(np.abs(scores(found)) < 4)

@@ -165,23 +165,43 @@ def test_others_begin_with_the_reading_by_which_a_structure_leaves_noise_only(la
     assert (begun[1].ceiling, begun[1].reading) == (free.progress.searched, Reading(delay=free.duty_delay))
 
 
-@pytest.mark.parametrize("delay", [0.0, -1e-3])
-def test_a_duty_that_comes_early_decides_only_what_is_far_apart(task, delay):
-    """A volume that is held beside the truth costs some tens of chi^2, and one far off thousands."""
-    held = {"near": 57.3e-6, "far": 80e-6}
+HELD = {"near": 57.3e-6, "far": 80e-6}
+"""Volumes in m3 that cost some tens of chi^2 where they are held beside the truth, and thousands."""
+
+
+def ranked_beside(task, changed):
+    """A fit with a free volume, changed by `changed`, against those with it held."""
     tasks = {"free": task} | {
         name: plan_task(vgtjax.Actuator(), task.fit, free=FREE[:2], values={"chamber.volume": volume})
-        for name, volume in held.items()
+        for name, volume in HELD.items()
     }
 
     def fitting(structure, begin):
-        calibration = yield from start_calibration(tasks[structure["friction"]]).steps()
-        return dataclasses.replace(calibration, duty_delay=delay)
+        name = structure["friction"]
+        return changed(name, (yield from start_calibration(tasks[name]).steps()))
 
     found = compare_structures({"friction": "free"}, {"friction": list(tasks)}, fitting).rankings["friction"]
     assert found.best == "free"
-    near, far = (found.against[name] for name in held)
+    near, far = (found.against[name] for name in HELD)
     assert STRONG < near.difference < ASTRAY < far.difference
+    return near, far
+
+
+@pytest.mark.parametrize("delay", [0.0, -1e-3])
+def test_a_duty_that_comes_early_decides_only_what_is_far_apart(task, delay):
+    near, far = ranked_beside(task, lambda name, fit: dataclasses.replace(fit, duty_delay=delay))
     assert bool(near.doubt) == (delay < 0)
     assert ("would come 1 ms early" in near.doubt) == (delay < 0)
+    assert not far.doubt
+
+
+@pytest.mark.parametrize("alike", [True, False])
+def test_fits_that_read_the_duty_differently_decide_only_what_is_far_apart(task, alike):
+    def read(name, fit):
+        linear = (1e-2,) if alike or name == "free" else ()
+        return dataclasses.replace(fit, progress=dataclasses.replace(fit.progress, linear=linear))
+
+    near, far = ranked_beside(task, read)
+    assert bool(near.doubt) == (not alike)
+    assert ("the two read the duty differently" in near.doubt) == (not alike)
     assert not far.doubt
