@@ -17,6 +17,7 @@ from ._duty import (
 )
 from ._edges import NEAR_ENOUGH, ROUNDS, alike, edges_of, find_edges, moved, possible, show_in, whole_samples
 from ._evaluation import Steps
+from ._holds import PERCEPTIBLE, sample_interval
 from ._progress import Progress, Report, quiet
 from ._searches import beginning_again
 
@@ -79,13 +80,36 @@ def _asking_of_hold(calibrator: C, report: Report) -> Steps[C]:
     already = set(holds.linear) == set(progress.linear)
     ended.minimiser.progress = dataclasses.replace(progress, hold_decided=already and holds.decided)
     if already or not set(holds.linear) > set(progress.linear):
-        return ended
+        return (yield from _reading_early_as_linear(ended, report))
     here = progress.found or progress.coordinates
     onward = dataclasses.replace(progress, hold_decided=holds.decided)
     if not progress.late:
         return (yield from _reading_as_linear(ended, onward.reading_duty(here, holds.linear), report))
     coordinates = (*here[:-1], holds.delay / float(ended.transform.scale[-1]))
     return (yield from ended.searching_from(onward.reading_duty(coordinates, holds.linear), report))
+
+
+def _reading_early_as_linear(ended: C, report: Report) -> Steps[C]:
+    """The search gone on with every duty linear between samples and on time, where one was found that comes early,
+    which none does, if it meets the traces as well so. The plunger's time constants make up for a part of half a
+    sample, so that delays by kind of trace do not always tell."""
+    progress, task = ended.minimiser.progress, ended.task
+    every = tuple(sorted({sample_interval(trace) for trace in task.fit}))
+    early = progress.late and progress.coordinates[-1] < 0 and task.unknown.duty_delay == "evidence"
+    if not early or progress.linear == every or ended.is_lost():
+        return ended
+    here = (*(progress.found or progress.coordinates)[:-1], 0.0)
+    onward = dataclasses.replace(progress.reading_duty(here, every), late=False, hold_decided=None)
+    other = yield from ended.searching_from(onward)
+    worse = 2 * ended.minimiser.problem.count * (other.minimiser.progress.searched - progress.searched)
+    if other.is_lost() or worse > PERCEPTIBLE:
+        return ended
+    other = (yield from other.correcting()) or other
+    holds = yield from holds_of_duty(task, other.minimiser)
+    decided = holds is not None and holds.decided and holds.linear == every
+    other.minimiser.progress = dataclasses.replace(other.minimiser.progress, hold_decided=decided)
+    report(other.minimiser.progress)
+    return other
 
 
 def _asking_of_slow_holds(calibrator: C, report: Report) -> Steps[C]:

@@ -136,10 +136,12 @@ def _by_windows(
     interval = float(np.median([trace.longest_interval for trace in task.fit]))
     longest = len(scores) / (WINDOWS * columns.shape[1])
     length = max(1, round(min(WINDOW / interval, longest)))
-    gram = windowed_gram(scores, owner[:: len(CHANNELS)], length) + before.T @ before
     bread = found.covariance / max(found.scale, 1e-300)
     with np.errstate(over="ignore", invalid="ignore"):  # of a value that ran away
-        return length * interval, np.sqrt(np.maximum(np.diag(bread @ gram @ bread), 0.0))
+        # Scores are of any size, where derivatives explode, and what they move coordinates by is not.
+        moved, known = scores @ bread, before @ bread
+        gram = windowed_gram(moved, owner[:: len(CHANNELS)], length) + known.T @ known
+        return length * interval, np.sqrt(np.maximum(np.diag(gram), 0.0))
 
 
 def _scatter(uncertainty: LeastSquares, wanted: Float[np.ndarray, "steps entries"]) -> Covariance:

@@ -15,6 +15,7 @@ from vgtjax.estimation import (
     plan_task,
     start_calibration,
 )
+from vgtjax.estimation._holds import Holds
 from vgtjax.identification import plan_fit, start_fit
 from vgtjax.parts import with_sharp_seat
 
@@ -121,6 +122,20 @@ def test_a_duty_that_went_in_a_line_is_told_from_a_held_one(plain, late):
     assert np.all(np.abs(scores(run)) < 4)
     assert (plain.duty_hold(plain.task.fit[0]), plain.progress.hold_decided) == ("zero-order", True)
     assert (late.duty_hold(late.task.fit[0]), late.progress.hold_decided) == ("zero-order", False)
+
+
+def test_a_duty_that_comes_early_is_read_as_linear_where_its_delay_does_not_tell(monkeypatch):
+    """No duty comes early; one that was linear is met as well when it is read so, and on time."""
+
+    def tells_nothing(task: object, search: object) -> Steps[Holds]:
+        return Holds((), 0.0, False)
+        yield
+
+    monkeypatch.setattr("vgtjax.estimation._duty_questions.holds_of_duty", tells_nothing)
+    run = fit(recorded(4, linear=True))
+    assert run.converged
+    assert (run.duty_hold(run.task.fit[0]), run.progress.hold_decided, run.duty_delay) == ("linear", False, 0.0)
+    assert np.all(np.abs(scores(run)) < 4)
 
 
 @pytest.mark.parametrize("fault", [{"keep": 0.78}, {"outliers": 0.01}], ids=["filtered noise", "outliers"])

@@ -1,10 +1,15 @@
 """Errors by sums over windows of time against the spread that estimates really have, with noise that has a memory."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 import scipy.signal
+from known_truth import FREE, bench
 
-from vgtjax.estimation import least_squares, windowed_gram
+import vgtjax
+from vgtjax.estimation import least_squares, plan_task, start_calibration, windowed_gram
+from vgtjax.estimation._finish import _by_windows
 
 COUNT, TRACES, WINDOW = 1500, 3, 60
 OWNER = np.repeat(np.arange(TRACES), COUNT)
@@ -41,3 +46,18 @@ def test_windows_of_one_are_the_usual_sandwich():
     scores = np.random.default_rng(4).normal(size=(300, 2))
     found = windowed_gram(scores, np.zeros(300, int), 1)
     np.testing.assert_allclose(found, scores.T @ scores * 300 / 298, rtol=1e-12)
+
+
+def test_a_derivative_that_explodes_leaves_the_errors_of_others():
+    """Its scores are numbers whose squares are none: all errors by windows were lost with it, and NumPy warned."""
+    calibrator = start_calibration(plan_task(vgtjax.Actuator(), [bench(1)], free=FREE))
+    task, search = calibrator.task, calibrator.minimiser
+    columns = search.point.columns.copy()
+    columns[:, -1] = 0.0  # as if the last one were not free
+    search.point = dataclasses.replace(search.point, columns=columns)
+    _, without = _by_windows(task, search, search.uncertainty())
+    columns[:, -1] = 1e151 * np.random.default_rng(5).normal(size=len(columns))
+    _, errors = _by_windows(task, search, search.uncertainty())
+    assert np.all(without[:-1] > 0)
+    # Chance makes a random column of many samples a little like the others.
+    np.testing.assert_allclose(errors[:-1], without[:-1], rtol=0.1)
