@@ -65,6 +65,8 @@ def _asking_of_hold(calibrator: C, report: Report) -> Steps[C]:
     A delay that is free from the first step on trades with the time constants of the plunger, and searches lost
     their way.
     """
+    if calibrator.minimiser.progress.hold_decided is not None:  # it was interrupted behind this question
+        return calibrator
     late = calibrator.minimiser.progress.late
     ended = yield from (_searching_beside(calibrator) if late else _asking_of_delay(calibrator, report))
     progress = ended.minimiser.progress
