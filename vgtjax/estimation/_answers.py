@@ -1,27 +1,28 @@
 """What an end would go back by from places beside it: how the sharp model answers to moves that derivatives promise."""
 
 import dataclasses
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from .._errors import SimulationError
+from ..parameters import Transform
 from ._evaluation import Steps
 from ._least_squares import LeastSquares
 from ._slopes import FARTHEST, Coordinates
+from ._standing import AbstractCalibrator
 
 Combinations = Float[np.ndarray, "directions coordinates"]
 
 
-def holding(calibrator: Any, vague: Combinations) -> LeastSquares:
+def holding(calibrator: AbstractCalibrator, vague: Combinations) -> LeastSquares:
     """The linear problem at a place, without what the traces hardly tell: no linear model says anything so far away."""
     search = calibrator.minimiser
     return search.point.holding(vague).uncertainty(search.problem.count)
 
 
 def answers_beside(
-    calibrator: Any, along: Coordinates, vague: Combinations, *, least: float, most: float = 1.0
+    calibrator: AbstractCalibrator, along: Coordinates, vague: Combinations, *, least: float, most: float = 1.0
 ) -> Steps[list[tuple[float, Coordinates]]]:
     """Places to either side of an end, as parts of a move, and by how much the linear problem there would go back.
 
@@ -45,7 +46,7 @@ def answers_beside(
     return found
 
 
-def _reach(transform: Any, here: Coordinates, along: Coordinates, most: float) -> float:
+def _reach(transform: Transform, here: Coordinates, along: Coordinates, most: float) -> float:
     """Which part of a move, `most` at most, keeps within the bounds, and is short enough for a linear model."""
     with np.errstate(divide="ignore", invalid="ignore"):
         room = np.where(along > 0, (transform.upper - here) / along, (transform.lower - here) / along)

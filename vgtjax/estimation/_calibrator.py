@@ -4,14 +4,13 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from .._errors import InputError
-from ..parameters import Transform
 from ..parts import with_sharp_seat
 from ..simulation import model_dtype
 from ._beginning import first_progress, problem_of, transform_of
-from ._calibration import RUNAWAY, Calibration
+from ._calibration import Calibration
 from ._corrections import correcting
 from ._delay_response import unanswered
 from ._duty_questions import asking_beside_edges, asking_of_duty
@@ -26,9 +25,8 @@ from ._evidence import (
     simulated,
 )
 from ._finish import Lacking, finishing
-from ._least_squares import LeastSquares
 from ._many_starts import from_many_starts
-from ._measured import Sensors, white_sensors
+from ._measured import white_sensors
 from ._point import Point
 from ._programs import WIDE, run_alone
 from ._progress import Progress, Report, quiet
@@ -38,31 +36,18 @@ from ._search import LevenbergMarquardt
 from ._searches import beginning_again, from_second_guess, giving_up, searching, searching_once, without_ceiling
 from ._slopes import Slopes, by_delay_alone, places_around
 from ._slow_response import unanswered_directions
+from ._standing import AbstractCalibrator
 from ._task import Task
 
-HELD_MATTERS = 9.0
-"""Increase of chi^2 from which a value that ran away was worth something: three standard errors of one parameter."""
 MISPLACED = 1e-4
 """s by which a delay may move before edges are read at other times; of a duty late by less the mean is taken."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Calibrator:
-    """A calibration under way; `notes` say what was done with its start.
+class Calibrator(AbstractCalibrator):
+    """A calibration under way, which searches, asks its questions of the duty, and corrects itself."""
 
-    `minimiser` searches with what is known of the `sensors`; where it ends, `correct` learns more of them.
-    """
-
-    task: Task
-    sensors: Sensors
-    minimiser: LevenbergMarquardt
-    notes: tuple[str, ...] = ()
     _first_correction: "tuple[Progress, Calibrator | None] | None" = dataclasses.field(default=None, init=False)
-
-    @property
-    def transform(self) -> Transform:
-        """The map between values and the coordinates of the search."""
-        return self.minimiser.problem.transform
 
     def undetermined(self) -> list[str]:
         """Free entries that the traces do not determine at the current values."""
@@ -142,27 +127,6 @@ class Calibrator:
             object.__setattr__(self, "_first_correction", (progress, (yield from correcting(self))))
         assert self._first_correction is not None, "it has just been made"
         return self._first_correction[1]
-
-    def away(self) -> Bool[np.ndarray, " coordinates"]:
-        """Which coordinates the search has carried to where nothing is known of them."""
-        transform, count = self.transform, len(self.task.selection.entries)
-        here = np.asarray(self.minimiser.progress.coordinates)
-        moved = np.abs(here - np.asarray(transform.to_coordinates(self.task.first_guess)))
-        away = (moved > np.log(RUNAWAY)) & transform.positive & ~np.asarray(transform.at_bound(here))
-        return away & (np.arange(len(here)) < count)
-
-    def worth(self, cost: float) -> bool:
-        """Whether a difference of costs is evident."""
-        return 2 * self.minimiser.problem.count * cost > HELD_MATTERS
-
-    def is_lost(self) -> bool:
-        """Whether a search has ended where its values may not be used."""
-        progress = self.minimiser.progress
-        return not progress.converged or progress.lost or bool(np.any(self.away()))
-
-    def uncertainty(self) -> LeastSquares:
-        """Of the linear problem at the current coordinates, without the scatter of corrections."""
-        return self.minimiser.uncertainty()
 
     def finish(self) -> Calibration:
         """What came of it: values, covariance, and every trace simulated with them."""

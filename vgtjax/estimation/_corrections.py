@@ -1,7 +1,6 @@
 """Corrections of a search that has converged: steps as long as the misfit bears out what its linear model promises."""
 
 import dataclasses
-from typing import Any, TypeVar
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from ._evaluation import Steps
 from ._evidence import EVIDENT, MOST_CORRECTIONS, SETTLED, SHORTEST, SMALL_GAIN, turns
 from ._point import Coordinates, Point, misfit_at
 from ._residuals import FitProblem
+from ._standing import C
 
 SIZES = (1e4, 1e3, 1e2, 1.0, 1e-2)
 """Inverse damping of steps that are tried where a full one misleads: the first only keeps directions that hardly show
@@ -28,9 +28,6 @@ BEYOND = 3.0
 """Standard errors from where derivatives over all places were taken, beyond which they are taken anew. With 2, of 26
 estimates one would be so far off by chance in half of all campaigns: 416 estimates of 16 moved by 0.01 standard errors
 in the mean, and by 0.26 at most."""
-
-C = TypeVar("C", bound=Any)
-"""A calibrator, which corrects itself like this."""
 
 
 def trusted(problem: FitProblem, point: Point, here: Coordinates, full: Coordinates, part: float) -> Steps[Coordinates]:

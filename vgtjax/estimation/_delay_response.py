@@ -8,13 +8,12 @@ an end solves `J^T r = 0` with derivatives `J` of another model than that of the
 `(J^T dr/dx)^-1 J^T` (estimating equations, Huber 1967), so errors are as much longer as the answer is shorter.
 """
 
-from typing import Any
-
 import numpy as np
 
 from ._answers import answers_beside, holding
 from ._evaluation import Steps
 from ._slopes import Coordinates
+from ._standing import AbstractCalibrator
 
 LEAST = 0.2
 """Of the answer that is promised, at least: errors are never longer than by its inverse."""
@@ -22,7 +21,7 @@ NEAREST = 0.5
 """Standard errors by which the delay must be moved: the sharp model chatters by about a tenth of one."""
 
 
-def unanswered(calibrator: Any) -> Steps[Coordinates]:
+def unanswered(calibrator: AbstractCalibrator) -> Steps[Coordinates]:
     """What the errors of an end lack as the sharp model answers a delay less than promised: a move of the coordinates,
     whose product with itself is to be added to their covariance.
 

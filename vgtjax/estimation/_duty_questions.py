@@ -1,7 +1,6 @@
 """What a search is asked of the duty where it ends: whether that was late, linear between samples, or jumped there."""
 
 import dataclasses
-from typing import Any, TypeVar
 
 import numpy as np
 
@@ -20,9 +19,7 @@ from ._evaluation import Steps
 from ._holds import PERCEPTIBLE, sample_interval
 from ._progress import Progress, Report, quiet
 from ._searches import beginning_again
-
-C = TypeVar("C", bound=Any)
-"""A calibrator, which asks these questions itself."""
+from ._standing import C
 
 
 def asking_of_duty(calibrator: C, report: Report) -> Steps[C]:

@@ -4,7 +4,6 @@ import contextlib
 import dataclasses
 import functools
 from collections.abc import Sequence
-from typing import Any, TypeVar
 
 import numpy as np
 from jaxtyping import Float
@@ -16,15 +15,13 @@ from ._point import Coordinates, misfit_at
 from ._progress import Progress, Report, quiet
 from ._residuals import FitProblem
 from ._searches import MOST_RESCUES, searching_once
+from ._standing import C
 from ._starts import AT_ONCE, REACHED, WORSE, Ended, best_of, searching_from, starts_of
 from ._telling import most_telling
 
 FAR = 100.0
 """An end on parts of traces is no optimum where all traces leave that many times the chi^2 that they leave elsewhere:
 ten times the error. Errors of estimation that are ten times as large, which parts may leave, are far less."""
-
-C = TypeVar("C", bound=Any)
-"""A calibrator."""
 
 
 def from_many_starts(calibrator: C, report: Report) -> Steps[C]:

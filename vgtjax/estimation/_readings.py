@@ -8,7 +8,6 @@ lower with that, of two with a held one 6 and 34 lower.
 """
 
 import dataclasses
-from typing import Any, TypeVar
 
 from .._errors import SimulationError
 from ._beginning import first_progress
@@ -16,15 +15,13 @@ from ._duty import leaves_only_noise
 from ._evaluation import Steps
 from ._holds import sample_interval
 from ._progress import Progress, Report, quiet
+from ._standing import C
 from ._steps import lengthens
 from ._task import Task
 
 EVIDENT = 100.0
 """Difference of chi^2 between the ends of both readings from which one of them is out of the question: between the most
 of held duties and the least of linear ones, above."""
-
-C = TypeVar("C", bound=Any)
-"""A calibrator, which searches like this itself."""
 
 
 def leaves_hold_open(task: Task) -> bool:

@@ -1,7 +1,6 @@
 """Searches to their end: begun again where one got stuck or far off, and on without what ran away."""
 
 import dataclasses
-from typing import Any, TypeVar
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from ._duties import RECORDED
 from ._duty import meets_noise
 from ._evaluation import Steps
 from ._progress import LENGTHS, Progress, Report, quiet
+from ._standing import AbstractCalibrator, C
 from ._task import Task
 
 MOST_RESCUES = 4
@@ -25,9 +25,6 @@ FAR_OFF = 50.0
 """Cost of an end that is tried again from the second guess of where it began: ten times the noise. What a simulation
 never reaches, a stop or an open valve, it does not depend on, and a search may end there after one step."""
 SECOND_GUESS = "the search begins at what slow motion and equilibria tell of springs, travel and magnetic force"
-
-C = TypeVar("C", bound=Any)
-"""A calibrator, which searches like this itself."""
 
 
 def searching(calibrator: C, report: Report) -> Steps[C]:
@@ -59,7 +56,7 @@ def from_second_guess(ended: C, report: Report) -> Steps[C]:
     return best
 
 
-def _worse(ended: Any) -> tuple[bool, float]:
+def _worse(ended: AbstractCalibrator) -> tuple[bool, float]:
     """What ends of searches are ordered by: one that has converged is better, and then one of less cost."""
     progress = ended.minimiser.progress
     return not progress.converged, progress.cost
@@ -127,7 +124,7 @@ def giving_up(ended: C, report: Report) -> Steps[C]:
     return ended
 
 
-def _is_far_above(calibrator: Any) -> bool:
+def _is_far_above(calibrator: AbstractCalibrator) -> bool:
     """Whether a search without corrections is far above the cost that another structure reaches, and not given up."""
     progress = calibrator.minimiser.progress
     above = 2 * calibrator.minimiser.problem.count * (progress.cost - calibrator.task.ceiling)

@@ -13,8 +13,6 @@ promised, and a move `m` of one standard error by `A m = x`, its part along `m` 
 along `m + (m - x) / a`.
 """
 
-from typing import Any
-
 import numpy as np
 from jaxtyping import Bool, Float
 
@@ -22,6 +20,7 @@ from ._answers import Combinations, answers_beside, holding
 from ._evaluation import Steps, side_by_side
 from ._least_squares import LeastSquares, finite_columns
 from ._slopes import Coordinates
+from ._standing import AbstractCalibrator
 from ._steps import lengthens
 
 TOLD = 0.01
@@ -41,7 +40,7 @@ SMALLEST = 0.1
 """Answer that counts at least for all other values: what chatter makes of theirs is divided by it."""
 
 
-def unanswered_directions(calibrator: Any) -> Steps[Combinations]:
+def unanswered_directions(calibrator: AbstractCalibrator) -> Steps[Combinations]:
     """What the errors of an end lack where all traces are slow: moves of the coordinates whose products with themselves
     are to be added to their covariance, one row for each direction that is answered less than promised.
 
@@ -81,7 +80,9 @@ def _directions(found: LeastSquares, logarithms: Bool[np.ndarray, " coordinates"
     return [factor @ each for each in taken]
 
 
-def _answer(calibrator: Any, found: LeastSquares, vague: Combinations, along: Coordinates) -> Steps[Coordinates]:
+def _answer(
+    calibrator: AbstractCalibrator, found: LeastSquares, vague: Combinations, along: Coordinates
+) -> Steps[Coordinates]:
     """By how much the end would go back after a move, by what the sharp model answers to it on both sides; all of it
     where that can't be asked."""
     beside = yield from answers_beside(calibrator, along, vague, least=NEAREST, most=MOST)
@@ -91,7 +92,7 @@ def _answer(calibrator: Any, found: LeastSquares, vague: Combinations, along: Co
     return np.polyfit(places, np.array(back), 1)[0]
 
 
-def _lacking(calibrator: Any, found: LeastSquares, along: Coordinates, back: Coordinates) -> Coordinates:
+def _lacking(calibrator: AbstractCalibrator, found: LeastSquares, along: Coordinates, back: Coordinates) -> Coordinates:
     """What errors along a move lack where the end goes `back` by less; of a value that has them longer already,
     nothing."""
     columns = finite_columns(calibrator.minimiser.point.columns)
