@@ -7,9 +7,11 @@ import numpy as np
 from vgtjax import SimulationError
 from vgtjax.estimation import Progress, Unknown
 from vgtjax.estimation._point import Point
+from vgtjax.estimation._standing import AbstractCalibrator
 from vgtjax.parameters import Transform
 
 
+@AbstractCalibrator.register  # as far as its errors are asked
 @dataclasses.dataclass(frozen=True)
 class LinearCalibrator:
     """A calibrator whose residuals are `noise` and change by `sharp` columns where its derivatives say `columns`.
