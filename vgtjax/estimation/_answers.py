@@ -7,10 +7,10 @@ from jaxtyping import Float
 
 from .._errors import SimulationError
 from ..parameters import Transform
+from ._abstract_calibrator import AbstractCalibrator
 from ._evaluation import Steps
 from ._least_squares import LeastSquares
 from ._slopes import FARTHEST, Coordinates
-from ._standing import AbstractCalibrator
 
 Combinations = Float[np.ndarray, "directions coordinates"]
 

@@ -9,6 +9,7 @@ from jaxtyping import Float
 from .._errors import InputError
 from ..parts import with_sharp_seat
 from ..simulation import model_dtype
+from ._abstract_calibrator import AbstractCalibrator
 from ._beginning import first_progress, problem_of, transform_of
 from ._calibration import Calibration
 from ._corrections import correcting
@@ -36,7 +37,6 @@ from ._search import LevenbergMarquardt
 from ._searches import beginning_again, from_second_guess, giving_up, searching, searching_once, without_ceiling
 from ._slopes import Slopes, by_delay_alone, places_around
 from ._slow_response import unanswered_directions
-from ._standing import AbstractCalibrator
 from ._task import Task
 
 MISPLACED = 1e-4

@@ -6,11 +6,11 @@ import numpy as np
 
 from .._errors import SimulationError
 from .._types import Vector
+from ._abstract_calibrator import C
 from ._evaluation import Steps
 from ._evidence import EVIDENT, MOST_CORRECTIONS, SETTLED, SHORTEST, SMALL_GAIN, turns
 from ._point import Coordinates, Point, misfit_at
 from ._residuals import FitProblem
-from ._standing import C
 
 SIZES = (1e4, 1e3, 1e2, 1.0, 1e-2)
 """Inverse damping of steps that are tried where a full one misleads: the first only keeps directions that hardly show

@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 
+from ._abstract_calibrator import C
 from ._beginning import first_progress
 from ._duties import Late, as_recorded, read_duties
 from ._duty import (
@@ -19,7 +20,6 @@ from ._evaluation import Steps
 from ._holds import PERCEPTIBLE, sample_interval
 from ._progress import Progress, Report, quiet
 from ._searches import beginning_again
-from ._standing import C
 
 
 def asking_of_duty(calibrator: C, report: Report) -> Steps[C]:
@@ -265,7 +265,7 @@ def _searching_late(calibrator: C, timely: Progress, report: Report) -> Steps[C]
     first = first_progress(calibrator.task)
     begin = timely.began or first.coordinates
     again = dataclasses.replace(first, coordinates=begin, late=True, waterfall=timely.waterfall)
-    again = dataclasses.replace(again, linear=timely.linear, hold_decided=timely.hold_decided)
+    again = dataclasses.replace(again, linear=timely.linear)
     elsewhere = timely.found or timely.coordinates
     ends: list[C] = []
     for coordinates in (again.coordinates, elsewhere):

@@ -10,12 +10,12 @@ lower with that, of two with a held one 6 and 34 lower.
 import dataclasses
 
 from .._errors import SimulationError
+from ._abstract_calibrator import C
 from ._beginning import first_progress
 from ._duty import leaves_only_noise
 from ._evaluation import Steps
 from ._holds import sample_interval
 from ._progress import Progress, Report, quiet
-from ._standing import C
 from ._steps import lengthens
 from ._task import Task
 

@@ -5,12 +5,12 @@ import dataclasses
 import numpy as np
 
 from .._errors import SimulationError
+from ._abstract_calibrator import AbstractCalibrator, C
 from ._beginning import first_progress, guess_of, guessed, transform_of
 from ._duties import RECORDED
 from ._duty import meets_noise
 from ._evaluation import Steps
 from ._progress import LENGTHS, Progress, Report, quiet
-from ._standing import AbstractCalibrator, C
 from ._task import Task
 
 MOST_RESCUES = 4

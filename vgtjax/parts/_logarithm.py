@@ -1,5 +1,5 @@
 """The logarithm of a pressure ratio, by a series: XLA has none for vectors of doubles and takes each by itself, which
-was a third of the time of a population."""
+was a sixth of the time of a population."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Where a calibration stands, as far as those see it who ask it questions and move it on."""
+"""What a calibration under way offers to searches, corrections, and questions of the duty and of errors."""
 
 import abc
 import dataclasses
