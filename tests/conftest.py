@@ -22,10 +22,13 @@ with install_import_hook("vgtjax", "typechecker.checked"):
 # arithmetic but for rounding. What is measured of speed is not measured here.
 vgtjax.simulation._stepping.UNROLL = 1
 
+# What is optimised (`support.optimised`, notebooks) is so as far as programs of fits are.
+FLAGS = ["--xla_backend_optimization_level=1"]
 # MLIR's code of fused loops takes half of the compilation of gas flow, which LLVM's has no need of. Later XLA has no
 # other, and ends a process that asks for it.
 if jax.__version_info__ < (0, 11):
-    os.environ["XLA_FLAGS"] = f"--xla_cpu_use_fusion_emitters=false {os.environ.get('XLA_FLAGS', '')}".strip()
+    FLAGS.append("--xla_cpu_use_fusion_emitters=false")
+os.environ["XLA_FLAGS"] = " ".join([*FLAGS, os.environ.get("XLA_FLAGS", "")]).strip()
 
 CACHE = platformdirs.user_cache_path("vgtjax") / "tests"
 vgtjax.configure(cpu_devices=2, cache=CACHE)

@@ -25,7 +25,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.experimental import serialize_executable
 
-from ._naming import Unnamed, name_call
+from ._naming import Unnamed, is_optimised, name_call
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -36,6 +36,9 @@ FOLDER: pathlib.Path | None = None
 
 _FINDING = threading.Lock()
 """Fits that go on side by side want the same programs at the same time: who comes first makes it."""
+_FIRST_LEVEL: dict[str, str | bool] = {"xla_backend_optimization_level": "1"}
+"""XLA has made vectors of lanes already: what LLVM's further levels do to a march and its derivatives takes a tenth of
+a first fit on a CPU and gains nothing. Populations would take 2 to 5 % longer; their programs are not kept."""
 _KNOWN_CALLS = ("lapack", "Sharding", "SPMD")
 """Calls to the outside that mean the same in another process, unlike those to functions of Python."""
 
@@ -139,10 +142,14 @@ class Kept(Generic[P, R]):
         # called. With a name that no other process has it is not found there, not even where two make it at once.
         flat.__name__ = flat.__qualname__ = f"{self._function.__name__}_{uuid.uuid4().hex}"
         lowered = jax.jit(flat).lower(*leaves)
-        compiled, calls = lowered.compile(), set(re.findall(r"custom_call @(\w+)", lowered.as_text()))
+        compiled, calls = _compile(lowered), set(re.findall(r"custom_call @(\w+)", lowered.as_text()))
         if all(call.startswith(_KNOWN_CALLS) for call in calls):
             _save(file, compiled, (output[0], len(leaves), any(call.startswith("lapack") for call in calls)))
         return _Program(compiled, output[0])
+
+
+def _compile(lowered: jax.stages.Lowered) -> jax.stages.Compiled:
+    return lowered.compile(_FIRST_LEVEL if jax.default_backend() == "cpu" and is_optimised() else None)
 
 
 def _key(leaves: Sequence[Any], structure: Any) -> Hashable:

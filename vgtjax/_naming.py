@@ -92,6 +92,11 @@ def _name_placing(array: Any) -> str:
     return f"@{dict(sharding.mesh.shape)}{sharding.spec}"
 
 
+def is_optimised() -> bool:
+    """Whether what is compiled is optimised, which JAX can be told to leave."""
+    return not jax.config.values["jax_disable_most_optimizations"]
+
+
 @functools.cache
 def _name_software() -> str:
     """This library's sources, the packages below it, JAX's settings, the machine, and which process of a run it is."""
@@ -102,6 +107,7 @@ def _name_software() -> str:
     versions = [f"{package} {importlib.metadata.version(package)}" for package in _VERSIONED if package != "vgtjax"]
     devices = [f"{device.platform} {device.device_kind}" for device in jax.devices()]
     settings = [os.environ.get("XLA_FLAGS", ""), *(str(getattr(jax.config, name)) for name in _SETTINGS)]
+    settings.append(str(is_optimised()))
     # A program runs on the devices that it was made for, which another process of the same run can't reach.
     process = f"process {jax.process_index()} of {jax.process_count()}"
     versions += [*devices, *settings, process, platform.platform(), _name_processor()]
