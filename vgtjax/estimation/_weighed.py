@@ -133,19 +133,20 @@ class Weighed:
     def left_out(self) -> Blocks:
         """`by_block` of every trace when it is left out of the fit, to first order.
 
-        Directions that the other traces do not tell stay where the whole fit has them.
+        The others take a full linear step from where the fit is, which need not be the end of the linear problem:
+        columns are means over places. Directions that they do not tell stay where the whole fit has them.
         """
         lengths = np.linalg.norm(self.columns, axis=0)
         columns = self.columns / np.where(lengths > 0, lengths, 1.0)
         sizes, directions = np.linalg.eigh(columns.T @ columns)
         known = sizes > 1e-12 * max(float(sizes.max()), 1e-300)
         columns = columns @ (directions[:, known] / np.sqrt(sizes[known]))  # all traces together tell one of each
-        moved = self.residuals.copy()
+        moved, whole = self.residuals.copy(), columns.T @ self.residuals
         for trace in np.unique(self.trace):
             mine = self.trace == trace
             here = columns[mine]
             others, ways = np.linalg.eigh(np.eye(here.shape[1]) - here.T @ here)
             told = others > TOLD_BY_OTHERS
-            pull = ways[:, told].T @ (here.T @ self.residuals[mine])
-            moved[mine] += here @ (ways[:, told] @ (pull / others[told]))
+            pull = ways[:, told].T @ (whole - here.T @ self.residuals[mine])
+            moved[mine] -= here @ (ways[:, told] @ (pull / others[told]))
         return np.bincount(self.block, moved**2, len(self.by_block))

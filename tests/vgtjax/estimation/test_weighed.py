@@ -19,8 +19,11 @@ def problem():
     return columns, target - columns @ np.linalg.lstsq(columns, target)[0]
 
 
-def test_a_trace_left_out_is_predicted_by_the_others(problem):
+@pytest.mark.parametrize("from_the_end", [0.0, 1.0])
+def test_a_trace_left_out_is_predicted_by_the_others(problem, from_the_end):
+    """From the end of the linear problem, and from so many units off along every column."""
     columns, residuals = problem
+    residuals = residuals + from_the_end * np.sum(columns / np.linalg.norm(columns, axis=0), axis=1)
     found = weighed(columns, residuals, 3)
     for trace in range(3):
         mine = found.trace == trace
@@ -29,6 +32,19 @@ def test_a_trace_left_out_is_predicted_by_the_others(problem):
         blocks = slice(BLOCKS * trace, BLOCKS * (trace + 1))
         np.testing.assert_allclose(np.sum(found.left_out[blocks]), predicted @ predicted, rtol=1e-9)
     assert np.sum(found.left_out) > found.chi2 == pytest.approx(np.sum(found.by_block))
+
+
+def test_derivatives_that_are_a_little_off_leave_the_prediction_as_it_is(problem):
+    """What others hardly tell is theirs to say: the trace itself pulls along it by what its own derivatives get wrong,
+    which was taken for the others' a hundred times as large."""
+    columns, residuals = problem
+    columns[64:, 1] *= 0.15  # the first trace tells nearly all of this one
+    residuals = residuals - columns @ np.linalg.lstsq(columns, residuals)[0]
+    wrong = columns.copy()
+    wrong[:64, 1] += 0.2 * np.linalg.norm(columns[:64, 1]) * residuals[:64] / np.linalg.norm(residuals[:64])
+    exact, found = (np.sum(weighed(each, residuals, 3).left_out[:BLOCKS]) for each in (columns, wrong))
+    # Derivatives that are a fifth off move the prediction by some tenths, and not tenfold.
+    assert exact == pytest.approx(found, rel=0.5)
 
 
 def test_what_one_trace_alone_tells_stays(problem):
