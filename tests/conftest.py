@@ -22,7 +22,7 @@ with install_import_hook("vgtjax", "typechecker.checked"):
 # arithmetic but for rounding. What is measured of speed is not measured here.
 vgtjax.simulation._stepping.UNROLL = 1
 
-# What is optimised (`support.optimised`, notebooks) is so as far as programs of fits are.
+# Of what is optimised (`support.optimised`, notebooks): LLVM's first level, as of programs that are kept on disk.
 FLAGS = ["--xla_backend_optimization_level=1"]
 # MLIR's code of fused loops takes half of the compilation of gas flow, which LLVM's has no need of. Later XLA has no
 # other, and ends a process that asks for it.

@@ -149,6 +149,7 @@ class Kept(Generic[P, R]):
 
 
 def _compile(lowered: jax.stages.Lowered) -> jax.stages.Compiled:
+    """On a CPU by the first level of optimisation; other devices, and who wants none, as they are set."""
     return lowered.compile(_FIRST_LEVEL if jax.default_backend() == "cpu" and is_optimised() else None)
 
 

@@ -93,7 +93,7 @@ def _name_placing(array: Any) -> str:
 
 
 def is_optimised() -> bool:
-    """Whether what is compiled is optimised, which JAX can be told to leave."""
+    """Whether JAX has programs optimised, unless `jax_disable_most_optimizations` is set."""
     return not jax.config.values["jax_disable_most_optimizations"]
 
 
