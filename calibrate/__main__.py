@@ -3,7 +3,7 @@
 import importlib.util
 import sys
 
-EXTRA = ("click", "jinja2", "platformdirs", "plotly", "pydantic", "rich")
+EXTRA = ("click", "jinja2", "platformdirs", "plotly", "psutil", "pydantic", "rich")
 """What the extra `app` brings; without it only the library is installed."""
 
 

@@ -17,6 +17,7 @@ from multiprocessing.queues import SimpleQueue
 
 from vgtjax import SimulationError
 
+from .memory import available_memory
 from .output.console import console
 from .resumable import Folders
 from .study.units import Job, Unit
@@ -25,6 +26,8 @@ Work = Callable[[Job, Unit, pathlib.Path], None]
 
 POLL = 0.05
 """s between two looks at what processes have said."""
+NEEDED = 2 * 2**30
+"""Bytes of memory that a process with a unit may need: a fit takes 1 to 2 GB."""
 
 _JOB: Job
 
@@ -32,7 +35,7 @@ _JOB: Job
 def each_unit(job: Job, folders: Folders, work: Work) -> None:
     """Does some work for every unit, which says what it does on the console; a study of one unit needs no process.
 
-    A unit's results don't depend on how many are left.
+    A unit's results don't depend on how many are left, or run at a time.
 
     **Raises:** whatever the work raises, after nothing new was begun.
     """
@@ -46,7 +49,7 @@ def each_unit(job: Job, folders: Folders, work: Work) -> None:
         return
     cache: str | None = jax.config.jax_compilation_cache_dir  # type: ignore[attr-defined]
     cores = jax.local_device_count(backend="cpu")
-    processes = min(len(folders), cores)
+    processes = _processes(len(folders), cores)
     devices = max(1, cores // len(job.units))
     context = multiprocessing.get_context("spawn")  # JAX does not survive a fork
     # By a file: what a process is begun with goes through a pipe, whose writer waits for ever if that is more than the
@@ -58,6 +61,18 @@ def each_unit(job: Job, folders: Folders, work: Work) -> None:
         pool = ProcessPoolExecutor(processes, context, _begin, (written, cache, devices, said))
         with pool, console.status(f"{len(folders)} units, {processes} at a time"), _listening(said):
             _gather(pool, [pool.submit(_do, work, _number(job, unit), folder) for unit, folder in folders])
+
+
+def _processes(units: int, cores: int) -> int:
+    """How many processes run at a time, of as many as units and cores allow: those that memory has room for."""
+    wanted, left = min(units, cores), available_memory()
+    processes = max(1, min(wanted, left // NEEDED))
+    if processes < wanted:
+        console.print(
+            f"note: {processes} of {wanted} processes run at a time, as each may need {NEEDED / 2**30:g} GB of memory "
+            f"and {left / 2**30:.1f} are left"
+        )
+    return processes
 
 
 def _gather(pool: ProcessPoolExecutor, futures: Sequence[Future[None]]) -> None:

@@ -33,7 +33,7 @@ def test_without_the_extra_one_sentence_says_what_to_install(run):
     outcome = blocked(*entry.EXTRA) if run is None else blocked(*entry.EXTRA, run=run)
     assert (outcome.returncode, outcome.stdout) == (2, "")
     assert outcome.stderr == (
-        "error: the command line needs click, jinja2, platformdirs, plotly, pydantic, rich; "
+        "error: the command line needs click, jinja2, platformdirs, plotly, psutil, pydantic, rich; "
         "run pip install '.[app]' in a clone of vgtjax\n"
     )
 

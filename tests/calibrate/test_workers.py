@@ -8,6 +8,7 @@ import pytest
 from commands import cut_example
 
 import vgtjax
+from calibrate import workers
 from calibrate.output.console import console
 from calibrate.study.units import prepare
 from calibrate.workers import each_unit
@@ -41,7 +42,8 @@ def job(tmp_path_factory):
     return prepare(folder / "study.toml", None, to_fit=True)
 
 
-def test_every_unit_is_done_in_another_process(job, tmp_path, capsys):
+def test_every_unit_is_done_in_another_process(job, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(workers, "available_memory", lambda: 8 * 2**30)
     folders = [(unit, tmp_path / unit.name) for unit in job.units]
     each_unit(job, folders, note)
     assert sorted(capsys.readouterr().out.splitlines()) == [f"unit_{number} of 3" for number in (1, 2, 3)]
