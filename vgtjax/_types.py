@@ -5,6 +5,7 @@ An array is NumPy's or a number of Python outside of `jit`, and JAX's inside: an
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Float
 
@@ -25,3 +26,6 @@ else:
     """One number per free entry of a model."""
     Knots = Float[ArrayLike, " _"]
     """Where a table has its values."""
+
+Coordinates = Float[np.ndarray, " coordinates"]
+"""What a search moves, on the host: one for each free entry, and behind them what else it may find out."""

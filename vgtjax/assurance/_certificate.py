@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from .._types import Coordinates
 from ..estimation import (
     Calibrator,
     FitProblem,
@@ -46,8 +47,6 @@ MOST_NAMED = 5
 NOTHING = 1e-4
 """Standard errors that are no change at all."""
 SEED = 2012
-
-Coordinates = Float[np.ndarray, " coordinates"]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -9,9 +9,17 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from ..estimation import Calibrator, LeastSquares, Steps, Task, least_squares, run_alone
+from ..estimation import (
+    Calibrator,
+    LeastSquares,
+    Steps,
+    Task,
+    by_gains,
+    least_squares,
+    run_alone,
+    uncertain_gains,
+)
 from ..identification import starting_fit
-from ._granted import by_gains, gains, tolerances
 
 NOTHING = "these traces determine none of the free parameters"
 LARGE_ERROR = 0.3
@@ -185,11 +193,11 @@ def informing(calibrator: Calibrator) -> Steps[Information]:
     count, at = len(entries), search.slopes.at
     values = np.asarray(calibrator.transform.to_physical(np.asarray(search.progress.coordinates)))[:count]
     parts = [problem.columns_of(search.slopes.columns, at)[:, :count]]
-    if gains(task):
+    if uncertain_gains(task):
         parts.append(problem.whitened([by_gains(task, lanes) for lanes in search.slopes.evaluated.observed]))
     if task.tolerances:
         held = yield from search.slopes.held(problem, list(task.tolerances))
-        parts.append(problem.whitened(held)[:, : len(task.tolerances)] * tolerances(task))
+        parts.append(problem.whitened(held)[:, : len(task.tolerances)] * list(task.tolerances.values()))
     rows = np.column_stack(parts)
     if problem.prior is not None:
         before = np.zeros((count, rows.shape[1]))

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from .._errors import SimulationError
+from .._types import Coordinates
 from ..estimation import Evaluated, FitProblem, Slopes, Steps, ask, side_by_side
 
 UNEQUAL = 1e-6
@@ -22,7 +23,6 @@ EXCUSED = 0.01
 """Part that no want of repeatability excuses."""
 SEED = 2012
 
-Coordinates = Float[np.ndarray, " coordinates"]
 Columns = Float[np.ndarray, "rows coordinates"]
 
 

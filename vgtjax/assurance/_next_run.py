@@ -8,11 +8,10 @@ import numpy as np
 from jaxtyping import Float
 
 from .._errors import SimulationError
-from ..estimation import CHANNELS, Evaluation, Steps, Task, ask, bundle_traces, run_alone
+from ..estimation import CHANNELS, Evaluation, Steps, Task, ask, bundle_traces, by_gains, run_alone
 from ..experiments import STANDARD_RUNS, StandardRun
 from ..parameters import select
 from ..traces import ASSUMED_RESERVOIR, noise_level
-from ._granted import by_gains, tolerances
 from ._information import Information
 
 LARGEST = 10.0
@@ -93,7 +92,7 @@ def _columns(task: Task, known: Information, runs: Sequence[StandardRun]) -> Ste
     parts = [[each * slope for each in evaluated.columns], [by_gains(task, each) for each in evaluated.observed]]
     if task.tolerances:
         held = yield from ask(Evaluation(model, bundles, None, select(model, list(task.tolerances))))
-        parts.append([each * tolerances(task) for each in held.columns])
+        parts.append([each * list(task.tolerances.values()) for each in held.columns])
     found: dict[int, np.ndarray] = {}
     for bundle, *lanes in zip(bundles, *parts, strict=True):
         found |= dict(zip(bundle.indices, bundle.from_lanes(np.concatenate(lanes, axis=-1)), strict=True))

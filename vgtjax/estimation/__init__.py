@@ -42,6 +42,7 @@ from ._evidence import (
     sharp_bundles as sharp_bundles,
 )
 from ._exact import taken_for_exact as taken_for_exact
+from ._granted import by_gains as by_gains, uncertain_gains as uncertain_gains
 from ._layout import SEGMENT as SEGMENT
 from ._least_squares import (
     NORMAL_95 as NORMAL_95,

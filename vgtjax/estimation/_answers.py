@@ -6,11 +6,12 @@ import numpy as np
 from jaxtyping import Float
 
 from .._errors import SimulationError
+from .._types import Coordinates
 from ..parameters import Transform
 from ._abstract_calibrator import AbstractCalibrator
 from ._evaluation import Steps
 from ._least_squares import LeastSquares
-from ._slopes import FARTHEST, Coordinates
+from ._slopes import FARTHEST
 
 Combinations = Float[np.ndarray, "directions coordinates"]
 

@@ -6,10 +6,10 @@ import dataclasses
 import numpy as np
 from jaxtyping import Float
 
+from .._types import Coordinates
 from ..parameters import Transform, replace_parameters
 from ._evidence import DELAY_SCALE, LONGEST_DELAY
 from ._measured import Sensors
-from ._point import Coordinates
 from ._progress import Progress
 from ._residuals import FitProblem, build_fit_problem
 from ._task import Task

@@ -5,11 +5,11 @@ import dataclasses
 import numpy as np
 
 from .._errors import SimulationError
-from .._types import Vector
+from .._types import Coordinates, Vector
 from ._abstract_calibrator import C
 from ._evaluation import Steps
 from ._evidence import EVIDENT, MOST_CORRECTIONS, SETTLED, SHORTEST, SMALL_GAIN, turns
-from ._point import Coordinates, Point, misfit_at
+from ._point import Point, misfit_at
 from ._residuals import FitProblem
 
 SIZES = (1e4, 1e3, 1e2, 1.0, 1e-2)

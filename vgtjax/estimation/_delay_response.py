@@ -10,10 +10,10 @@ an end solves `J^T r = 0` with derivatives `J` of another model than that of the
 
 import numpy as np
 
+from .._types import Coordinates
 from ._abstract_calibrator import AbstractCalibrator
 from ._answers import answers_beside, holding
 from ._evaluation import Steps
-from ._slopes import Coordinates
 
 LEAST = 0.2
 """Of the answer that is promised, at least: errors are never longer than by its inverse."""

@@ -12,6 +12,7 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Float, Int
 
+from .._types import Coordinates
 from ..traces import Trace
 from ._bundle import CHANNELS, bundle_traces
 from ._duties import Late, read_duties
@@ -20,7 +21,7 @@ from ._evaluation import Evaluated, Evaluation, Steps, ask, side_by_side
 from ._evidence import by_trace
 from ._holds import sample_interval
 from ._least_squares import finite_columns, reduce_rows
-from ._point import Coordinates, Point
+from ._point import Point
 from ._residuals import FitProblem
 from ._search import SPREAD
 from ._slopes import Slopes

@@ -6,7 +6,8 @@ import numpy as np
 from jaxtyping import Float
 
 from .._kept import keep_compiled
-from ..parameters import Selection, select
+from .._types import Coordinates
+from ..parameters import Selection
 from ..plants import bare
 from ._bands import Bands, predicted_spread
 from ._budget import Budget
@@ -14,6 +15,7 @@ from ._bundle import CHANNELS, bundle_traces
 from ._calibration import Calibration, comparing
 from ._evaluation import Steps, ask
 from ._evidence import turns
+from ._granted import by_gains, uncertain_gains
 from ._least_squares import LeastSquares, finite_columns, least_squares, windowed_gram
 from ._measured import Sensors
 from ._search import LevenbergMarquardt
@@ -32,7 +34,6 @@ _unpack = keep_compiled(Selection.unpack)
 EXPERIMENTS, SEED = 5, 0
 """Of fresh noise on a driving pressure; with five, a standard error from four traces is good to a sixth."""
 
-Coordinates = Float[np.ndarray, " coordinates"]
 Covariance = Float[np.ndarray, "entries entries"]
 
 
@@ -153,36 +154,33 @@ def _scatter(uncertainty: LeastSquares, wanted: Float[np.ndarray, "steps entries
     return last.T @ last / len(last)
 
 
-Moved = dict[str, Float[np.ndarray, " coordinates"]]
+Moved = dict[str, Coordinates]
 """By how much coordinates move, by the source."""
 
 
 def _moved_by_gains(task: Task, search: LevenbergMarquardt) -> Moved:
     """How far every coordinate moves when a sensor shows too much by the uncertainty of its gain, to first order."""
-    point, observed = search.point, search.slopes.evaluated.observed
-    moved: Moved = {}
-    for channel, part in task.gains.items():
-        if channel not in task.channels:
-            continue
-        only = np.arange(len(CHANNELS)) == CHANNELS.index(channel)
-        column = part * search.problem.whitened([(lanes * only)[..., None] for lanes in observed])[:, 0]
-        padded = np.append(column, np.zeros(len(point.columns) - len(column)))
-        moved[f"gain of {channel}"] = least_squares(point.columns, padded).values
-    return moved
+    if not uncertain_gains(task):
+        return {}
+    columns = search.problem.whitened([by_gains(task, lanes) for lanes in search.slopes.evaluated.observed])
+    names = [f"gain of {channel}" for channel in uncertain_gains(task)]
+    return {name: _followed(search, column) for name, column in zip(names, columns.T, strict=True)}
 
 
 def _moved_by_tolerances(task: Task, search: LevenbergMarquardt) -> Steps[Moved]:
     """By how much every coordinate moves when one that is held moves by its tolerance, to first order."""
     if not task.tolerances:
         return {}
-    problem, point = search.problem, search.point
-    entries = select(task.model, list(task.tolerances)).entries
-    sizes = np.array([task.tolerances[entry] for entry in entries])
-    held = yield from search.slopes.held(problem, entries)
-    columns = problem.whitened(held)[:, : len(sizes)] * sizes
-    padded = np.concatenate([columns, np.zeros((len(point.columns) - len(columns), len(sizes)))])
-    moved = [-least_squares(point.columns, column).values for column in padded.T]
-    return dict(zip(entries, moved, strict=True))
+    held = yield from search.slopes.held(search.problem, list(task.tolerances))
+    columns = search.problem.whitened(held)[:, : len(task.tolerances)].T
+    pairs = zip(task.tolerances.items(), columns, strict=True)
+    return {entry: -_followed(search, size * column) for (entry, size), column in pairs}
+
+
+def _followed(search: LevenbergMarquardt, change: Float[np.ndarray, " rows"]) -> Coordinates:
+    """How far coordinates move where what is measured changes, in units of the noise."""
+    rows = np.append(change, np.zeros(len(search.point.columns) - len(change)))
+    return least_squares(search.point.columns, rows).values
 
 
 def _moved_by_inputs(task: Task, search: LevenbergMarquardt) -> Steps[Float[np.ndarray, "moves coordinates"]]:
@@ -204,8 +202,7 @@ def _moved_by_inputs(task: Task, search: LevenbergMarquardt) -> Steps[Float[np.n
         change = problem.residuals_of(after.observed) - problem.residuals_of(before.observed)
         change = np.where(np.isfinite(change), change, 0.0)
         alone = change[:, None] * (owner[:, None] == np.arange(len(traces)))
-        padded = np.concatenate([alone, np.zeros((len(point.columns) - len(alone), len(traces)))])
-        found = [least_squares(point.columns, column).values for column in padded.T]
+        found = [_followed(search, column) for column in alone.T]
         moves.append(np.array(found) / np.sqrt(EXPERIMENTS))
     return np.concatenate(moves)
 

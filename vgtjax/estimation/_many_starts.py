@@ -9,10 +9,11 @@ import numpy as np
 from jaxtyping import Float
 
 from .._errors import SimulationError
+from .._types import Coordinates
 from ._abstract_calibrator import C
 from ._beginning import first_progress, guess_of, guessed, problem_of, transform_of
 from ._evaluation import Steps, side_by_side
-from ._point import Coordinates, misfit_at
+from ._point import misfit_at
 from ._progress import Progress, Report, quiet
 from ._residuals import FitProblem
 from ._searches import MOST_RESCUES, searching_once

@@ -13,6 +13,7 @@ from jaxtyping import Array, Float
 
 from .._errors import SimulationError
 from .._kept import keep_compiled
+from .._types import Coordinates
 from ._evaluation import Evaluated, Steps, ask
 from ._least_squares import LeastSquares, estimate_uncertainty, finite_columns, reduce_rows
 from ._residuals import FitProblem
@@ -23,8 +24,6 @@ WEAK = 1e-7
 STIFF = 1e4
 """Times a sensor's noise that a combination of coordinates that is held would cost for each unit that it moves by."""
 _DESCENT: optx.DampedNewtonDescent = optx.DampedNewtonDescent()
-
-Coordinates = Float[np.ndarray, " coordinates"]
 
 
 @keep_compiled

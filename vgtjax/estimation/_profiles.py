@@ -11,9 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .._types import Coordinates
 from ._evaluation import Steps, side_by_side
 from ._least_squares import NORMAL_95
-from ._slices import DOWNHILL, HONEST, Coordinates, End, pseudo_inverse
+from ._slices import DOWNHILL, HONEST, End, pseudo_inverse
 
 RISE_95 = NORMAL_95**2
 """Rise of chi^2 at the ends of a 95 % interval of one parameter: 3.84."""

@@ -12,9 +12,10 @@ import numpy as np
 from jaxtyping import Float
 
 from .._errors import SimulationError
+from .._types import Coordinates
 from ._evaluation import Steps, side_by_side
 from ._least_squares import LeastSquares
-from ._point import Coordinates, Point, Reduced, Secant, misfit_at
+from ._point import Point, Reduced, Secant, misfit_at
 from ._programs import run_alone
 from ._progress import CHI2_TOLERANCE, STALL_TOLERANCE, Progress
 from ._residuals import FitProblem

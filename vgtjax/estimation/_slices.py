@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
+from .._types import Coordinates
 from ._calibrator import Calibrator
 from ._evaluation import Steps, side_by_side
 from ._least_squares import NULL, LeastSquares
@@ -38,8 +39,6 @@ DOWNHILL = -1.0
 """Rise of the misfit below which the fit did not end at a minimum: one standard error."""
 CARRIES = 0.5
 """Loading from which a parameter carries a direction: a quarter of its variance."""
-
-Coordinates = Float[np.ndarray, " coordinates"]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

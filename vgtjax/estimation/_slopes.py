@@ -14,6 +14,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from jaxtyping import Float
 
+from .._types import Coordinates
 from ..parameters import Selection, select
 from ._bundle import Bundle
 from ._evaluation import Evaluated, Evaluation, Steps, ask
@@ -28,8 +29,6 @@ NUDGE = 1e-3
 FARTHEST = 0.3
 """Coordinates by which a standard error of any direction moves one at most, however little is known of that."""
 SEED = 1966
-
-Coordinates = Float[np.ndarray, " coordinates"]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

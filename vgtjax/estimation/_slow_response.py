@@ -16,11 +16,11 @@ along `m + (m - x) / a`.
 import numpy as np
 from jaxtyping import Bool, Float
 
+from .._types import Coordinates
 from ._abstract_calibrator import AbstractCalibrator
 from ._answers import Combinations, answers_beside, holding
 from ._evaluation import Steps, side_by_side
 from ._least_squares import LeastSquares, finite_columns
-from ._slopes import Coordinates
 from ._steps import lengthens
 
 TOLD = 0.01

@@ -9,8 +9,9 @@ import scipy
 from jaxtyping import Bool, Float
 
 from .._errors import SimulationError
+from .._types import Coordinates
 from ._evaluation import Steps, side_by_side
-from ._point import Coordinates, Reduced
+from ._point import Reduced
 from ._progress import Progress
 from ._search import LevenbergMarquardt
 from ._task import Task

@@ -106,8 +106,9 @@ class Task:
 
     @property
     def tolerances(self) -> dict[str, float]:
-        """Deviations of entries that are held."""
-        return {entry: each for entry, each in self.deviations.items() if entry not in self.selection.entries}
+        """Deviations of entries that are held, in the order of the table, as derivatives with respect to them are."""
+        held = [entry for entry in self.deviations if entry not in self.selection.entries]
+        return {entry: self.deviations[entry] for entry in select(self.model, held).entries}
 
     def transform(self, bounds: Bounds | None = None) -> Transform:
         """The map between values of the free entries and their coordinates, which holds them within bounds: those of

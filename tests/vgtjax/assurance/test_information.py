@@ -97,13 +97,19 @@ def test_expected_errors_are_those_that_the_fit_claims(task):
     [
         {"gains": {"x_d": 0.01, "p_act": 0.005}},
         {"deviations": {"diaphragm.area": 5e-5}},
+        {"deviations": {"diaphragm.area": 5e-5, "converter.plunger_mass": 1e-4}},
         {
             "deviations": {"diaphragm.damping": 2.0},
             "values": {"diaphragm.damping": 20.0, "friction.viscous_damping": 186.0},
             "free": [*FREE, "diaphragm.damping", "friction.viscous_damping"],
         },
     ],
-    ids=["gains of sensors", "a tolerance of what is held", "a value known beforehand"],
+    ids=[
+        "gains of sensors",
+        "a tolerance of what is held",
+        "tolerances against the order of the table",
+        "a value known beforehand",
+    ],
 )
 def test_what_is_taken_for_granted_is_part_of_expected_errors(granted):
     planned = plan_task(vgtjax.Actuator(), [bench(0)], **{"free": FREE, **granted})
