@@ -15,7 +15,7 @@ from vgtjax.parameters import entry_names, match_entries, parameter_table, selec
 from vgtjax.plants import on_given_knots
 
 from ..study.components import FullComponents
-from ..study.models import build_model, deviations_of, scales_of, start_model, values_of
+from ..study.models import build_model, known_beforehand, scales_of, start_model, values_of
 from ..study.tables import Study
 from ..study.units import Job, Unit
 
@@ -69,7 +69,7 @@ def plan(job: Job, unit: Unit, structure: Mapping[str, str], values: Mapping[str
     """
     study = job.study
     changed = [name for name, variant in structure.items() if variant != own_structure(study)[name]]
-    model, bounds, deviations, scales = unit.model, unit.bounds, unit.deviations, unit.scales
+    model, bounds, known, scales = unit.model, unit.bounds, unit.known, unit.scales
     with _FILTERING, warnings.catch_warnings():
         warnings.simplefilter("ignore", PassivityWarning)  # on the way from one structure to another
         if changed:
@@ -79,18 +79,18 @@ def plan(job: Job, unit: Unit, structure: Mapping[str, str], values: Mapping[str
             given = values_of(unit.model)
             bare = build_model(study)
             model, bounds = start_model(bare, study, _shared(bare, given))
-            deviations, scales = deviations_of(model, study.parameters), scales_of(model, study.parameters)
+            known, scales = known_beforehand(model, study.parameters), scales_of(model, study.parameters)
         if values:
             model = on_given_knots(model, dict(values))
             model = vgtjax.replace_parameters(model, _shared(model, values))
         choices = {"free": _free(unit, study, model), "fixed": study.fit.fixed, "unknown": unit.unknown(study)}
-        known = {
-            "deviations": deviations,
+        stated = {
+            **known._asdict(),
             "scales": scales,
             "gains": study.report.gains,
             "offsets": study.report.offsets,
         }
-        return plan_fit(model, unit.used("fit"), unit.used("validate"), **choices, **known, bounds=bounds)
+        return plan_fit(model, unit.used("fit"), unit.used("validate"), **choices, **stated, bounds=bounds)
 
 
 def _free(unit: Unit, study: Study, model: vgtjax.AbstractModel) -> list[str] | None:

@@ -100,7 +100,8 @@ def _fitting(
     """The fit of one structure, which keeps its progress on disk."""
     name = "+".join((*structure.values(), *(["again"] if begin.again else [])))
     who = name if unit.name is None else f"{unit.name}: {name}"
-    place = folder / FITS / name
+    # A structure that can't be simulated from another one's values begins again from its own, with its own progress.
+    place = folder / FITS / (name if begin.values else f"{name}+own")
     place.mkdir(parents=True, exist_ok=True)
     try:
         task = begin.of(plan(job, unit, structure, begin.values))

@@ -20,7 +20,7 @@ def plan(job: Job, unit: Unit) -> Task:
         fixed=chosen.fixed,
         bounds=unit.bounds,
         unknown=unit.unknown(job.study),
-        deviations=unit.deviations,
+        **unit.known._asdict(),
         scales=unit.scales,
         starts=chosen.starts,
         gains=job.study.report.gains,

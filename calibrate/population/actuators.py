@@ -9,7 +9,7 @@ from vgtjax.plants import on_given_knots
 from vgtjax.population import Population, Spread, fitted_levels, fitted_population, spread_population
 
 from ..output.files import read_json
-from ..study.models import build_model, start_model, values_of
+from ..study.models import build_model, say_not_as_stated, start_model, values_of
 from ..study.parameter_file import fit_covariance, fitted_entries
 from ..study.places import OF_A_POPULATION, StudyError, of_study, stated
 from ..study.read import hash_file
@@ -79,11 +79,13 @@ def _given_values(
 def _models(
     model: vgtjax.AbstractModel, study: Study, values: dict[str | None, dict[str, Any]]
 ) -> list[vgtjax.AbstractModel]:
-    """A model for every unit, all on the knots of the first; what the study states goes before a nominal actuator."""
+    """A model for every unit, all on the knots of the first."""
     models: list[vgtjax.AbstractModel] = []
     knots: dict[str, Any] = {}
     for given in values.values():
         start, _ = start_model(model, study, given)
+        if not models:
+            say_not_as_stated(start, study)
         knots = knots or values_of(start)
         models.append(on_given_knots(start, knots))
     return models

@@ -2,16 +2,17 @@
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import numpy as np
 
 import vgtjax
 from vgtjax import estimation
-from vgtjax.parameters import Bounds, Scale, check_bounds, entry_names, match_entries
+from vgtjax.parameters import Bounds, Scale, check_bounds, entry_names, match_entries, select
 from vgtjax.plants import on_given_knots, require_physical
 
+from ..output.console import console
 from .base import ParameterValue, StartValue
 from .components import FullComponents, MechanicalComponents, ReducedComponents
 from .places import StudyError
@@ -36,14 +37,37 @@ def build_model(study: Study) -> vgtjax.AbstractModel:
 def start_model(model: Any, study: Study, earlier: dict[str, Any]) -> tuple[Any, Bounds]:
     """A study's model with the values that it starts from, and their bounds by entry.
 
-    **Arguments:** `earlier`: values of an earlier fit, by name; what the study states itself goes before them.
+    **Arguments:** `earlier`: values of an earlier fit, by name. What the study states of a parameter that it holds goes
+    before them; of one that it frees that is where a fit begins, and goes behind.
     """
     start = vgtjax.replace_parameters(on_given_knots(model, earlier), earlier)
-    stated, bounds = start_values(start, parameters_of(study))
+    stated, bounds = start_values(start, _stated_before(start, study, earlier))
     start = vgtjax.replace_parameters(start, stated)
     check_bounds(start, bounds)
     require_physical(start)
     return start, bounds
+
+
+def _stated_before(model: Any, study: Study, earlier: Mapping[str, Any]) -> dict[str, ParameterValue]:
+    """What a study states, without the values of free parameters that an earlier fit has."""
+    stated = parameters_of(study)
+    free = {entry.partition("[")[0] for entry in select(model, study.fit.free, study.fit.fixed).entries}
+    behind = [name for name in stated if name.partition("[")[0] in free & earlier.keys()]
+    return {**stated, **{name: stated[name].model_copy(update={"value": None}) for name in behind}}
+
+
+def say_not_as_stated(start: Any, study: Study) -> None:
+    """Says of which parameters a start has not the value that the study states, as an earlier fit has another."""
+    other = []
+    for name, given in parameters_of(study).items():
+        here = vgtjax.Selection(tuple(_entries_of(start, name))).pack(start)
+        if given.value is not None and not np.array_equal(here, np.ravel(given.value)):
+            other.append(name)
+    if other:
+        console.print(
+            f"note: {', '.join(other)}: as in the given parameters; what the study states of free ones only says where "
+            "a fit begins"
+        )
 
 
 def parameters_of(study: Study) -> dict[str, ParameterValue]:
@@ -84,24 +108,31 @@ def start_values(model: eqx.Module, stated: Mapping[str, StartValue]) -> tuple[d
     return values, bounds
 
 
-def deviations_of(model: eqx.Module, stated: Mapping[str, ParameterValue]) -> dict[str, float]:
-    """How well values are known beforehand, by entry in the units of the table."""
-    found: dict[str, float] = {}
+class Known(NamedTuple):
+    """What a study knows of values beforehand, by entry in the units of the table: how well, and what they are."""
+
+    deviations: dict[str, float]
+    centers: dict[str, float]
+
+
+def known_beforehand(model: eqx.Module, stated: Mapping[str, ParameterValue]) -> Known:
+    """What is known beforehand, of values that are stated, or else are those of the model."""
+    known = Known({}, {})
     for name, given in stated.items():
         if given.deviation is None and given.relative is None:
             continue
         entries = _entries_of(model, name)
-        sizes = np.abs(np.asarray(vgtjax.Selection(tuple(entries)).pack(model)))
-        for entry, size in zip(entries, sizes.tolist(), strict=True):
-            deviation = given.deviation if given.deviation is not None else (given.relative or 0.0) * size
+        values = vgtjax.Selection(tuple(entries)).pack(model) if given.value is None else np.ravel(given.value)
+        for entry, value in zip(entries, np.asarray(values).tolist(), strict=True):
+            deviation = given.deviation if given.deviation is not None else (given.relative or 0.0) * abs(value)
             if not deviation > 0:
                 raise StudyError(
-                    f"the deviation of '{entry}' relative to its value must be positive, but that is {size:g}; state "
+                    f"the deviation of '{entry}' relative to its value must be positive, but that is {value:g}; state "
                     "it in the unit of the parameter with deviation",
                     "values",
                 )
-            found[entry] = deviation
-    return found
+            known.deviations[entry], known.centers[entry] = deviation, value
+    return known
 
 
 def scales_of(model: eqx.Module, stated: Mapping[str, ParameterValue]) -> dict[str, Scale]:

@@ -16,7 +16,16 @@ from ..output.software import software
 from .channels import sources_of
 from .disturbances import Disturbance
 from .given import options_given
-from .models import build_model, deviations_of, parameters_of, scales_of, start_model, start_values
+from .models import (
+    Known,
+    build_model,
+    known_beforehand,
+    parameters_of,
+    say_not_as_stated,
+    scales_of,
+    start_model,
+    start_values,
+)
 from .places import StudyError, of_study
 from .read import EXAMPLE, TraceSource, expand_traces, fingerprint, hash_file, load_study
 from .start_file import FoundDuty, load_duties, load_values
@@ -57,8 +66,8 @@ class Unit:
     name: str | None
     model: vgtjax.AbstractModel
     bounds: Bounds
-    deviations: Mapping[str, float]
-    """How well start values are known beforehand, by entry."""
+    known: Known
+    """What the study knows of values beforehand."""
     scales: Mapping[str, Scale]
     """How those entries move in a fit of which the study says it."""
     traces: Sequence[tuple[str, vgtjax.Trace]]
@@ -120,14 +129,15 @@ def prepare(
         given[name] = {**values, "duties": duties}
         with contextlib.nullcontext() if values else of_study():  # the file of an earlier fit has a name of its own
             start, bounds = start_model(model, study, values)
+        say_not_as_stated(start, study)
         needs = (*start.needs, *(("x_d|p_act",) if to_fit else ()))
         mine = [source for source in sources if source.unit == name]
         traces = [(source.use, load_source(source, start, bounds, needs)) for source in mine]
         stated = {key for key in ("duty_delay", "duty_hold") for each in mine if getattr(each, key) is not None}
         stated_values = parameters_of(study)
-        deviations, scales = deviations_of(start, stated_values), scales_of(start, stated_values)
+        known, scales = known_beforehand(start, stated_values), scales_of(start, stated_values)
         hashes = {source.name: hash_file(source.path) for source in mine}
-        units.append(Unit(name, start, bounds, deviations, scales, traces, duties, hashes, frozenset(stated)))
+        units.append(Unit(name, start, bounds, known, scales, traces, duties, hashes, frozenset(stated)))
     for unit in units:
         if to_fit and not unit.used("fit"):
             where = "" if unit.name is None else f" of unit '{unit.name}'"

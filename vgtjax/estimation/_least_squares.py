@@ -101,13 +101,9 @@ def least_squares(columns: Columns, target: Float[np.ndarray, " rows"], inflatio
     **Arguments:** `columns` and `target` in units of the rows' noise; `inflation`: an unknown whose variance the other
     columns multiply by more than that is not determined either, for columns with errors of their own.
     """
-    lengths = np.linalg.norm(columns, axis=0)
-    lengths = np.where(lengths > 0, lengths, 1.0)
-    basis, triangle = np.linalg.qr(columns / lengths)
-    rotation, singular, directions = np.linalg.svd(triangle)
-    rank = int(np.sum(singular > NULL * np.max(singular, initial=0.0)))
-    projected = rotation[:, :rank].T @ (basis.T @ target)
-    inverse = directions[:rank].T / singular[:rank] / lengths[:, None]
+    inverse, projector, singular, directions = _pseudo_inverse(columns)
+    rank = inverse.shape[1]
+    projected = projector.T @ target
     values = inverse @ projected
     left = target - columns @ values
     outside = np.linalg.norm(directions[rank:], axis=0) < IN_NULL
@@ -122,16 +118,39 @@ def least_squares(columns: Columns, target: Float[np.ndarray, " rows"], inflatio
     )
 
 
-def estimate_uncertainty(residuals: Float[np.ndarray, " rows"], columns: Columns, count: int) -> LeastSquares:
+def _pseudo_inverse(columns: Columns) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """`inverse @ projector.T` is the pseudo-inverse for columns of unit length, of which come the singular values and
+    directions as well: those behind the rank are null."""
+    lengths = np.linalg.norm(columns, axis=0)
+    lengths = np.where(lengths > 0, lengths, 1.0)
+    basis, triangle = np.linalg.qr(columns / lengths)
+    rotation, singular, directions = np.linalg.svd(triangle)
+    rank = int(np.sum(singular > NULL * np.max(singular, initial=0.0)))
+    inverse = directions[:rank].T / singular[:rank] / lengths[:, None]
+    return inverse, basis @ rotation[:, :rank], singular, directions
+
+
+def estimate_uncertainty(
+    residuals: Float[np.ndarray, " rows"], columns: Columns, count: int, known: int = 0
+) -> LeastSquares:
     """Uncertainty at the minimum of a nonlinear least squares: the linear problem there, scaled by what remains.
 
     **Arguments:** `residuals` in units of the assumed noise, and `columns`, their Jacobian with respect to coordinates
-    of comparable size; `count`: independent measurements (padding and eliminated offsets don't count).
+    of comparable size; `count`: independent measurements (padding and eliminated offsets don't count); `known`: rows
+    at the end that measure nothing, as they are known beforehand: their noise is one, whatever remains of the others.
     """
     lengths = np.linalg.norm(columns, axis=0)
     # A column this much shorter than the longest moves nothing that a sensor could see.
-    found = least_squares(np.where(lengths > NULL * np.max(lengths, initial=0.0), columns, 0.0), residuals)
-    return found.scaled(float(residuals @ residuals) / max(count - found.rank, 1))
+    columns = np.where(lengths > NULL * np.max(lengths, initial=0.0), columns, 0.0)
+    found = least_squares(columns, residuals)
+    measured = slice(len(residuals) - known)
+    scale = float(residuals[measured] @ residuals[measured]) / max(count - found.rank, 1)
+    if not known:
+        return found.scaled(scale)
+    inverse = _pseudo_inverse(columns)[0]
+    moved = columns @ inverse @ inverse.T * found.determined
+    moved[measured] *= np.sqrt(scale)
+    return dataclasses.replace(found, covariance=moved.T @ moved, scale=scale)
 
 
 def reduce_rows(

@@ -61,10 +61,12 @@ class Reduced:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Point:
-    """A problem linearised: residuals and their Jacobian with respect to the coordinates, in units of the noise."""
+    """A problem linearised: residuals and their Jacobian with respect to the coordinates, in units of the noise; the
+    last `known` of them are of what is known beforehand."""
 
     residuals: Float[np.ndarray, " residuals"]
     columns: Float[np.ndarray, "residuals coordinates"]
+    known: int = 0
 
     @staticmethod
     def of(problem: FitProblem, here: Coordinates, observed: Evaluated, slopes: Slopes) -> "Point":
@@ -77,18 +79,20 @@ class Point:
     ) -> "Point":
         """The same with residuals that are known."""
         columns = problem.columns_of(slopes.columns, slopes.at)
+        known = 0 if problem.prior is None else len(problem.prior.precision)
         if problem.prior is not None:
             columns = np.concatenate([columns, np.diag(problem.prior.precision)])
         with np.errstate(over="ignore", invalid="ignore"):  # of a search that got lost
             held = np.asarray(problem.transform.pinned(here, residuals @ columns))
-        return Point(residuals, np.where(held, 0.0, columns) if np.any(held) else columns)
+        return Point(residuals, np.where(held, 0.0, columns) if np.any(held) else columns, known)
 
     def holding(self, combinations: Float[np.ndarray, "directions coordinates"]) -> "Point":
         """The same problem with combinations of coordinates held where they are, by a row more for each."""
         if not len(combinations):
             return self
         residuals = np.append(self.residuals, np.zeros(len(combinations)))
-        return Point(residuals, np.concatenate([self.columns, STIFF * combinations]))
+        columns = np.concatenate([self.columns, STIFF * combinations])
+        return Point(residuals, columns, self.known + len(combinations))
 
     def bend(self, problem: FitProblem, here: Coordinates, slopes: Slopes) -> float:
         """By how many standard errors, over all directions, a linear step goes wrong for derivatives from elsewhere."""
@@ -105,7 +109,11 @@ class Point:
 
     def uncertainty(self, count: int) -> LeastSquares:
         """Uncertainty at the minimum by this linear problem, of `count` independent measurements."""
-        return estimate_uncertainty(self.reduced.residuals, self.reduced.columns, count)
+        if not self.known:
+            return estimate_uncertainty(self.reduced.residuals, self.reduced.columns, count)
+        few, columns = reduce_rows(self.residuals[: -self.known], self.columns[: -self.known])
+        residuals = np.concatenate([few, self.residuals[-self.known :]])
+        return estimate_uncertainty(residuals, np.vstack([columns, self.columns[-self.known :]]), count, self.known)
 
     @property
     def chi2(self) -> float:

@@ -20,6 +20,7 @@ from ..parameters import (
     parameter_table,
     replace_parameters,
     select,
+    table_row,
     unknown_name,
 )
 from ..plants import AbstractModel, bare
@@ -39,9 +40,10 @@ class Task:
     """What to calibrate: a model with its start values, the free entries, and the traces.
 
     `bounds` are by entry, in the units of the table; `channels` the measured signals to fit; `unknown` is what the fit
-    finds out besides. `deviations` by entry, in the units of the table, say how well a start value is known beforehand:
-    of a free entry that is a Gaussian prior, of one that is held a tolerance that goes into every error. `scales` by
-    entry say how those move that do not move as the table has them. `linear` has
+    finds out besides. `deviations` by entry, in the units of the table, say how well a value is known beforehand: of a
+    free entry that is a Gaussian prior, about what `centers` has of it, else its start value, of one that is held a
+    tolerance that goes into every error. `scales` by entry say how those move that do not move as the table has them.
+    `linear` has
     the sample intervals in s of traces whose duty is linear between samples, though they don't say so, `edges` by how
     many samples every edge of the duty of each trace is late, where that is not as it is recorded, beside `edges_delay`
     s of the whole duty. `starts` is from how many places a search begins, `gains` by channel how well the gain of each
@@ -61,6 +63,7 @@ class Task:
     stepping: FixedStep = dataclasses.field(default_factory=FixedStep)
     unknown: Unknown = NOTHING
     deviations: dict[str, float] = dataclasses.field(default_factory=dict)
+    centers: dict[str, float] = dataclasses.field(default_factory=dict)
     scales: dict[str, Scale] = dataclasses.field(default_factory=dict)
     linear: Sequence[float] = ()
     edges: Late = ()
@@ -120,15 +123,15 @@ class Task:
     @property
     def prior(self) -> Prior | None:
         """What is known of the free entries beforehand; `None` for nothing."""
-        count = len(self.selection.entries)
-        start = np.asarray(self.selection.pack(self.model))
-        transform = self.transform({})
-        stated = np.array([self.deviations.get(entry, np.inf) for entry in self.selection.entries]).reshape(count)
+        entries, transform = self.selection.entries, self.transform({})
+        start = np.asarray(self.selection.pack(self.model)).tolist()
+        stated = np.array([self.deviations.get(entry, np.inf) for entry in entries], float)
         if not np.any(np.isfinite(stated)):
             return None
-        precision = np.asarray(transform.slope(transform.to_coordinates(start))) / stated
-        more = np.zeros(int(self.late_duty))
-        return Prior(np.append(np.asarray(transform.to_coordinates(start)), more), np.append(np.abs(precision), more))
+        about = [self.centers.get(entry, value) for entry, value in zip(entries, start, strict=True)]
+        center = np.asarray(transform.to_coordinates(np.array(about, float)))
+        precision, more = np.abs(transform.slope(center)) / stated, np.zeros(int(self.late_duty))
+        return Prior(np.append(center, more), np.append(precision, more))
 
     @property
     def late_duty(self) -> bool:
@@ -153,6 +156,7 @@ def plan_task(
     channels: Sequence[str] | None = None,
     unknown: Unknown = NOTHING,
     deviations: Mapping[str, float] | None = None,
+    centers: Mapping[str, float] | None = None,
     scales: Mapping[str, str] | None = None,
     starts: int = 1,
     gains: Mapping[str, float] | None = None,
@@ -167,8 +171,9 @@ def plan_task(
     - `bounds`: `(lower, upper)` by name or entry, either `None`.
     - `channels`: measured signals to fit; by default those that are no input of the model.
     - `unknown`: what the fit finds out besides the parameters; nothing by default.
-    - `deviations`: standard deviations of start values by name or entry, in the units of the table: of what is free a
-      Gaussian prior (of its logarithm where it moves by that), of what is held a tolerance that goes into every error.
+    - `deviations`: standard deviations by name or entry, in the units of the table: of what is free a Gaussian prior
+      (of its logarithm where it moves by that), of what is held a tolerance that goes into every error.
+    - `centers`: what priors are about, by name or entry; by default the start values.
     - `scales`: by name or entry, `"log"` of what moves by its logarithm, `"linear"` of what moves in units of its size;
       positive ones move by their logarithm by default, others linearly.
     - `starts`: from how many places a search begins: the start values, and others around them.
@@ -186,7 +191,7 @@ def plan_task(
     _check_stated(gains or {}, offsets or {}, starts)
     fit, inputs = read_inputs(model, fit, unknown)
     validate, _ = read_inputs(model, validate, unknown)
-    selection, known, gains = select(model, free, fixed), _by_entry(model, deviations or {}), dict(gains or {})
+    selection, known, gains = select(model, free, fixed), _deviations(model, deviations or {}), dict(gains or {})
     if unknown.gain or unknown.offset or unknown.start_state:
         found = instrumented(model, selection, fit, unknown, gains, dict(offsets or {}))
         model, selection, known, fit = found.model, found.selection, known | found.deviations, found.traces
@@ -200,6 +205,7 @@ def plan_task(
         channels,
         unknown=unknown,
         deviations=known,
+        centers=_centers(model, centers or {}),
         scales=_scales_by_entry(model, scales or {}),
         starts=starts,
         gains=gains,
@@ -232,14 +238,24 @@ def _check_sensors(stated: Mapping[str, float], argument: str, what: str, remedy
         require_positive(f"what {argument} has of {channel}", size, what, remedy)
 
 
-def _by_entry(model: AbstractModel, deviations: Mapping[str, float]) -> dict[str, float]:
+def _deviations(model: AbstractModel, deviations: Mapping[str, float]) -> dict[str, float]:
     for name, deviation in deviations.items():
         require_positive(f"the deviation of {name}", deviation, "number", "use its standard deviation")
+    return _by_entry(model, deviations, "deviations")
+
+
+def _centers(model: AbstractModel, centers: Mapping[str, float]) -> dict[str, float]:
+    found, table = _by_entry(model, centers, "centers"), parameter_table(model)
+    for entry, center in found.items():
+        if table_row(table, entry).positive:
+            require_positive(f"what a prior of {entry} is about", center, "number", "correct it")
+    return found
+
+
+def _by_entry(model: AbstractModel, stated: Mapping[str, float], argument: str) -> dict[str, float]:
     table = parameter_table(model)
     return {
-        entry: float(deviation)
-        for name, deviation in deviations.items()
-        for entry in sorted(match_entries(table, [name], "deviations"))
+        entry: float(each) for name, each in stated.items() for entry in sorted(match_entries(table, [name], argument))
     }
 
 

@@ -27,6 +27,7 @@ def fit(
     channels: Sequence[str] | None = None,
     unknown: Unknown | None = None,
     deviations: Mapping[str, float] | None = None,
+    centers: Mapping[str, float] | None = None,
     scales: Mapping[str, str] | None = None,
     starts: int = 1,
     gains: Mapping[str, float] | None = None,
@@ -45,8 +46,9 @@ def fit(
     - `bounds`: `(lower, upper)` by name, pattern or entry, either `None`.
     - `channels`: measured signals to fit; by default those that are no input of the model.
     - `unknown`: what the fit finds out besides the parameters; by default what [`Unknown`][] decides by evidence.
-    - `deviations`: standard deviations of start values by name or entry, in the units of the table: of what is free a
-      Gaussian prior (of its logarithm where it moves by that), of what is held a tolerance that goes into every error.
+    - `deviations`: standard deviations by name or entry, in the units of the table: of what is free a Gaussian prior
+      (of its logarithm where it moves by that), of what is held a tolerance that goes into every error.
+    - `centers`: what priors are about, by name or entry; by default the start values.
     - `scales`: by name or entry, `"log"` of what moves by its logarithm, `"linear"` of what moves in units of its size;
       positive ones move by their logarithm by default, others linearly. A positive one that moves linearly keeps
       a thousandth of its start value at least.
@@ -72,6 +74,7 @@ def fit(
         channels=channels,
         unknown=Unknown() if unknown is None else unknown,
         deviations=deviations,
+        centers=centers,
         scales=scales,
         starts=starts,
         gains=gains,

@@ -62,6 +62,11 @@ class Duel:
     unseen: float | None
     doubt: str = ""
 
+    @property
+    def open(self) -> bool:
+        """Whether this does not decide, though something could have spoken against the other."""
+        return self.doubt not in ("", WIDER)
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Ranking:
@@ -72,6 +77,16 @@ class Ranking:
     against: Mapping[str, Duel]
     scored: str
     remains: Sequence[Remains] = ()
+
+    @property
+    def rivals(self) -> list[str]:
+        """The others that might have won, as their fits may be used."""
+        return [row.name for row in self.rows if not row.reason and row.name != self.best]
+
+    def doubting(self, name: str, doubt: str) -> "Ranking":
+        """The same ranking with a doubt about the duel with one of the others."""
+        duel = dataclasses.replace(self.against[name], doubt=doubt)
+        return dataclasses.replace(self, against={**self.against, name: duel})
 
     def doubt(self, rivals: Sequence[str]) -> str:
         """Why the best does not beat all of these beyond doubt; empty if it does."""

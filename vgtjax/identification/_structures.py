@@ -1,6 +1,7 @@
 """Which structure the traces favour: one component changed at a time, each alternative fitted."""
 
 import dataclasses
+import itertools
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any
@@ -68,8 +69,9 @@ def compare_structures(
 ) -> Compared:
     """Fits the alternatives of each component and ranks them.
 
-    The search is greedy: one component is changed at a time, beginning at `own`, and what is clearly better stays. A
-    structure that is better only with two components changed together is not found.
+    The search is greedy: one component is changed at a time, beginning at `own`, and what is clearly better stays.
+    Where one component is decided and another is not, what is beaten of the first is tried beside what is not beaten
+    of the other. Otherwise a structure that is better only with two components changed together is not found.
 
     **Arguments:** `options`: of each component, among them that of `own`; `fitting`: makes a computation that fits a
     structure, e.g. with [`starting_fit`][]; `wider`: which variants contain which others as a limit.
@@ -100,6 +102,8 @@ def comparing_structures(
             base[component] = _better(rankings[component], base[component])
             ranked_in[component] = dict(base)
         if base == before:
+            rankings, base = yield from search.together(rankings, base)
+        if base == before:
             return Compared(rankings, base, search.usable(base), True)
     return Compared(rankings, base, search.usable(base), False)
 
@@ -110,6 +114,14 @@ def _better(ranking: Ranking, now: str) -> str:
         return now
     unusable_now = next(row.reason for row in ranking.rows if row.name == now)
     return ranking.best if unusable_now or not ranking.against[now].doubt else now
+
+
+def _pairs(rankings: Mapping[str, Ranking]) -> list[tuple[tuple[str, str], tuple[str, str]]]:
+    """A component and a variant that is beaten, and another component and one that is not, all with fits that may be
+    used. One that contains the best as a limit is left out: it always meets the traces as well."""
+    beaten = [(name, row) for name, each in rankings.items() for row in each.rivals if not each.against[row].doubt]
+    left = [(name, row) for name, each in rankings.items() for row in each.rivals if each.against[row].open]
+    return [(one, other) for one, other in itertools.product(beaten, left) if one[0] != other[0]]
 
 
 class _Search:
@@ -143,6 +155,25 @@ class _Search:
         return (
             yield from rank({name: self._fits[_key(structure)] for name, structure in structures.items()}, self._wider)
         )
+
+    def together(
+        self, rankings: Mapping[str, Ranking], base: dict[str, str]
+    ) -> Steps[tuple[dict[str, Ranking], dict[str, str]]]:
+        """Rankings in which nothing is beaten that is not so beside each undecided variant of another component, and
+        the structure to go on with: one with both changed, where that is better beyond doubt."""
+        found = dict(rankings)
+        for (component, beaten), (other, variant) in _pairs(rankings):
+            both = {**base, component: beaten, other: variant}
+            with self._ahead([both]):
+                yield from self._fit_beside(both, self._beside({**base, other: variant}))
+            now, name = base[component], f"{beaten} with {variant}"
+            ranking = yield from rank({now: self._fits[_key(base)], name: self._fits[_key(both)]})
+            if _better(ranking, now) != now:
+                return found, both
+            duel = ranking.against[name if ranking.best == now else now]
+            if duel.doubt:
+                found[component] = found[component].doubting(beaten, f"with {variant} as {other}: {duel.doubt}")
+        return found, base
 
     def _fit_beside(self, structure: Structure, begin: Begin) -> Steps[None]:
         """A fit from the values of another structure or, if these can't be simulated, from its own."""

@@ -1,6 +1,7 @@
 """The command `compare` on a rod driven by its pressure: friction is told from traces of an independent plant."""
 
 import dataclasses
+import math
 import pathlib
 
 import pytest
@@ -123,3 +124,7 @@ relative_uncertainty = 0.001
         task = alternatives.plan(job, unit, structure, {})
         assert task.deviations == plan_of_fit(job, unit).deviations
         assert task.gains == {"x_d": 0.001}
+        # Begun where another structure's fit has ended, a prior is still about what the study states.
+        moved = alternatives.plan(job, unit, structure, {"diaphragm.stiffness": 13000.0})
+        assert float(moved.model.diaphragm.stiffness) == 13000.0
+        assert float(moved.prior.center[moved.selection.entries.index("diaphragm.stiffness")]) == math.log(12000.0)

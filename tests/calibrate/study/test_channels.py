@@ -36,7 +36,7 @@ def test_the_units_of_a_study_are_the_same_whatever_its_files(tmp_path):
     for name in BINARY:
         WRITERS[name](tmp_path / name, campaign())
         unit = prepared(tmp_path, study_of(name, campaign()).replace("file", 'name = "run"\nfile')).units[0]
-        assert (unit.bounds, unit.deviations, unit.stated) == (reference.bounds, reference.deviations, reference.stated)
+        assert (unit.bounds, unit.known, unit.stated) == (reference.bounds, reference.known, reference.stated)
         ((use, trace),) = unit.traces
         assert (use, trace.name, trace.notes) == ("fit", "run", ())
         for channel in UNITS:  # the last bits of text and counts differ

@@ -138,12 +138,24 @@ def test_a_longer_travel_lets_the_trace_go_further(folder):
         prepared(folder, f"{trace}value = 0.0115}}\n")
 
 
-def test_what_the_study_states_goes_before_an_earlier_fit(folder):
-    parameters = {"chamber.volume": {"value": 5e-5}, "diaphragm.mass": {"value": 0.5}}
+def test_an_earlier_fit_goes_before_what_the_study_states_of_free_parameters(folder, capsys):
+    """A stated value of these says where a fit began; one of what is held is a fact, whatever an earlier fit held."""
+    parameters = {
+        "chamber.volume": {"value": 5e-5},
+        "diaphragm.mass": {"value": 0.5},
+        "diaphragm.area": {"value": 2e-3},
+    }
     (folder / "p.json").write_text(json.dumps({"model": "full", "parameters": parameters}))
-    study = '[[trace]]\nfile = "bench.csv"\n[parameters]\n"diaphragm.mass" = {value = 0.7}\n'
-    model = prepared(folder, study, folder / "p.json").units[0].model
-    assert (float(model.chamber.volume), float(model.diaphragm.mass)) == (5e-5, 0.7)
+    study = (
+        '[[trace]]\nfile = "bench.csv"\n[parameters]\n"diaphragm.mass" = {value = 0.7, relative = 0.1, upper = 0.9}\n'
+        '"diaphragm.area" = {value = 3e-3}\n'
+    )
+    (unit,) = prepared(folder, study, folder / "p.json").units
+    found = (float(unit.model.chamber.volume), float(unit.model.diaphragm.mass), float(unit.model.diaphragm.area))
+    assert found == (5e-5, 0.5, 3e-3)
+    assert unit.bounds["diaphragm.mass"] == (None, 0.9)
+    assert unit.known == ({"diaphragm.mass": pytest.approx(0.07)}, {"diaphragm.mass": 0.7})  # a prior stays where it is
+    assert "\nnote: diaphragm.mass: as in the given parameters; what the study" in f"\n{capsys.readouterr().out}"
 
 
 def test_an_earlier_fit_must_keep_to_the_bounds_too(folder):

@@ -75,6 +75,34 @@ def test_a_tight_prior_holds_and_a_wide_one_says_nothing(plain):
     np.testing.assert_allclose(wide.std_errors, plain.std_errors, rtol=1e-6)
 
 
+def test_what_only_a_prior_tells_is_known_as_well_as_that_says():
+    """Whatever the traces leave: of a stiffness that is held a tenth too large, and of a rod that stays short of its
+    end stop, whose travel no sample feels."""
+    values = {"diaphragm.stiffness": 1.1 * TRUTH["diaphragm.stiffness"]}
+    free = ["chamber.volume", "diaphragm.travel"]
+    wrong = fit(free, values, diaphragm__travel=2e-4)
+    assert wrong.uncertainty.scale > 50
+    assert error_of(wrong, "diaphragm.travel") == pytest.approx(2e-4, rel=1e-9)
+    assert wrong.determined.all()
+
+
+def test_a_prior_may_be_about_another_value_than_the_start():
+    """Then a fit ends the same wherever it starts."""
+    about = {"centers": {"chamber.volume": 6.0e-5}, "deviations": {"chamber.volume": 1e-9}}
+    ends = [
+        calibrate(plan_task(vgtjax.Actuator(), [bench(0)], free=FREE, values={"chamber.volume": start}, **about))
+        for start in (5.0e-5, 6.0e-5)
+    ]
+    # Each fit ends within a tenth of a standard error of its minimum.
+    assert np.max(np.abs(ends[0].values - ends[1].values) / ends[1].std_errors) < 0.2
+    assert value_of(ends[0], "chamber.volume") == pytest.approx(6.0e-5, rel=0.01)
+
+
+def test_a_prior_about_what_is_not_positive_is_refused():
+    with pytest.raises(vgtjax.InputError, match=r"what a prior of chamber.volume is about must be a positive number"):
+        plan_task(vgtjax.Actuator(), [bench(0)], free=FREE, centers={"chamber.volume": -1.0})
+
+
 def test_the_tolerance_of_what_is_held_goes_into_every_error(plain):
     """Each variance grows by the square of what the value moves by when the held one is off by its tolerance."""
     area = float(vgtjax.Actuator().diaphragm.area)

@@ -20,8 +20,8 @@ from vgtjax.estimation import (
     start_calibration,
 )
 from vgtjax.estimation._searches import FAR_ABOVE, MOST_TO_GO, TRIED, _is_hopeless
-from vgtjax.identification import compare_structures
-from vgtjax.identification._ranking import ASTRAY, STRONG
+from vgtjax.identification import _structures, compare_structures
+from vgtjax.identification._ranking import ASTRAY, STRONG, Duel, Ranking, Row
 
 COUNT = 2000
 """Measurements, so that chi^2 is as many times 2."""
@@ -205,3 +205,47 @@ def test_fits_that_read_the_duty_differently_decide_only_what_is_far_apart(task,
     assert bool(near.doubt) == (not alike)
     assert ("the two read the duty differently" in near.doubt) == (not alike)
     assert not far.doubt
+
+
+@pytest.mark.parametrize(
+    ("together", "structure", "doubt"),
+    [
+        (300.0, ("lugre", "map"), ""),  # beaten in either way
+        (106.0, ("lugre", "map"), "with speed-map as vane_force: the criterion differs by 6"),
+        (98.0, ("lugre", "map"), "with speed-map as vane_force: the criterion differs by 2"),
+        (50.0, ("squared", "speed-map"), ""),  # better with both changed
+    ],
+)
+def test_what_is_beaten_is_tried_beside_what_is_not(monkeypatch, together, structure, doubt):
+    """Squared friction is beaten by a hundred beside one vane force, which is not told from another, beside which it
+    may be better."""
+    criteria = {
+        ("lugre", "map"): 100.0,
+        ("lugre", "speed-map"): 105.0,
+        ("squared", "map"): 200.0,
+        ("squared", "speed-map"): together,
+    }
+    fitted = []
+
+    def fit(search, structure, begin):
+        yield from ()
+        fitted.append(tuple(structure.values()))
+        search._fits[fitted[-1]] = criteria[fitted[-1]]
+
+    def rank(outcomes, wider=None):
+        yield from ()
+        best = min(outcomes, key=outcomes.get)
+        apart = {name: each - outcomes[best] for name, each in outcomes.items() if name != best}
+        why = {name: "" if each > STRONG else f"the criterion differs by {each:g}" for name, each in apart.items()}
+        duels = {name: Duel(each, 0.0, None, why[name]) for name, each in apart.items()}
+        return Ranking([Row(name) for name in outcomes], best, duels, "none")
+
+    monkeypatch.setattr(_structures._Search, "_fit", fit)
+    monkeypatch.setattr(_structures._Search, "usable", lambda search, structure: None)
+    monkeypatch.setattr(_structures, "rank", rank)
+    options = {"friction": ["lugre", "squared"], "vane_force": ["map", "speed-map"]}
+    found = compare_structures({"friction": "lugre", "vane_force": "map"}, options, lambda structure, begin: None)
+    assert (tuple(found.structure.values()), found.settled) == (structure, True)
+    other = {"lugre": "squared", "squared": "lugre"}[structure[0]]
+    assert found.rankings["friction"].against[other].doubt == doubt
+    assert set(fitted) == set(criteria)
