@@ -8,6 +8,7 @@ import importlib.metadata
 import os
 import pathlib
 import platform
+import time
 import types
 from collections.abc import Callable
 from typing import Any
@@ -20,6 +21,8 @@ _VERSIONED = ("vgtjax", "jax", "jaxlib", "equinox", "diffrax", "lineax", "optimi
 """Packages whose version, or sources, are part of every name: there a class is known by what it is called."""
 _SETTINGS = ("jax_enable_x64", "jax_debug_nans", "jax_default_matmul_precision")
 """What else decides what a function is compiled to."""
+_IMPORTED = time.time()
+"""When the sources were read that run here, or were soon."""
 
 
 class Unnamed(Exception):
@@ -99,10 +102,15 @@ def is_optimised() -> bool:
 
 @functools.cache
 def _name_software() -> str:
-    """This library's sources, the packages below it, JAX's settings, the machine, and which process of a run it is."""
+    """This library's sources, the packages below it, JAX's settings, the machine, and which process of a run it is.
+
+    **Raises:** `Unnamed` where a source has changed since this library was imported, as what runs is another one.
+    """
     sources = hashlib.sha256()
     root = pathlib.Path(__file__).parent
     for file in sorted(root.rglob("*.py")):
+        if file.stat().st_mtime > _IMPORTED:
+            raise Unnamed(f"{file} has changed since it was imported")
         sources.update(str(file.relative_to(root)).encode() + b"\0" + file.read_bytes() + b"\0")
     versions = [f"{package} {importlib.metadata.version(package)}" for package in _VERSIONED if package != "vgtjax"]
     devices = [f"{device.platform} {device.device_kind}" for device in jax.devices()]

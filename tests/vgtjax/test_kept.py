@@ -237,3 +237,14 @@ def test_a_simulation_is_kept_with_how_it_ended(folder, actuator):
     assert len(files(folder)) == 1
     assert again.result == first.result == vgtjax.RESULTS.successful
     np.testing.assert_array_equal(again.x_d, first.x_d)
+
+
+def test_nothing_is_kept_by_a_process_whose_sources_have_changed(folder, monkeypatch):
+    """It runs what they were: kept under the name of what they are, that would be served to others."""
+    monkeypatch.setattr(_naming, "_IMPORTED", 0.0)
+    _naming._name_software.cache_clear()
+    try:
+        np.testing.assert_allclose(keep_compiled(linear)(MATRIX, PAIR, 2)["power"], [9.0])
+        assert files(folder) == []
+    finally:
+        _naming._name_software.cache_clear()

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Float
 
+from .._errors import SimulationError
 from .._kept import keep_compiled
 from .._types import Coordinates
 from ..parameters import Selection
@@ -53,7 +54,8 @@ def finishing(
     problem, progress, transform = search.problem, search.progress, search.problem.transform
     everything, count = search.uncertainty(), len(task.selection.entries)
     coordinates = np.asarray(progress.coordinates)
-    values, slope = np.asarray(transform.to_physical(coordinates)), np.asarray(transform.slope(coordinates))
+    found, slope = np.asarray(transform.to_physical(coordinates)), np.asarray(transform.slope(coordinates))
+    values = task.inside(found[:count])
     uncertainty = everything.first(count)
     more = _scatter(uncertainty, np.array(progress.wanted)[:, :count]) if progress.wanted else np.zeros((count, count))
     more = more + np.outer(lacking.delay[:count], lacking.delay[:count])
@@ -74,9 +76,9 @@ def finishing(
     budget = _budget(uncertainty, more, moved, slope[:count], windowed[:count], window)
     more = more + beside @ beside.T
     uncertainty = dataclasses.replace(uncertainty, covariance=uncertainty.covariance + more)
-    model = _unpack(task.selection, task.model, values[:count])
+    model = _unpack(task.selection, task.model, values)
     late = task.late_duty and progress.coordinates[-1] != 0.0
-    delay = float(values[-1]) if late else 0.0
+    delay = float(found[-1]) if late else 0.0
     # What traces hardly answer leaves them as they are, as do both readings of the duty that meet them, whatever a
     # linear model says of it.
     seen = uncertainty.covariance - np.outer(apart, apart) - unanswered.T @ unanswered
@@ -89,7 +91,7 @@ def finishing(
         task,
         transform,
         progress,
-        values[:count],
+        values,
         covariance,
         uncertainty,
         compared,
@@ -185,13 +187,15 @@ def _followed(search: LevenbergMarquardt, change: Float[np.ndarray, " rows"]) ->
 
 def _moved_by_inputs(task: Task, search: LevenbergMarquardt) -> Steps[Float[np.ndarray, "moves coordinates"]]:
     """How far every coordinate moves, to first order, when the pressure that drives a trace is measured once more: one
-    row for each trace and experiment, whose products add up to a covariance."""
-    problem, point, owner = search.problem, search.point, search.problem.owner
+    row for each trace and experiment, whose products add up to a covariance.
+
+    **Raises:** `SimulationError` where no experiment can be simulated; where some can't, the others count.
+    """
+    problem, owner = search.problem, search.problem.owner
     here, rng = np.asarray(search.progress.coordinates), np.random.default_rng(SEED)
-    moves = [np.zeros((0, point.columns.shape[1]))]
     if not any(task.inputs):
-        return moves[0]
-    asked = problem.evaluation(here)
+        return np.zeros((0, len(here)))
+    asked, moves = problem.evaluation(here), []
     before = yield from ask(asked)
     for _ in range(EXPERIMENTS):
         traces = [
@@ -199,12 +203,13 @@ def _moved_by_inputs(task: Task, search: LevenbergMarquardt) -> Steps[Float[np.n
             for trace, sensor in zip(task.traces, task.inputs, strict=True)
         ]
         after = yield from ask(dataclasses.replace(asked, bundles=bundle_traces(task.model, traces, task.steps)))
+        if after.failed:
+            continue
         change = problem.residuals_of(after.observed) - problem.residuals_of(before.observed)
-        change = np.where(np.isfinite(change), change, 0.0)
-        alone = change[:, None] * (owner[:, None] == np.arange(len(traces)))
-        found = [_followed(search, column) for column in alone.T]
-        moves.append(np.array(found) / np.sqrt(EXPERIMENTS))
-    return np.concatenate(moves)
+        moves += [_followed(search, np.where(owner == trace, change, 0.0)) for trace in range(len(traces))]
+    if not moves:
+        raise SimulationError(f"no trace can be simulated with its drive measured once more: {after.failure}")
+    return np.array(moves) / np.sqrt(len(moves) / len(task.traces))
 
 
 def _bands(task: Task, search: LevenbergMarquardt, covariance: Covariance, lacking: Coordinates) -> Steps[Bands]:

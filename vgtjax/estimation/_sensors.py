@@ -63,6 +63,14 @@ class Sensor:
         return self.deviation * float(np.sqrt(_gain_of_memory(self.memory)))
 
     @property
+    def cost(self) -> float:
+        """What the likelihood of its samples has beside their weighed squares: by the size of what is new in each, and
+        of an outlier what the largest residual costs that is none, so that no unit of the signal speaks for calling
+        a sample one."""
+        outliers = int(np.count_nonzero(self.trust == 0))
+        return 2 * len(self.trust) * float(np.log(self.deviation)) + outliers * OUTLIER * FAR_OUT
+
+    @property
     def outliers(self) -> float:
         """Share of the samples that are outliers."""
         return float(np.mean(self.trust == 0))

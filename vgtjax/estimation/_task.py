@@ -133,6 +133,13 @@ class Task:
         precision, more = np.abs(transform.slope(center)) / stated, np.zeros(int(self.late_duty))
         return Prior(np.append(center, more), np.append(precision, more))
 
+    def inside(self, values: Float[np.ndarray, " parameters"]) -> Float[np.ndarray, " parameters"]:
+        """Values of the free entries, none beyond its bounds: the way back from a logarithm may pass one by a rounding
+        error, and nothing takes such a value."""
+        pairs = [self.bounds.get(entry, (None, None)) for entry in self.selection.entries]
+        lower, upper = np.array(pairs, float).reshape(-1, 2).T  # None reads as NaN, which fmin and fmax pass by
+        return np.fmin(np.fmax(values, lower), upper)
+
     @property
     def late_duty(self) -> bool:
         """Whether the duty may be late."""

@@ -73,9 +73,13 @@ class Linearised:
         problem = self._with_noise(sensors)
         residuals = problem.residuals_of(self.evaluated.observed)
         columns = finite_columns(problem.columns_of(self.evaluated.columns, self.at))
-        pinned = np.asarray(problem.transform.pinned(self.at, residuals @ columns))
+        prior, distances = np.zeros((0, len(self.at))), np.zeros(0)
+        if problem.prior is not None:
+            prior, distances = np.diag(problem.prior.precision), np.asarray(problem.prior.residuals(self.at))
+        pinned = np.asarray(problem.transform.pinned(self.at, residuals @ columns + distances @ prior))
+        columns, prior = (np.where(pinned, 0.0, each) for each in (columns, prior))
         trace, block = _owners(problem)
-        return Weighed(residuals, np.where(pinned, 0.0, columns), trace, block, problem.count - problem.offsets)
+        return Weighed(residuals, columns, distances, prior, trace, block, problem.count - problem.offsets)
 
 
 def _own(problem: FitProblem, calibration: Calibration) -> FitProblem:
@@ -105,11 +109,14 @@ def _owners(problem: FitProblem) -> tuple[Int[np.ndarray, " rows"], Int[np.ndarr
 class Weighed:
     """Residuals in units of the sensors' noise, their derivatives, and the trace and the block that each is in.
 
-    `count` is the number of measurements less that of the offsets.
+    `distances` from what is known beforehand and their derivatives, `prior`, are in no trace. `count` is the number of
+    measurements less that of the offsets.
     """
 
     residuals: Float[np.ndarray, " rows"]
     columns: Float[np.ndarray, "rows coordinates"]
+    distances: Float[np.ndarray, " known"]
+    prior: Float[np.ndarray, "known coordinates"]
     trace: Int[np.ndarray, " rows"]
     block: Int[np.ndarray, " rows"]
     count: int
@@ -117,12 +124,19 @@ class Weighed:
     @functools.cached_property
     def uncertainty(self) -> LeastSquares:
         """Of the linear problem; its `gain` is what a full linear step promises."""
-        return estimate_uncertainty(*reduce_rows(self.residuals, self.columns), self.count)
+        few, columns = reduce_rows(self.residuals, self.columns)
+        residuals, columns = np.append(few, self.distances), np.vstack([columns, self.prior])
+        return estimate_uncertainty(residuals, columns, self.count, len(self.distances))
 
     @property
     def chi2(self) -> float:
         """Sum of the squared residuals."""
         return float(self.residuals @ self.residuals)
+
+    @property
+    def misfit(self) -> float:
+        """The same with the squared distances from what is known beforehand."""
+        return self.chi2 + float(self.distances @ self.distances)
 
     @functools.cached_property
     def by_block(self) -> Blocks:
@@ -133,15 +147,18 @@ class Weighed:
     def left_out(self) -> Blocks:
         """`by_block` of every trace when it is left out of the fit, to first order.
 
-        The others take a full linear step from where the fit is, which need not be the end of the linear problem:
-        columns are means over places. Directions that they do not tell stay where the whole fit has them.
+        The others, and what is known beforehand, take a full linear step from where the fit is, which need not be the
+        end of the linear problem: columns are means over places. Directions that they do not tell stay where the whole
+        fit has them.
         """
-        lengths = np.linalg.norm(self.columns, axis=0)
-        columns = self.columns / np.where(lengths > 0, lengths, 1.0)
-        sizes, directions = np.linalg.eigh(columns.T @ columns)
+        everything = np.vstack([self.columns, self.prior])
+        lengths = np.linalg.norm(everything, axis=0)
+        everything /= np.where(lengths > 0, lengths, 1.0)
+        sizes, directions = np.linalg.eigh(everything.T @ everything)
         known = sizes > 1e-12 * max(float(sizes.max()), 1e-300)
-        columns = columns @ (directions[:, known] / np.sqrt(sizes[known]))  # all traces together tell one of each
-        moved, whole = self.residuals.copy(), columns.T @ self.residuals
+        everything = everything @ (directions[:, known] / np.sqrt(sizes[known]))  # all rows together tell one of each
+        columns, moved = everything[: len(self.columns)], self.residuals.copy()
+        whole = everything.T @ np.append(self.residuals, self.distances)
         for trace in np.unique(self.trace):
             mine = self.trace == trace
             here = columns[mine]

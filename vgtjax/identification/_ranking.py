@@ -122,7 +122,7 @@ def rank(outcomes: Mapping[str, Outcome], wider: Mapping[str, Sequence[str]] | N
     leader = weighed[likeliest]
     scale = max(1.0, leader.chi2 / (leader.count - leader.uncertainty.rank))
     penalty = float(np.log(leader.count))
-    criteria = {name: each.chi2 / scale + each.uncertainty.rank * penalty for name, each in weighed.items()}
+    criteria = {name: each.misfit / scale + each.uncertainty.rank * penalty for name, each in weighed.items()}
     best = min(able, key=criteria.__getitem__)
     unseen = _score(fits, weighed)
     remains = find_remains(fits[best].calibration)
@@ -138,7 +138,7 @@ def rank(outcomes: Mapping[str, Outcome], wider: Mapping[str, Sequence[str]] | N
             continue
         # Where a full linear step promises a rival more, it is given that: it may not be at its end in these weights.
         promised = weighed[name].uncertainty.gain / scale
-        by_fit = (weighed[name].chi2 - weighed[best].chi2) / scale - promised
+        by_fit = (weighed[name].misfit - weighed[best].misfit) / scale - promised
         difference = criteria[name] - promised - criteria[best]
         steadiness = _favour(weighed[name].by_block - weighed[best].by_block, promised * scale)
         elsewhere = None if unseen is None else _favour(unseen.blocks[name] - unseen.blocks[best])
@@ -221,12 +221,8 @@ def unusable(outcome: Outcome) -> str:
 def own_criterion(fit: Linearised) -> float:
     """Schwarz's criterion with the noise that a fit itself has found."""
     own = fit.weighed(fit.calibration.sensors)
-    levels = sum(
-        2 * np.count_nonzero(sensor.trust) * float(np.log(sensor.deviation))
-        for sensors in fit.calibration.sensors
-        for sensor in sensors.values()
-    )
-    return own.chi2 + levels + own.uncertainty.rank * float(np.log(own.count))
+    levels = sum(sensor.cost for sensors in fit.calibration.sensors for sensor in sensors.values())
+    return own.misfit + levels + own.uncertainty.rank * float(np.log(own.count))
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

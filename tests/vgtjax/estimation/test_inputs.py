@@ -1,6 +1,7 @@
 """A measured pressure that drives a rod: its noise and its offset at rest spoil no parameter."""
 
 import dataclasses
+import itertools
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from support import duty_trace
 import vgtjax
 from vgtjax import simulate
 from vgtjax.assurance import Truth
-from vgtjax.estimation import Unknown, plan_task, run_alone, start_calibration
+from vgtjax.estimation import Unknown, _evaluation as evaluation, _finish, plan_task, run_alone, start_calibration
 from vgtjax.estimation._inputs import InputSensor
 
 TRUTH = {"diaphragm.mass": 0.7, "diaphragm.preload": 51.0, "friction.coulomb_force": 2.6, "friction.static_force": 2.9}
@@ -55,6 +56,30 @@ def test_as_recorded_it_makes_them_wrong(found):
     blind = start_calibration(plan(found.task.fit[0].replace(p_act=recorded(1).p_act), input_noise=False)).run()
     assert np.max(np.abs(scores(blind))) > 10
     assert "sensor of the drive" not in blind.budget.moved
+
+
+@pytest.mark.parametrize("fails", [{1, 3, 4}, set(range(1, 6))])
+def test_what_cant_be_simulated_with_fresh_noise_does_not_count_as_no_error(found, monkeypatch, fails):
+    """Of six answers the first is the end itself, the others its repetitions; of these two are left, or none."""
+    calibrator, answers = start_calibration(plan(recorded(1)), found.progress), itertools.count()
+
+    def ask(question):
+        answer = yield from evaluation.ask(question)
+        if next(answers) not in fails:
+            return answer
+        return dataclasses.replace(answer, observed=[np.full_like(each, np.nan) for each in answer.observed])
+
+    monkeypatch.setattr(_finish, "ask", ask)
+    if len(fails) == 5:
+        with pytest.raises(vgtjax.SimulationError, match="no trace can be simulated with its drive measured once more"):
+            run_alone(_finish._moved_by_inputs(found.task, calibrator.minimiser))
+        return
+    moves = run_alone(_finish._moved_by_inputs(found.task, calibrator.minimiser))
+    # Two draws tell a scale to a factor of three; with the others as zeros it would be 0.63 of what these say.
+    slope = np.asarray(found.transform.slope(np.array(found.progress.coordinates)))
+    ratio = np.linalg.norm(moves, axis=0) * slope / found.budget.moved["sensor of the drive"]
+    assert moves.shape == (2, len(TRUTH))
+    assert np.all((ratio > 1 / 3) & (ratio < 3))
 
 
 def test_noise_and_offset_are_found(found):

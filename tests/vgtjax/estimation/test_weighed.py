@@ -6,10 +6,11 @@ import pytest
 from vgtjax.estimation import BLOCKS, Weighed
 
 
-def weighed(columns, residuals, traces):
+def weighed(columns, residuals, traces, distances=(), prior=None):
     trace = np.repeat(np.arange(traces), len(residuals) // traces)
     block = BLOCKS * trace + np.tile(np.arange(len(residuals) // traces) * BLOCKS * traces // len(residuals), traces)
-    return Weighed(residuals, columns, trace, block, len(residuals))
+    prior = np.zeros((0, columns.shape[1])) if prior is None else prior
+    return Weighed(residuals, columns, np.array(distances, float), prior, trace, block, len(residuals))
 
 
 @pytest.fixture
@@ -58,3 +59,21 @@ def test_what_one_trace_alone_tells_stays(problem):
     np.testing.assert_allclose(
         np.sum(weighed(columns, residuals, 3).left_out[:BLOCKS]), predicted @ predicted, rtol=0.2
     )
+
+
+def test_what_is_known_beforehand_predicts_as_another_row(problem):
+    """Of a value that one trace alone tells, and that is known to a tenth of what this says of it."""
+    columns, target = problem
+    columns[64:, 1] = 0.0
+    prior, distances = np.zeros((5, 5)), np.zeros(5)
+    prior[1, 1] = 10 * np.linalg.norm(columns[:, 1])
+    every, seen = np.vstack([columns, prior]), np.append(target, distances)
+    left = seen - every @ np.linalg.lstsq(every, seen)[0]
+    found = weighed(columns, left[:192], 3, left[192:], prior)
+    step = np.linalg.lstsq(every[64:], -left[64:])[0]
+    predicted = left[:64] + columns[:64] @ step
+    assert np.sum(found.left_out[:BLOCKS]) == pytest.approx(predicted @ predicted, rel=1e-9)
+    assert found.uncertainty.gain == pytest.approx(0.0, abs=1e-9)
+    # The noise is one here; without its prior the value has an error ten times as large.
+    assert found.uncertainty.std_errors[1] == pytest.approx(1 / prior[1, 1], rel=0.01)
+    assert found.misfit - found.chi2 == pytest.approx(left[192:] @ left[192:])
