@@ -108,7 +108,7 @@ def delay_found(delay: float, error: float) -> str:
     way = "later" if delay > 0 else "earlier"
     known = f" +- {error:.3f} ms {way}" if np.isfinite(error) else f" ms {way} (not determined by these traces)"
     said = f"the duty reaches the valve {abs(delay):.3f}{known} than the traces say"
-    if delay >= -EARLY * error:
+    if not delay < -EARLY * error:  # also where the error is none
         return said
     why = "which none does unless its clock is another: if it is not, values may be off by more than their errors"
     return f"{said}, {why}"

@@ -35,8 +35,11 @@ def finite(values: Any) -> Any:
 def replacing(path: pathlib.Path) -> Iterator[pathlib.Path]:
     """A new file that takes the place of `path` in the end, so that a crash leaves either the old or the new one."""
     new = path.with_name(f".{path.name}.new")
-    yield new
-    os.replace(new, path)
+    try:
+        yield new
+        os.replace(new, path)
+    finally:
+        new.unlink(missing_ok=True)
 
 
 def write_text(path: pathlib.Path, text: str) -> None:
@@ -93,7 +96,8 @@ def claim(out: pathlib.Path, command: str, fingerprint: str) -> None:
                 "--out, or remove that folder"
             )
         return
-    if out.exists() and any(out.iterdir()):
+    begun = marker.with_name(f".{MARKER}.new")  # by a process that was ended before it had claimed the folder
+    if out.exists() and any(path != begun for path in out.iterdir()):
         raise InputError(f"{out} is not empty and no study wrote it; choose another --out")
     try:
         out.mkdir(parents=True, exist_ok=True)

@@ -36,7 +36,7 @@ class LoopPair:
 def loop_pair(result: TraceResult) -> LoopPair | None:
     """The loops of a trace that is one slow excursion with both signals measured, or `None`."""
     trace = result.trace
-    if trace.x_d is None or trace.p_act is None:
+    if not trace.has_pairs:
         return None
     pair = figures.measured_pair(result)
     measured = find_loop(trace.on_one_clock().time, pair["x_d"], pair["p_act"])

@@ -14,6 +14,7 @@ import pydantic
 from vgtjax import InputError
 from vgtjax.traces import trace_suffixes
 
+from ..output.files import REPORT, SUMMARY
 from .channels import override
 from .places import StudyError
 from .sentences import sentence
@@ -89,6 +90,8 @@ def _check_names(sources: list[TraceSource]) -> None:
         for text, kind in ((source.name, "name"), (source.unit, "unit")):
             if text is not None and (not text or re.search(r"[/\\\0]", text) or text.startswith(".")):
                 raise StudyError(f"the trace {kind} '{text}' can't be a file name; use letters and digits")
+        if source.unit in (SUMMARY, REPORT):
+            raise StudyError(f"the unit '{source.unit}' has the name of a file of results; give it another one")
         key = (source.unit, source.name)
         if key in named:
             raise StudyError(

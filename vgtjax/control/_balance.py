@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from .._types import Scalar
 from ..parameters import parameter
 from ..parts import Converter, Diaphragm
-from ..plants import Actuator
+from ..plants import Actuator, require_converter
 from ._base import FULL_DUTY, AbstractController, Log, Measurement, Reference, saturate
 
 HALVINGS = 12
@@ -48,7 +48,8 @@ class StaticBalance(AbstractController):
     @classmethod
     def for_plant(cls, plant: Actuator, **settings: Any) -> "StaticBalance":
         """Of the plant's own converter and diaphragm."""
-        return cls(**{"converter": plant.converter, "diaphragm": plant.diaphragm} | settings)
+        believed = {"converter": require_converter(plant, cls.__name__), "diaphragm": plant.diaphragm}
+        return cls(**believed | settings)
 
     def initial_state(self, measurement: Measurement, period: float) -> None:
         """Nothing."""
@@ -57,8 +58,7 @@ class StaticBalance(AbstractController):
         self, state: None, measurement: Measurement, reference: Reference, period: float
     ) -> tuple[None, Scalar, Log]:
         """See the base class; logs the pressure of balance in Pa absolute, `balance_pressure`."""
-        force = self.diaphragm.preload + self.diaphragm.stiffness * reference.position
-        pressure = measurement.ambient - force / self.diaphragm.area
+        pressure = self.diaphragm.balance_pressure(measurement.ambient, reference.position)
         return None, holding_duty(self.converter, measurement, pressure), {"balance_pressure": pressure}
 
 

@@ -13,7 +13,7 @@ from .._errors import InputError, is_traced
 from .._types import Scalar
 from ..exhaust import PressurePulsation
 from ..parts.magnetic_force import ScaledForce
-from ..plants import AbstractModel, converter_of
+from ..plants import AbstractModel, require_converter
 from ..traces import STANDARD_ATMOSPHERE, Drive, Ramp
 from ._disturbances import AbstractAlteration, AbstractDutyPath, AbstractSurroundings
 from ._recurring import Periodic
@@ -90,13 +90,8 @@ class CoilSupply(AbstractAlteration):
 
         **Raises:** `InputError` for a plant without a converter.
         """
-        converter = converter_of(plant)
-        if converter is None:
-            raise InputError(
-                f"a supply acts on a magnet, but {type(plant).__name__} has no converter; use e.g. Actuator"
-            )
         whole: Any = plant
-        magnet = ScaledForce(converter.magnetic_force, self.factor(time))
+        magnet = ScaledForce(require_converter(plant, "a supply of the coil").magnetic_force, self.factor(time))
         return eqx.tree_at(lambda p: p.air_path.converter.magnetic_force, whole, magnet)
 
 

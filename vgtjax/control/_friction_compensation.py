@@ -9,7 +9,7 @@ from jaxtyping import PyTree
 from .._types import Scalar
 from ..parameters import parameter
 from ..parts import AbstractVaneForce, Converter, Diaphragm, LuGre, NoVaneForce
-from ..plants import Actuator
+from ..plants import Actuator, require_converter
 from ._balance import holding_duty
 from ._base import AbstractController, Log, Measurement, Memory, Reference
 from ._design import Condition
@@ -54,7 +54,7 @@ class FrictionCompensation(AbstractController):
         gain = jnp.maximum(cls.derivative_gain, ABOVE_BOUND * least_derivative_gain(body, friction))
         design: dict[str, Any] = {
             "derivative_gain": gain,
-            "converter": plant.converter,
+            "converter": require_converter(plant, cls.__name__),
             "diaphragm": body,
             "friction": friction,
         }

@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from .._types import Scalar
 from ..parameters import parameter
-from ..plants import Actuator
+from ..plants import Actuator, require_converter
 from ._design import AbstractDesign, Condition, positive
 from ._design_model import DesignModel
 from ._pressure_observer import SECANT
@@ -105,7 +105,7 @@ class LoadObserver(AbstractDesign):
     def for_plant(cls, plant: Actuator, model: DesignModel | None = None, **settings: Any) -> "LoadObserver":
         """On the plant's [`DesignModel`][] or another one, with the mean time constant of its plunger up and down."""
         model = DesignModel.for_plant(plant) if model is None else model
-        valve = plant.converter
+        valve = require_converter(plant, cls.__name__)
         soft, stiff = valve.membrane_stiffness, valve.membrane_stiffness + valve.return_spring_stiffness
         lag = 0.5 * valve.plunger_damping * (1 / soft + 1 / stiff)
         return cls(**{"model": model, "plunger_time": lag} | settings)

@@ -112,8 +112,8 @@ class LQG(AbstractController):
 def linearise(model: DesignModel, plant: Actuator) -> LinearModel:
     """A design model about the middle of its travel, sliding: its dry friction is a load."""
     body, ambient = model.diaphragm, plant.air.pressure
-    position = jnp.where(jnp.isfinite(body.travel), 0.5 * body.travel, 0.005)
-    pressure = ambient - (body.preload + body.stiffness * position) / body.area
+    position = body.middle
+    pressure = body.balance_pressure(ambient, position)
     duty = model.flow_map.duty_for(jnp.zeros_like(pressure), pressure, ambient)
     damping = body.damping + model.load * lugre_of(plant).viscous_damping
 

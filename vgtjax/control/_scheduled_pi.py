@@ -9,16 +9,13 @@ from jaxtyping import Array, Float
 
 from .._types import Scalar
 from ..parameters import parameter
-from ..parts import Diaphragm
-from ..plants import Actuator
+from ..plants import Actuator, require_converter
 from ..traces import ASSUMED_RESERVOIR
 from ._balance import StaticBalance, holding_duty
 from ._base import AbstractController, Log, Measurement, Reference
 from ._design_model import DesignModel, lugre_of
 from ._pid import PI, PIState
 
-MIDDLE = 0.5
-"""Share of the travel where friction and velocity are turned into a duty."""
 KNOTS = (0.2, 0.5, 0.8)
 """Shares of the travel: a gain at a place where no reference goes is told by nothing, and tuned to anything."""
 SLOW = 3e-3
@@ -95,8 +92,8 @@ def friction_as_duty(plant: Actuator) -> Scalar:
 def velocity_as_duty(model: DesignModel) -> Scalar:
     """Duty in percent per m/s whose flow fills the chamber as the rod goes through the middle of its travel."""
     body, ambient = model.diaphragm, model.flow_map.ambient
-    middle = _middle(body)
-    pressure = ambient - (body.preload + body.stiffness * middle) / body.area
+    middle = body.middle
+    pressure = body.balance_pressure(ambient, middle)
 
     def duty(velocity: Scalar) -> Scalar:
         rate = -body.stiffness * velocity / body.area
@@ -115,12 +112,7 @@ def duty_slope(plant: Actuator) -> Scalar:
 def _duty_against(plant: Actuator, force: Scalar) -> Scalar:
     """Duty in percent that holds the rod in the middle of its travel against one more force in N along -x."""
     body, ambient = plant.diaphragm, plant.air.pressure
-    middle = _middle(body)
-    pressure = ambient - (body.preload + body.stiffness * middle + force) / body.area
+    middle = body.middle
+    pressure = body.balance_pressure(ambient, middle, force)
     measured = Measurement(middle, pressure, jnp.full_like(pressure, ASSUMED_RESERVOIR), ambient)
-    return holding_duty(plant.converter, measured, pressure)
-
-
-def _middle(body: Diaphragm) -> Scalar:
-    """Of the travel in m."""
-    return jnp.where(jnp.isfinite(body.travel), MIDDLE * body.travel, 0.005)
+    return holding_duty(require_converter(plant, "a duty against friction"), measured, pressure)

@@ -34,9 +34,10 @@ class Holds:
 
 
 def sample_interval(trace: Trace) -> float:
-    """Usual time in s between samples of the duty of a trace, to a tenth of a millisecond."""
+    """Usual time in s between samples of the duty of a trace, to two digits: the same for clocks that run a little
+    differently."""
     duty = trace.channels.get("pwm")
-    return round(float(np.median(np.diff(trace.time if duty is None else duty.time))), 4)
+    return float(f"{np.median(np.diff(trace.time if duty is None else duty.time)):.1e}")
 
 
 def read_holds(

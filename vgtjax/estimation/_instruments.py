@@ -9,8 +9,7 @@ import numpy as np
 
 from .._errors import InputError
 from ..parameters import Selection, select
-from ..parts import IsothermalChamber
-from ..plants import AbstractModel, Actuator, Initial, Instrumented
+from ..plants import AbstractModel, Initial, Instrumented, air_path_of
 from ..traces import START_WINDOW, Trace
 from ._evidence import Unknown
 
@@ -85,8 +84,8 @@ def _starting(model: AbstractModel, traces: Sequence[Trace], unknown: Unknown) -
 def _free_states(model: AbstractModel, trace: Trace) -> list[str]:
     """What of a start state is free: what sensors see, and the temperature of gas that has one."""
     seen = [channel for channel in model.sensed if channel in trace.channels]
-    warm = isinstance(model, Actuator) and not isinstance(model.air_path.chamber, IsothermalChamber)
-    return [*seen, "T_act"] if warm else seen
+    path = air_path_of(model)
+    return seen if path is None or not path.chamber.has_temperature else [*seen, "T_act"]
 
 
 def _numbered(model: AbstractModel, trace: Trace, number: int) -> Trace:

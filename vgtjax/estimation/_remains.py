@@ -89,11 +89,15 @@ def _over_time(channel: str, pieces: list[Piece]) -> Remains:
     lag_1 = 0.0
     for _, new, sensor in pieces:
         rho, n = _correlations(new), len(new)
+        if not len(rho):  # of a single sample
+            continue
         statistic += n * (n + 2) * float(np.sum(rho**2 / (n - np.arange(1, len(rho) + 1))))
         freedom += len(rho) - min(len(sensor.memory), len(rho) - 1)
         lag_1, count = lag_1 + n * float(rho[0]), count + n
     coloured = sum(len(sensor.memory) > 0 for _, _, sensor in pieces)
     more = f"; its noise was taken for coloured in {coloured} of {len(pieces)} traces" if coloured else ""
+    if not count:
+        freedom = count = 1.0  # nothing is known over time, so nothing speaks against noise
     text = f"correlation from sample to sample {lag_1 / count:.3f}"
     return _judged(channel, "time", statistic, freedom, count, text, more)
 

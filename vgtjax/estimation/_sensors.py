@@ -91,13 +91,13 @@ def noise_to_meet(sensor: Sensor, measured: Channel, name: str) -> float:
     that it is as it was learned from what remains, if its memory is so short that a sensor's filter may make it. A
     model that lacks something leaves noise with a longer memory, and none but white noise may excuse that.
     """
-    frequency = _filter_frequency(sensor.memory, float(np.median(np.diff(measured.time))))
-    coloured = len(sensor.memory) > 0 and frequency >= SLOWEST_FILTER
+    coloured = len(sensor.memory) > 0 and _filter_frequency(sensor.memory, measured.time) >= SLOWEST_FILTER
     return sensor.level if coloured else noise_level(measured.value, name)
 
 
-def _filter_frequency(memory: Float[np.ndarray, " order"], interval: float) -> float:
+def _filter_frequency(memory: Float[np.ndarray, " order"], time: Samples) -> float:
     """Hz of the low-pass of first order behind which noise has the same integral of its correlations."""
+    interval = float(np.median(np.diff(time)))
     integral = interval / (_gain_of_memory(memory) * (1 - float(np.sum(memory))) ** 2)
     return 1 / (np.pi * integral)
 

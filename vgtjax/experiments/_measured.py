@@ -39,7 +39,7 @@ def measure_loops(traces: Sequence[Trace], points: Sequence[float] = (0.0, 1.5e5
 
     **Returns:** `None` where no trace is a loop with position and pressure.
     """
-    pairs = [trace.on_one_clock() for trace in traces if trace.x_d is not None and trace.p_act is not None]
+    pairs = [trace.on_one_clock() for trace in traces if trace.has_pairs]
     runs = [(trace, np.asarray(trace.x_d), np.asarray(trace.p_act)) for trace in pairs]
     rests = [_at_rest(trace, x_d) for trace, x_d, _ in runs]
     common = float(np.mean([rest for rest in rests if rest is not None] or [0.0]))

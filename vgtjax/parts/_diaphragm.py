@@ -24,6 +24,10 @@ class Body(eqx.Module):
     velocity: StateLeaf
 
 
+ENDLESS_MIDDLE = 5e-3
+"""m, where a diaphragm without stops is taken to work: about the middle of the printed travel."""
+
+
 class Diaphragm(Part):
     """Spring-loaded diaphragm between two end stops at 0 and `travel`.
 
@@ -81,6 +85,16 @@ class Diaphragm(Part):
     def balance_force(self, position: Values) -> Values:
         """Drive in N that holds the rod at a position in m between the stops."""
         return self.preload + self.stiffness * position
+
+    def balance_pressure(self, ambient: Values, position: Values, force: Values = 0.0) -> Values:
+        """Chamber pressure in Pa absolute that holds the rod there against one more force in N along -x, without
+        friction."""
+        return ambient - (self.balance_force(position) + force) / self.area
+
+    @property
+    def middle(self) -> Values:
+        """Of the travel in m; of an endless one that of the printed one, more or less."""
+        return jnp.where(jnp.isfinite(self.travel), 0.5 * self.travel, ENDLESS_MIDDLE)
 
     def start(self, start: Start, drive_force: Values) -> Body:
         """At rest where the trace says, or else in static balance with the drive (N along +x)."""

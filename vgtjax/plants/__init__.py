@@ -24,7 +24,9 @@ from ._plant import (
     AbstractPlant as AbstractPlant,
     Plant as Plant,
     PlantState as PlantState,
+    air_path_of as air_path_of,
     converter_of as converter_of,
+    require_converter as require_converter,
 )
 from ._pneumatic import PneumaticActuator as PneumaticActuator
 from ._rod import AbstractRodModel as AbstractRodModel, Rod as Rod, RodState as RodState

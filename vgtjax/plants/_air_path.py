@@ -74,6 +74,10 @@ class AbstractConverterPath(AbstractAirPath):
 
     converter: eqx.AbstractVar[Converter]
 
+    def working_pressure(self, air: Air, drive: Drive) -> Values:
+        """That of the converter."""
+        return self.converter.working_pressure(drive.pwm, ambient_pressure(air, drive), reservoir_pressure(0.0, drive))
+
 
 class AirPathState(eqx.Module):
     """State of converter, line and chamber, one scalar a leaf (SI units)."""
@@ -89,10 +93,6 @@ class AirPath(AbstractConverterPath):
     converter: Converter = eqx.field(default_factory=Converter)
     line: AbstractLine = eqx.field(default_factory=NoLine)
     chamber: AbstractChamber = eqx.field(default_factory=AdiabaticChamber)
-
-    def working_pressure(self, air: Air, drive: Drive) -> Values:
-        """That of the converter."""
-        return self.converter.working_pressure(drive.pwm, ambient_pressure(air, drive), reservoir_pressure(0.0, drive))
 
     def start(self, air: Air, pressure: Values, drive: Drive) -> AirPathState:
         """The plunger balanced, the line filled, air of ambient temperature."""

@@ -5,6 +5,7 @@ from typing import Any
 import equinox as eqx
 from jaxtyping import Array, PyTree
 
+from .._errors import InputError
 from .._types import StateLeaf, Values
 from ..parameters import nested
 from ..parts import AbstractChamber, Air, Converter
@@ -98,7 +99,23 @@ class Plant(AbstractPlant):
     air: Air = eqx.field(default_factory=Air)
 
 
+def air_path_of(model: AbstractModel) -> AbstractAirPath | None:
+    """A model's air path; `None` where it has none."""
+    return model.air_path if isinstance(model, AbstractPlant | AbstractAirPathModel) else None
+
+
 def converter_of(model: AbstractModel) -> Converter | None:
     """The converter in a model's air path; `None` where it has none."""
-    path = model.air_path if isinstance(model, AbstractPlant | AbstractAirPathModel) else None
+    path = air_path_of(model)
     return path.converter if isinstance(path, AbstractConverterPath) else None
+
+
+def require_converter(model: AbstractModel, what: str) -> Converter:
+    """The converter in a model's air path, for what acts on it or is designed for it.
+
+    **Raises:** `InputError` where it has none.
+    """
+    converter = converter_of(model)
+    if converter is None:
+        raise InputError(f"{what} needs a converter, but {type(model).__name__} has none; use e.g. Actuator")
+    return converter

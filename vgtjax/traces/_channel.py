@@ -1,6 +1,7 @@
 """One signal of a bench run, sampled at times of its own, and how noisy its sensor is."""
 
 import dataclasses
+import math
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -136,11 +137,16 @@ def _require_increasing(time: Samples) -> None:
 
 def noise_level(samples: Float[np.ndarray, " time"], channel: str) -> float:
     """Standard deviation of the white noise on a slowly moving signal, in its unit: the robust scale of third
-    differences, no less than the quantisation of the record, `step / sqrt(12)`, or `FLOOR`."""
-    if len(samples) < 8:
+    differences, no less than the quantisation of the record, `step / sqrt(12)`, or `FLOOR`.
+
+    Of three and two samples that of lower differences, which has their motion in it; of one sample, which an offset
+    explains, nothing is known.
+    """
+    order = min(3, len(samples) - 1)
+    if order == 0:
         return FLOOR[channel]
-    scale = np.median(np.abs(np.diff(samples, n=3))) / 0.6744897501960817  # of a standard normal
+    scale = np.median(np.abs(np.diff(samples, n=order))) / 0.6744897501960817  # of a standard normal
     steps = np.abs(np.diff(samples))
     steps = steps[steps > 1e-9 * np.max(np.abs(samples))]
     quantum = float(np.min(steps)) if len(steps) else 0.0
-    return max(float(scale) / np.sqrt(20.0), quantum / np.sqrt(12.0), FLOOR[channel])
+    return max(float(scale) / math.sqrt(math.comb(2 * order, order)), quantum / np.sqrt(12.0), FLOOR[channel])

@@ -189,12 +189,21 @@ class Trace:
         if time is None:
             if self.has_common_clock:
                 return self.with_held_duty()
-            measured = [channel for name in ("x_d", "p_act") if (channel := self.sampled(name)) is not None]
-            time = min((channel.time for channel in measured), key=len, default=self.time)
-            linear = [channel.time for name, channel in self.channels.items() if not SIGNALS[name].held]
-            time = time[(time >= max(t[0] for t in linear)) & (time <= min(t[-1] for t in linear))]
+            time = self._shared_times()
         sampled = self.replace(**{name: Channel(time, np.asarray(self.at(name, time))) for name in self.channels})
         return sampled.with_held_duty()
+
+    @property
+    def has_pairs(self) -> bool:
+        """Whether position and pressure are both measured, and have times in common as `on_one_clock` needs them."""
+        return self.x_d is not None and self.p_act is not None and len(self._shared_times()) > 1
+
+    def _shared_times(self) -> Samples:
+        """The samples of that of `x_d` and `p_act` which has fewer, within those of every linear channel."""
+        measured = [channel for name in ("x_d", "p_act") if (channel := self.sampled(name)) is not None]
+        time = min((channel.time for channel in measured), key=len, default=self.time)
+        linear = [channel.time for name, channel in self.channels.items() if not SIGNALS[name].held]
+        return time[(time >= max(t[0] for t in linear)) & (time <= min(t[-1] for t in linear))]
 
     def with_ramped_duty(self) -> "Trace":
         """The same trace with a duty that is linear between its samples."""

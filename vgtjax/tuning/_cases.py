@@ -25,7 +25,8 @@ from ..control import (
     holding_duty,
     reference_at,
 )
-from ..plants import AbstractModel
+from ..parts import Converter
+from ..plants import AbstractModel, AbstractRodModel, require_converter
 from ..traces import ASSUMED_RESERVOIR
 
 
@@ -102,7 +103,8 @@ def cross_cases(
     - `disturbances`: of every case.
     - `variants`: by name, in place of `sensors` and `disturbances`; e.g. two with a [`LateDuty`][], of 0 s and of 4 ms.
 
-    **Raises:** `InputError` where nothing is to be crossed, or plants or variants differ in structure.
+    **Raises:** `InputError` where nothing is to be crossed, plants or variants differ in structure, or a plant without
+    a converter is to begin off its stop.
     """
     if not plants or not references or not turbine_pressures:
         raise InputError("cases need at least one plant, one reference and one turbine pressure; give each")
@@ -125,7 +127,7 @@ def cross_cases(
                 reservoir=vacuum,
                 sensors=variants[variant].sensors,
                 start=balanced_at(begin) if begin > 0 else at_rest(),
-                duty_before=_duty_at(plants[plant], begin, vacuum(jnp.zeros(()))) if begin > 0 else 0.0,
+                duty_before=_duty_before(plants[plant], begin, vacuum(jnp.zeros(()))),
                 key=key,
                 disturbances=variants[variant].disturbances,
             )
@@ -138,13 +140,21 @@ def _sample(signal: AbstractSignal, time: Float[Array, " time"]) -> Reference:
     return jax.vmap(lambda t: reference_at(signal, t))(time)
 
 
+def _duty_before(plant: AbstractModel, position: float, reservoir: Scalar) -> Scalar:
+    """Duty in percent that holds a plant at a position in m, without friction and gas; none of one that begins at its
+    stop."""
+    if position <= 0:
+        return 0.0
+    if not isinstance(plant, AbstractRodModel):
+        raise InputError(f"a reference needs a rod, but {type(plant).__name__} has none; use e.g. Actuator")
+    return _duty_at(plant, require_converter(plant, "a reference that begins off its stop"), position, reservoir)
+
+
 @eqx.filter_jit
-def _duty_at(plant: Any, position: float, reservoir: Scalar) -> Any:
-    """Duty in percent that holds a plant at a position in m, without friction and gas."""
+def _duty_at(plant: AbstractRodModel, converter: Converter, position: float, reservoir: Scalar) -> Scalar:
     ambient = plant.air.pressure
-    pressure = ambient - (plant.diaphragm.preload + plant.diaphragm.stiffness * position) / plant.diaphragm.area
-    measurement = Measurement(jnp.asarray(position), pressure, reservoir, ambient)
-    return holding_duty(plant.converter, measurement, pressure)
+    pressure = plant.diaphragm.balance_pressure(ambient, position)
+    return holding_duty(converter, Measurement(jnp.asarray(position), pressure, reservoir, ambient), pressure)
 
 
 def stack_trees(trees: Sequence[Any], what: str = "plants") -> Any:

@@ -52,7 +52,9 @@ def test_the_delay_is_in_every_file(folder):
     assert "The duty reaches the valve" in (folder / "out/report.html").read_text()
 
 
-@pytest.mark.parametrize(("delay", "error"), [(-0.3, 0.05), (-0.3, 0.2), (0.3, 0.05), (-0.3, np.inf)])
+@pytest.mark.parametrize(
+    ("delay", "error"), [(-0.3, 0.05), (-0.3, 0.2), (0.3, 0.05), (-0.3, np.inf), (0.3, np.nan), (-0.3, np.nan)]
+)
 def test_a_duty_that_comes_before_its_record_is_named_as_a_fault(delay, error):
     """One unit with filtered noise was met to its noise so, with values six standard errors off."""
     assert ("unless its clock is another" in delay_found(delay, error)) == (delay < -3 * error)

@@ -267,6 +267,11 @@ TRACES = [
         f'{TRACE}unit = "../a"\n',
         "the trace unit '../a' can't be a file name; use letters and digits",
     ),
+    bad(
+        "a unit with the name of a file of results",
+        f'{TRACE}unit = "report.html"\n',
+        "the unit 'report.html' has the name of a file of results; give it another one",
+    ),
     bad("an empty name", f'{TRACE}name = ""\n', "the trace name '' can't be a file name; use letters and digits"),
     bad(
         "other braces",

@@ -103,7 +103,7 @@ def test_a_supply_may_change_over_time(actuator, undisturbed):
 
 def test_only_a_converter_has_a_supply(actuator):
     reduced = vgtjax.plants.StaticMapActuator()
-    with pytest.raises(vgtjax.InputError, match="a supply acts on a magnet, but StaticMapActuator has no converter"):
+    with pytest.raises(vgtjax.InputError, match="a supply of the coil needs a converter, but Static"):
         close_loop(reduced, ConstantDuty(50.0), scenario(CoilSupply.constant(0.9)), SHORT)
 
 

@@ -12,11 +12,13 @@ import vgtjax
 from vgtjax.estimation import (
     CHI2_TOLERANCE,
     RUNAWAY,
+    VERDICTS,
     LevenbergMarquardt,
     Progress,
     Reduced,
     calibrate,
     estimate_uncertainty,
+    find_remains,
     least_squares,
     plan_task,
     run_alone,
@@ -34,6 +36,14 @@ def test_noise_is_read_off_a_moving_signal():
     assert noise_level(quantised, "x_d") == pytest.approx(8e-6, rel=0.06)
     assert noise_level(moving, "x_d") < 2e-7  # a clean record gets the floor, not an infinite weight
     assert noise_level(np.zeros(100), "p_act") == 1.0
+
+
+@pytest.mark.parametrize("count", [2, 3, 5, 7])
+def test_a_few_samples_do_not_look_like_a_sensor_without_noise(count):
+    """The median over many records is right to a third, as that of so few numbers is not that of many."""
+    records = np.random.default_rng(2).normal(0, 1e-3, (400, count))
+    found = np.median([noise_level(each, "x_d") for each in records])
+    assert found == pytest.approx(1e-3, rel=0.35)
 
 
 @pytest.fixture(scope="module")
@@ -266,3 +276,16 @@ def test_a_second_fit_of_equal_shapes_compiles_nothing(caplog):
         jax.clear_caches()  # what other tests compiled too, so this one is the last
         start_calibration(second).minimiser.step()
     assert [record for record in caplog.records if "observe" in record.getMessage()], "the log tells of compilations"
+
+
+def test_a_sensor_with_one_valid_sample_breaks_nothing(fitted):
+    whole = bench(0)
+    once = np.arange(len(whole.time)) == 700
+    trace = whole.replace(p_act=vgtjax.Channel(whole.time, whole.p_act, once))
+    assert (whole.has_pairs, trace.has_pairs) == (True, False)
+    found = calibrate(plan_task(vgtjax.Actuator(), [trace], free=FREE))
+    over_time = {each.channel: each for each in find_remains(found) if each.over == "time"}
+    assert (over_time["p_act"].p, over_time["p_act"].verdict) == (1.0, VERDICTS[0])
+    # The position alone tells the spring as well as it did.
+    place = found.task.selection.entries.index("diaphragm.stiffness")
+    assert found.std_errors[place] == pytest.approx(fitted.std_errors[place], rel=0.5)

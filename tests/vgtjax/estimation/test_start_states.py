@@ -11,7 +11,7 @@ from vgtjax.assurance import Truth
 from vgtjax.estimation import Evaluated, Slopes, Unknown, calibrate, plan_task
 from vgtjax.estimation._measured import white_sensors
 from vgtjax.parameters import entry_names
-from vgtjax.plants import Initial, Instrumented
+from vgtjax.plants import AirPath, Initial, Instrumented
 
 BEGIN = 0.16
 """s; while the rod moves, and the gas has cooled down by expanding."""
@@ -52,6 +52,15 @@ def test_parameters_are_right_although_a_trace_begins_while_the_rod_moves(found)
     assert set(STARTS) == set(found.instruments)
     assert found.uncertainty.scale == pytest.approx(1.0, abs=0.1)
     assert np.all(np.abs(scores(found)) < 4)
+
+
+def test_gas_is_as_warm_as_its_chamber_allows_in_any_plant(cut):
+    """Of the same parts put together in another way as well."""
+    chambers = {vgtjax.AdiabaticChamber(): STARTS, vgtjax.IsothermalChamber(): STARTS[:2]}
+    for chamber, starts in chambers.items():
+        for plant in (vgtjax.Actuator(chamber=chamber), vgtjax.plants.Plant(AirPath(chamber=chamber))):
+            task = plan_task(plant, [cut], free=FREE, unknown=Unknown())
+            assert {entry for entry in task.selection.entries if entry.startswith("initial.")} == set(starts)
 
 
 @pytest.mark.parametrize("begin", [0.1, 0.13, 0.2])

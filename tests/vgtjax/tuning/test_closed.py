@@ -8,7 +8,7 @@ from broken_controller import Broken
 
 import vgtjax
 from vgtjax import control
-from vgtjax.control import PI, Sine, StaticBalance, Steps, close_loop
+from vgtjax.control import PI, Constant, Sine, StaticBalance, Steps, close_loop
 from vgtjax.tuning import close_loops, cross_cases
 
 STIFF = {"diaphragm.stiffness": 14_000.0}
@@ -86,3 +86,10 @@ def test_what_cannot_be_closed_is_refused(cases):
     mixed = {"printed": PI(), "stiff": control.PID()}
     with pytest.raises(vgtjax.InputError, match="controllers must be models of one structure, but their components"):
         close_loops(mixed, cases, settled=SETTLED)
+
+
+def test_a_plant_without_converter_begins_at_its_stop():
+    plants = {"static": vgtjax.plants.StaticMapActuator()}
+    with pytest.raises(vgtjax.InputError, match="needs a converter, but StaticMapActuator has none"):
+        cross_cases(plants, {"middle": Constant(0.005)}, duration=0.1)
+    assert cross_cases(plants, {"stop": Constant(0.0)}, duration=0.1).labels[0].plant == "static"

@@ -28,6 +28,8 @@ class AbstractChamber(Part):
     """Gas in the volume that the diaphragm leaves; mass is an output, `p V / (R T)`, never a state of its own."""
 
     place: ClassVar[str] = "chamber"
+    has_temperature: ClassVar[bool] = True
+    """Whether its gas has a temperature of its own, and not that around it."""
 
     volume: eqx.AbstractVar[Scalar]
     """Volume in m3 with the diaphragm at its open stop."""

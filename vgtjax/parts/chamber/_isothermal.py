@@ -1,5 +1,7 @@
 """A chamber whose gas stays at ambient temperature [3.13, 5.2]."""
 
+from typing import ClassVar
+
 import jax.numpy as jnp
 
 from ..._types import Scalar, Values
@@ -11,6 +13,8 @@ from ._base import AbstractChamber, Gas
 
 class IsothermalChamber(AbstractChamber):
     """Chamber that exchanges all heat at once; it must start at ambient temperature."""
+
+    has_temperature: ClassVar[bool] = False
 
     volume: Scalar = parameter(60e-6, symbol="V_0", unit="m3", source="B.2")
 

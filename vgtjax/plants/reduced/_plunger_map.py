@@ -48,10 +48,6 @@ class LiftMapPath(AbstractConverterPath):
     converter: Converter = eqx.field(default_factory=Converter)
     chamber: IsothermalChamber = eqx.field(default_factory=IsothermalChamber)
 
-    def working_pressure(self, air: Air, drive: Drive) -> Values:
-        """That of the converter."""
-        return self.converter.working_pressure(drive.pwm, ambient_pressure(air, drive), reservoir_pressure(0.0, drive))
-
     def start(self, air: Air, pressure: Values, drive: Drive) -> LiftMapState:
         """The plunger balanced."""
         reservoir = reservoir_pressure(0.0, drive)
