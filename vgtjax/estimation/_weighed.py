@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ._beginning import problem_of, transform_of
+from ._bundle import CHANNELS
 from ._calibration import Calibration, comparing
 from ._evaluation import Evaluated, Steps
 from ._least_squares import LeastSquares, estimate_uncertainty, finite_columns, reduce_rows
@@ -21,6 +22,10 @@ BLOCKS = 16
 many enough that three traces show the scatter between them."""
 MOST_STEPS = 30
 """Steps of a search in the weights of other sensors, which begins near its end."""
+FARTHEST = 100.0
+"""Times the range of its own signal by which a unit of all coordinates may move a sample. Where derivatives say more
+they have exploded, as they do where a fit has not settled and has none of other places: of one campaign the best
+structure seemed to have five values that traces determine, and others, with the same chi^2, fifty."""
 TOLD_BY_OTHERS = 0.01
 """Part of the information on a direction that the other traces must have for it to move when a trace is left out."""
 
@@ -68,11 +73,29 @@ class Linearised:
         evaluated = yield from _with_delay(self.problem, search.slopes, calibration)
         return dataclasses.replace(self, calibration=calibration, at=at, evaluated=evaluated)
 
+    @functools.cached_property
+    def _believed(self) -> list[np.ndarray]:
+        """Derivatives of what is observed without those that have exploded; else an offset that a trace is less would
+        spread one of them over all of it."""
+        slope, found = np.asarray(self.problem.transform.slope(self.at)), []
+        ranges = np.array(
+            [
+                [np.ptp(each[name].values) if name in each else 0.0 for name in CHANNELS]
+                for each in self.calibration.sensors
+            ]
+        )
+        for bundle, columns in zip(self.problem.bundles, self.evaluated.columns, strict=True):
+            farthest = FARTHEST * ranges[bundle.numbers[bundle.lane_trace]]
+            with np.errstate(over="ignore", invalid="ignore"):
+                sizes = np.linalg.norm(columns * slope, axis=-1)
+            found.append(np.where((sizes <= farthest[:, None])[..., None], columns, 0.0))
+        return found
+
     def weighed(self, sensors: Sensors) -> "Weighed":
         """Seen with the noise of these sensors."""
         problem = self._with_noise(sensors)
         residuals = problem.residuals_of(self.evaluated.observed)
-        columns = finite_columns(problem.columns_of(self.evaluated.columns, self.at))
+        columns = finite_columns(problem.columns_of(self._believed, self.at))
         prior, distances = np.zeros((0, len(self.at))), np.zeros(0)
         if problem.prior is not None:
             prior, distances = np.diag(problem.prior.precision), np.asarray(problem.prior.residuals(self.at))

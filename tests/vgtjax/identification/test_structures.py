@@ -15,6 +15,7 @@ from vgtjax.estimation import (
     Reading,
     Unknown,
     ask,
+    calibrate,
     plan_task,
     run_alone,
     start_calibration,
@@ -205,6 +206,19 @@ def test_fits_that_read_the_duty_differently_decide_only_what_is_far_apart(task,
     assert bool(near.doubt) == (not alike)
     assert ("the two read the duty differently" in near.doubt) == (not alike)
     assert not far.doubt
+
+
+def test_a_derivative_that_explodes_at_a_sample_leaves_the_rest_its_say(task):
+    """It made the others too short to matter, so that a structure seemed to need one number."""
+    fit = run_alone(Linearised.of(calibrate(task)))
+    columns = [np.array(each) for each in fit.evaluated.columns]
+    columns[0][3, 7, :, 0] *= 1e12
+    exploded = dataclasses.replace(fit, evaluated=dataclasses.replace(fit.evaluated, columns=columns))
+    known, found = (each.weighed(fit.calibration.sensors) for each in (fit, exploded))
+    assert found.uncertainty.rank == known.uncertainty.rank == len(FREE)
+    # Of 1000 samples one less.
+    np.testing.assert_allclose(found.uncertainty.std_errors, known.uncertainty.std_errors, rtol=0.01)
+    assert found.chi2 == known.chi2
 
 
 @pytest.mark.parametrize(
