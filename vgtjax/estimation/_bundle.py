@@ -12,7 +12,7 @@ from jaxtyping import Array, Float, Int
 
 from .._types import Scalar
 from ..plants import AbstractModel
-from ..simulation import AbstractFixedMarch, CountedMarch, FixedStep, model_dtype
+from ..simulation import AbstractFixedMarch, AbstractStepping, CountedMarch, FixedStep, model_dtype
 from ..traces import Drive, Start, Trace, cast, delay_duty, require
 from ._layout import SEGMENT, Group, Layout, Shape, packed
 
@@ -130,7 +130,7 @@ def _stack(arrays: Sequence[np.ndarray], length: int) -> np.ndarray:
 def bundle_traces(
     model: AbstractModel,
     traces: Sequence[Trace],
-    stepping: FixedStep | None = None,
+    stepping: AbstractStepping | None = None,
     like: Sequence[Bundle] = (),
 ) -> list[Bundle]:
     """Bundles of traces that can run side by side: same steps an interval, same kind of input.
@@ -141,18 +141,19 @@ def bundle_traces(
     **Raises:** `InputError` when a trace lacks a column that the model needs, or steps are not fixed.
     """
     stepping = FixedStep() if stepping is None else stepping
+    plans = [stepping.plan_along(model, trace) for trace in traces]
     kinds: dict[Any, dict[int, Group]] = {}
-    for index, trace in enumerate(traces):
+    for index, (trace, plan) in enumerate(zip(traces, plans, strict=True)):
         require(trace, model.needs)
-        substeps, drive = stepping.plan_along(model, trace).substeps, trace.drive()
+        drive = trace.drive()
         rates = kinds.setdefault(jax.tree.structure(drive), {})
-        rates.setdefault(substeps, {})[index] = Layout(trace, drive)
+        rates.setdefault(plan.substeps, {})[index] = Layout(trace, drive)
     bundles = []
     for kind, rates in kinds.items():
         shapes = [bundle.shape for bundle in like if jax.tree.structure(bundle.drive) == kind]
         for substeps, shape, group in packed(rates, shapes):
-            plan = CountedMarch(np.asarray(substeps), stepping.solver)
-            bundles.append(_bundle(group, shape, plan, model_dtype(model)))
+            counted = CountedMarch(np.asarray(substeps), plans[0].solver)
+            bundles.append(_bundle(group, shape, counted, model_dtype(model)))
     return bundles
 
 

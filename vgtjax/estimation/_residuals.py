@@ -15,7 +15,7 @@ from .._lanes import replicate
 from .._types import Scalar, Vector
 from ..parameters import Selection, Transform
 from ..plants import AbstractModel
-from ..simulation import RESULTS, FixedStep
+from ..simulation import RESULTS, AbstractStepping
 from ..traces import Trace
 from ._bundle import CHANNELS, Bundle, bundle_traces
 from ._edge_times import Edges, covariance_root, from_mean
@@ -253,7 +253,7 @@ def build_fit_problem(
     *,
     channels: Sequence[str] = CHANNELS,
     sensors: Sensors | None = None,
-    stepping: FixedStep | None = None,
+    stepping: AbstractStepping | None = None,
     prior: Prior | None = None,
 ) -> FitProblem:
     """The problem of fitting the selected parameters of `model` to `traces`.

@@ -24,7 +24,7 @@ from ..parameters import (
     unknown_name,
 )
 from ..plants import AbstractModel, bare
-from ..simulation import FixedStep
+from ..simulation import AbstractStepping, FixedStep
 from ..traces import SIGNALS, Trace
 from ._bundle import CHANNELS
 from ._duties import RECORDED, Late, Reading, read_duties
@@ -87,10 +87,10 @@ class Task:
         return dataclasses.replace(self, fit=parts, inputs=inputs, validate=())
 
     @property
-    def steps(self) -> FixedStep:
+    def steps(self) -> AbstractStepping:
         """The steps of its simulations, but for those whose numerical errors may not show."""
         corrected = self.unknown.numerics and not self.finer
-        return StepsOfFit(self.stepping.max_step, self.stepping.solver) if corrected else self.stepping
+        return StepsOfFit(self.stepping) if corrected else self.stepping
 
     @property
     def lengthens(self) -> bool:

@@ -47,9 +47,12 @@ class AbstractStepping(eqx.Module):
         **Raises:** `InputError` for steps that don't keep to intervals.
         """
 
+    @abc.abstractmethod
     def plan_along(self, model: AbstractModel, trace: Trace) -> "FixedMarch":
-        """The same for the intervals of a trace."""
-        return self.plan_intervals(model, trace.longest_interval)
+        """The same for the intervals of a trace.
+
+        **Raises:** `InputError` for steps that don't keep to intervals.
+        """
 
 
 class AbstractFixedMarch(AbstractMarch):
@@ -59,8 +62,12 @@ class AbstractFixedMarch(AbstractMarch):
     solver: eqx.AbstractVar[diffrax.AbstractSolver | None]
 
     @abc.abstractmethod
-    def _repeat(self, one: Callable[[Any, Array], Any], carry: Any, count: Any, unroll: int) -> Any:
+    def _repeat(self, one: Callable[[Any, Array], Any], carry: Any, count: Any) -> Any:
         """What is carried on by so many steps over an interval, each made by `one` of that and its number."""
+
+    def unrolled(self) -> "AbstractFixedMarch":
+        """The same steps for a march, a few of them compiled side by side where their number is known."""
+        return self
 
     def reversible(self) -> "AbstractFixedMarch":
         """The same steps for reverse mode."""
@@ -70,13 +77,8 @@ class AbstractFixedMarch(AbstractMarch):
         """The same plan with a number of steps from elsewhere, unless its own is part of what is compiled."""
         return self
 
-    def advance(
-        self, model: AbstractModel, state: State, drive: Drive, unroll: int = 1
-    ) -> tuple[State, Bool[Array, ""]]:
-        """State at the end of one interval, and whether the solver has found every root that it looked for.
-
-        `unroll` steps are compiled side by side, see `jax.lax.scan`.
-        """
+    def advance(self, model: AbstractModel, state: State, drive: Drive) -> tuple[State, Bool[Array, ""]]:
+        """State at the end of one interval, and whether the solver has found every root that it looked for."""
         solver = StabilisedHeun(model.relaxation) if self.solver is None else self.solver
         term = diffrax.ODETerm(model.vector_field)
         step = drive.duration / self.substeps
@@ -90,17 +92,18 @@ class AbstractFixedMarch(AbstractMarch):
             return y, memory, solved & (result == diffrax.RESULTS.successful)
 
         count = drive.steps(self.substeps)
-        state, _, solved = self._repeat(one, (state, memory, jnp.asarray(True)), count, unroll)
+        state, _, solved = self._repeat(one, (state, memory, jnp.asarray(True)), count)
         return state, solved
 
     def __call__(
         self, model: AbstractModel, state: State, drive: Drive, adjoint: diffrax.AbstractAdjoint
     ) -> tuple[State, RESULTS]:
         """See the base class. Reverse mode checkpoints the march over intervals."""
+        steps = self.unrolled()
 
         def interval(carry, inputs):
             y, solved = carry
-            onward, found = self.advance(model, y, inputs, unroll=UNROLL)
+            onward, found = steps.advance(model, y, inputs)
             return (onward, solved & found), y
 
         (_, solved), states = scan_in_blocks(interval, (state, jnp.asarray(True)), drive, adjoint)
@@ -108,13 +111,18 @@ class AbstractFixedMarch(AbstractMarch):
 
 
 class FixedMarch(AbstractFixedMarch):
-    """A number of steps that is part of what is compiled."""
+    """A number of steps that is part of what is compiled, `together` of them side by side (see `jax.lax.scan`)."""
 
     substeps: int = eqx.field(static=True)
     solver: diffrax.AbstractSolver | None = None
+    together: int = eqx.field(static=True, default=1)
 
-    def _repeat(self, one: Callable[[Any, Array], Any], carry: Any, count: int, unroll: int) -> Any:
-        numbers, unroll = jnp.arange(count), min(unroll, count)
+    def unrolled(self) -> "FixedMarch":
+        """See the base class."""
+        return FixedMarch(self.substeps, self.solver, UNROLL)
+
+    def _repeat(self, one: Callable[[Any, Array], Any], carry: Any, count: int) -> Any:
+        numbers, unroll = jnp.arange(count), min(self.together, count)
         return jax.lax.scan(lambda carry, number: (one(carry, number), None), carry, numbers, unroll=unroll)[0]
 
 
@@ -127,7 +135,7 @@ class CountedMarch(AbstractFixedMarch):
     substeps: Int[np.ndarray, ""] | Int[Array, ""]
     solver: diffrax.AbstractSolver | None = None
 
-    def _repeat(self, one: Callable[[Any, Array], Any], carry: Any, count: Any, unroll: int) -> Any:
+    def _repeat(self, one: Callable[[Any, Array], Any], carry: Any, count: Any) -> Any:
         return jax.lax.fori_loop(0, count, lambda number, carry: one(carry, jnp.asarray(number)), carry)
 
     def reversible(self) -> "ReversibleMarch":
@@ -148,7 +156,7 @@ class ReversibleMarch(AbstractFixedMarch):
     substeps: int = eqx.field(static=True)
     solver: diffrax.AbstractSolver | None = None
 
-    def _repeat(self, one: Callable[[Any, Array], Any], carry: Any, count: int, unroll: int) -> Any:
+    def _repeat(self, one: Callable[[Any, Array], Any], carry: Any, count: int) -> Any:
         again = jax.checkpoint(one)
         return jax.lax.scan(lambda carry, number: (again(carry, number), None), carry, jnp.arange(count))[0]
 
@@ -169,6 +177,10 @@ class FixedStep(AbstractStepping):
 
     def plan(self, model: AbstractModel, trace: Trace) -> FixedMarch:
         """Steps such that the longest interval of the trace is cut finely enough."""
+        return self.plan_along(model, trace)
+
+    def plan_along(self, model: AbstractModel, trace: Trace) -> FixedMarch:
+        """See the base class."""
         return self.plan_intervals(model, trace.longest_interval)
 
     def plan_intervals(self, model: AbstractModel, longest_interval: float) -> FixedMarch:
@@ -297,3 +309,7 @@ class AdaptiveStep(AbstractStepping):
             f"exact Jacobians and sampled controllers need fixed steps, but stepping is {type(self).__name__}; use "
             "FixedStep(max_step=...)"
         )
+
+    def plan_along(self, model: AbstractModel, trace: Trace) -> FixedMarch:
+        """Refused, as by `plan_intervals`."""
+        return self.plan_intervals(model, trace.longest_interval)
