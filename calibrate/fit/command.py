@@ -16,6 +16,7 @@ from vgtjax.estimation import (
     Steps,
     foreseen,
     foreseen_certificate,
+    found_besides,
     looking_around,
     run_alone,
     run_together,
@@ -38,7 +39,7 @@ from .decisions import decisions
 from .outcome import Fitted
 from .plan import plan
 from .posterior import sample, summary
-from .report import found_besides, render, render_overview
+from .report import render, render_overview
 from .terminal import last_words, verdict
 
 FEW = 3

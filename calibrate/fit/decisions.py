@@ -5,13 +5,12 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from vgtjax.assurance import REPEATED, UNEQUAL, WRONG, WRONG_ALONE, Certificate, largest
+from vgtjax.estimation import MEETS
 
 from ..output.files import finite
 from ..study.parameter_file import Entry
 from .outcome import Fitted
 
-MEETS = 1.1
-"""RMSE per noise up to which a trace counts as met: five deviations of what 1300 samples of white noise give."""
 FURTHER = 1.0
 """chi^2 that a further linear step may promise: one standard error."""
 ACCEPTANCE = "the whole 95 % interval lies within: guarded acceptance, 1.96 standard errors inside of the limits"

@@ -5,11 +5,10 @@ from collections.abc import Sequence
 import rich.box
 import rich.table
 
-from vgtjax.estimation import Calibration
+from vgtjax.estimation import Calibration, traces_met
 from vgtjax.traces import SIGNALS
 
 from ..study.parameter_file import Entry
-from .decisions import MEETS
 from .outcome import Fitted
 
 
@@ -71,10 +70,4 @@ def verdict(fitted: Fitted, entries: Sequence[Entry]) -> str:
     said = f"converged; {len(free) - len(unknown)} of {len(free)} free parameters are determined"
     if unknown:
         said += f" (not {', '.join(unknown)})"
-    (trace, channel), worst = max(calibration.noise_ratios.items(), key=lambda pair: pair[1])
-    if worst <= MEETS:
-        return f"{said}; every trace is met to within {worst:.2f} of its sensors' noise"
-    return (
-        f"{said}; {channel} of {trace} is off by {worst:.1f} times its sensor's noise: the model lacks something that "
-        "errors don't know of"
-    )
+    return f"{said}; {traces_met(calibration)}"

@@ -42,6 +42,13 @@ from ._evidence import (
     sharp_bundles as sharp_bundles,
 )
 from ._exact import taken_for_exact as taken_for_exact
+from ._found import (
+    MEETS as MEETS,
+    delay_found as delay_found,
+    found_besides as found_besides,
+    starts_sentence as starts_sentence,
+    traces_met as traces_met,
+)
 from ._granted import by_gains as by_gains, uncertain_gains as uncertain_gains
 from ._layout import SEGMENT as SEGMENT
 from ._least_squares import (

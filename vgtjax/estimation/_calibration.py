@@ -105,8 +105,8 @@ class TraceResult:
 class Calibration(Printed):
     """A finished calibration; vectors are in the order of `selection.entries` and in the units of the table.
 
-    It prints itself as tables, and below them `notes`, which say what the fit did with its start, and what its errors
-    take for exact.
+    It prints itself as tables, and below them `notes`, which say what the fit did with its start, `findings`, and what
+    its errors take for exact.
     """
 
     model: AbstractModel
@@ -128,6 +128,8 @@ class Calibration(Printed):
     duty_delay_error: float | None = None
     """Its standard error in s; `None` where it was not fitted."""
     notes: tuple[str, ...] = ()
+    findings: tuple[str, ...] = ()
+    """What it found out besides the parameters, and how it meets the traces: a sentence each."""
 
     def _title(self) -> str:
         word = "converged" if self.converged else "NOT converged"
@@ -138,7 +140,7 @@ class Calibration(Printed):
         return [self._estimates(), self._comparisons()]
 
     def _sentences(self) -> list[str]:
-        return [*self.notes, *taken_for_exact(self.task)]
+        return [*self.notes, *self.findings, *taken_for_exact(self.task)]
 
     def _estimates(self) -> Cells:
         table, rows = parameter_table(self.task.model), [("parameter", "value", "std. error", "unit", "")]

@@ -16,6 +16,7 @@ from ._bundle import CHANNELS, bundle_traces
 from ._calibration import Calibration, comparing
 from ._evaluation import Steps, ask
 from ._evidence import turns
+from ._found import found_besides, traces_met
 from ._granted import by_gains, uncertain_gains
 from ._least_squares import LeastSquares, finite_columns, least_squares, windowed_gram
 from ._measured import Sensors
@@ -86,7 +87,7 @@ def finishing(
     compared = yield from comparing(task, model, delay, sensors, errors)
     with np.errstate(over="ignore"):  # the error of a value that ran away may be beyond every number
         covariance = uncertainty.covariance * np.outer(slope[:count], slope[:count])
-    return Calibration(
+    calibration = Calibration(
         bare(model),
         task,
         transform,
@@ -104,6 +105,7 @@ def finishing(
         else None,
         notes,
     )
+    return dataclasses.replace(calibration, findings=(*found_besides(calibration), traces_met(calibration)))
 
 
 def _budget(

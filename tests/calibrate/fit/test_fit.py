@@ -1,6 +1,7 @@
 """What a fit writes, and that it is true."""
 
 import dataclasses
+import html
 import re
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from commands import entries_of, read
 
 import vgtjax
+from vgtjax.estimation import found_besides
 
 FIELDS = {"value", "unit", "free", "std_error", "interval", "initial", "lower", "upper", "at_bound", "identifiable"}
 FREE = {"converter.magnetic_force[2]", "diaphragm.preload", "diaphragm.stiffness", "friction.viscous_damping"}
@@ -133,8 +135,17 @@ def test_one_call_from_python_gives_the_same_answer(calibration, parameters, sum
     assert calibration.verdict == summary["verdict"]
 
 
+def test_it_says_what_the_command_says_it_found(calibration, summary):
+    *besides, met = calibration.findings
+    assert besides == summary["found"][: len(besides)] == found_besides(calibration)
+    assert summary["sentence"].endswith(met)
+
+
 def test_a_calibration_prints_itself_as_a_table(calibration, parameters):
     head, *lines, exact = repr(calibration).splitlines()
+    found = list(calibration.findings)
+    lines, sentences = lines[: -len(found)], lines[-len(found) :]
+    assert sentences == found
     assert head == (
         f"Calibration: converged after {calibration.progress.iteration} steps; {calibration.progress.verdict}"
     )
@@ -153,7 +164,7 @@ def test_a_notebook_shows_the_same_table(calibration):
     title, *shown = re.findall(r"<(?:td|th|p)>(.*?)</(?:td|th|p)>", calibration._repr_html_())
     words = repr(calibration).partition("\n")
     assert title == words[0]
-    assert " ".join(shown).split() == words[2].split()
+    assert html.unescape(" ".join(shown)).split() == words[2].split()
 
 
 def _failed(result):

@@ -9,11 +9,11 @@ from pages import Page
 
 from calibrate.fit.around import summarise
 from calibrate.fit.outcome import Fitted
-from calibrate.fit.report import found_besides, render, starts_sentence, waterfall_figure
+from calibrate.fit.report import render, waterfall_figure
 from calibrate.study.parameter_file import calibrated
 from calibrate.study.units import prepare
 from vgtjax.assurance import Certificate
-from vgtjax.estimation import Around
+from vgtjax.estimation import Around, found_besides, starts_sentence
 from vgtjax.estimation._profiles import Profiles
 from vgtjax.estimation._slices import Slice, Slices
 
