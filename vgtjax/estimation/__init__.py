@@ -11,7 +11,6 @@ from ._beginning import first_progress as first_progress
 from ._budget import Budget as Budget
 from ._bundle import CHANNELS as CHANNELS, Bundle as Bundle, bundle_traces as bundle_traces
 from ._calibration import (
-    RUNAWAY as RUNAWAY,
     Calibration as Calibration,
     Comparison as Comparison,
     TraceResult as TraceResult,
@@ -89,5 +88,5 @@ from ._sensors import Sensor as Sensor, noise_to_meet as noise_to_meet
 from ._slices import WORDS as WORDS, End as End, Slice as Slice, Slices as Slices, slicing as slicing
 from ._slopes import Slopes as Slopes
 from ._starts import REACHED as REACHED
-from ._task import Task as Task, plan_task as plan_task
+from ._task import RUNAWAY as RUNAWAY, Task as Task, plan_task as plan_task
 from ._weighed import BLOCKS as BLOCKS, Linearised as Linearised, Weighed as Weighed

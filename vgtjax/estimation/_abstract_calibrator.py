@@ -8,7 +8,6 @@ import numpy as np
 from jaxtyping import Bool
 
 from ..parameters import Transform
-from ._calibration import RUNAWAY
 from ._evaluation import Steps
 from ._least_squares import LeastSquares
 from ._measured import Sensors
@@ -65,11 +64,7 @@ class AbstractCalibrator(abc.ABC):
 
     def away(self) -> Bool[np.ndarray, " coordinates"]:
         """Which coordinates the search has carried to where nothing is known of them."""
-        transform, count = self.transform, len(self.task.selection.entries)
-        here = np.asarray(self.minimiser.progress.coordinates)
-        moved = np.abs(here - np.asarray(transform.to_coordinates(self.task.first_guess)))
-        away = (moved > np.log(RUNAWAY)) & transform.positive & ~np.asarray(transform.at_bound(here))
-        return away & (np.arange(len(here)) < count)
+        return self.task.away(self.transform, np.asarray(self.minimiser.progress.coordinates))
 
     def worth(self, cost: float) -> bool:
         """Whether a difference of costs is evident."""

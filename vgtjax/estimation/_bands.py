@@ -10,6 +10,7 @@ from ._bundle import CHANNELS, Bundle, bundle_traces
 from ._evaluation import Evaluated, Steps
 from ._evidence import by_trace
 from ._holds import ramped
+from ._least_squares import root_of
 from ._residuals import FitProblem
 from ._slopes import Slopes
 from ._task import Task
@@ -33,11 +34,7 @@ def spread_along(
     columns: Float[np.ndarray, "*samples units"], covariance: Float[np.ndarray, "units units"]
 ) -> Float[np.ndarray, "*samples"]:
     """Standard errors of what has these derivatives, whatever the units."""
-    deviations = np.sqrt(np.diag(covariance))
-    sizes = np.where(deviations > 0, deviations, 1.0)
-    # By the correlation: variances here lie 20 orders apart, and those of a sum far below those of its parts.
-    parts, ways = np.linalg.eigh(covariance / np.outer(sizes, sizes))
-    factor = deviations[:, None] * ways * np.sqrt(np.maximum(parts, 0.0))
+    factor = root_of(covariance)
     with np.errstate(over="ignore", invalid="ignore"):  # of a value that ran away
         return np.sqrt(np.sum(np.square(columns @ factor), axis=-1))
 

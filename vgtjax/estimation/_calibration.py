@@ -23,12 +23,8 @@ from ._least_squares import NORMAL_95, LeastSquares
 from ._measured import Sensors, white_sensors
 from ._programs import run_alone
 from ._progress import Progress
-from ._sensors import Sensor, noise_to_meet
-from ._task import Task
-
-RUNAWAY = 1e5
-"""Factor by which a positive value may leave its start. In fits of twenty actuators none moves by more than 10^1.7;
-from a hopeless start a fit goes to where nothing changes any more, converges there, and leaves a mass of 1e88 kg."""
+from ._sensors import Sensor, left_over_noise
+from ._task import RUNAWAY, Task
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -241,12 +237,8 @@ class Calibration(Printed):
     @property
     def ran_away(self) -> tuple[str, ...]:
         """Entries whose positive value ended more than a factor `RUNAWAY` from its start, and on no bound."""
-        count = len(self.values)
-        start = np.asarray(self.transform.to_coordinates(self.task.first_guess))[:count]
-        # Coordinates are logarithms, finite where a value has left the range of floating point.
-        moved = np.abs(np.asarray(self.progress.coordinates)[:count] - start)
-        away = self.transform.positive[:count] & (moved > np.log(RUNAWAY)) & ~self.at_bound
-        return tuple(np.array(self.task.selection.entries)[away].tolist())
+        away = self.task.away(self.transform, np.asarray(self.progress.coordinates))
+        return tuple(itertools.compress(self.task.selection.entries, away))
 
     @property
     def shifts(self) -> Float[np.ndarray, " parameters"]:
@@ -267,9 +259,8 @@ class Calibration(Printed):
             for channel, met in result.channels.items():
                 measured = result.trace.sampled(channel)
                 assert measured is not None, "what is compared was measured"
-                left = (met.measured - met.simulated)[sensors[channel].trust > 0]
-                found[result.trace.name, channel] = float(np.std(left)) / noise_to_meet(
-                    sensors[channel], measured, channel
+                found[result.trace.name, channel] = left_over_noise(
+                    sensors[channel], measured, channel, met.measured - met.simulated
                 )
         return found
 

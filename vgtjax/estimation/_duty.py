@@ -12,7 +12,7 @@ from ._holds import Holds, read_holds, sample_interval
 from ._point import Point
 from ._residuals import FitProblem
 from ._search import LevenbergMarquardt
-from ._sensors import noise_to_meet
+from ._sensors import left_over_noise
 from ._task import Task
 
 MEETS_NOISE = 1.05
@@ -46,9 +46,10 @@ def _leaves_noise(task: Task, search: LevenbergMarquardt) -> bool:
         for channel, sensor in known.items():
             measured = trace.sampled(channel)
             assert measured is not None, "what a sensor has learned from was measured"
-            left = (sensor.values - seen[trace.rows(channel), CHANNELS.index(channel)])[sensor.trust > 0]
-            squares += len(left) * (float(np.std(left)) / noise_to_meet(sensor, measured, channel)) ** 2
-            count += len(left)
+            left = sensor.values - seen[trace.rows(channel), CHANNELS.index(channel)]
+            mine = int(np.count_nonzero(sensor.trust))
+            squares += mine * left_over_noise(sensor, measured, channel, left) ** 2
+            count += mine
     return bool(squares <= _most_left(search) * count)
 
 

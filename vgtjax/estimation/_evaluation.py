@@ -7,7 +7,7 @@ the top, and who drives it decides what runs beside it.
 import dataclasses
 from collections import deque
 from collections.abc import Generator, Sequence
-from typing import Any, TypeVar
+from typing import NamedTuple, TypeVar
 
 import jax
 import numpy as np
@@ -38,16 +38,26 @@ class Evaluation:
     selection: Selection | None = None
     cotangent: Sequence[np.ndarray] | None = None
 
-    def parts(self) -> list[tuple[Any, ...]]:
-        """What one simulation takes, bundle by bundle."""
+    def arguments(self) -> list["Arguments"]:
+        """What each simulation takes, bundle by bundle."""
         delay = None if self.delay is None else np.asarray(self.delay, float)
         pulls = [None] * len(self.bundles) if self.cotangent is None else self.cotangent
         pairs = zip(self.bundles, pulls, strict=True)
-        return [(self._ready(bundle), self.selection, bundle, delay, pull) for bundle, pull in pairs]
+        return [Arguments(self._ready(bundle), self.selection, bundle, delay, pull) for bundle, pull in pairs]
 
     def _ready(self, bundle: Bundle) -> AbstractModel:
         """The model; without derivatives its tables are made here, in one program for all bundles and lanes."""
         return self.model if self.selection is not None else tabulated_along(self.model, bundle.drive)
+
+
+class Arguments(NamedTuple):
+    """What one simulation takes, see [`Evaluation`][]."""
+
+    model: AbstractModel
+    selection: Selection | None
+    bundle: Bundle
+    delay: np.ndarray | None
+    cotangent: np.ndarray | None
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -153,6 +153,17 @@ def estimate_uncertainty(
     return dataclasses.replace(found, covariance=moved.T @ moved, scale=scale)
 
 
+def root_of(covariance: Float[np.ndarray, "unknowns unknowns"]) -> Float[np.ndarray, "unknowns directions"]:
+    """A factor whose product with its transpose is a covariance, whatever the units; rows of zeros where that has none.
+
+    By the correlation: variances here lie 20 orders apart, and those of a sum far below those of its parts.
+    """
+    deviations = np.sqrt(np.diag(covariance))
+    sizes = np.where(deviations > 0, deviations, 1.0)
+    parts, ways = np.linalg.eigh(covariance / np.outer(sizes, sizes))
+    return deviations[:, None] * ways * np.sqrt(np.maximum(parts, 0.0))
+
+
 def reduce_rows(
     residuals: Float[np.ndarray, " rows"], columns: Columns
 ) -> tuple[Float[np.ndarray, " few"], Float[np.ndarray, "few unknowns"]]:

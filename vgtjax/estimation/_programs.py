@@ -11,14 +11,16 @@ from typing import Any, Generic, NamedTuple, TypeVar
 import equinox as eqx
 import jax
 import numpy as np
+from jaxtyping import Array
 
 from .._errors import SimulationError
 from .._kept import preparing
 from .._lanes import fill_devices, map_rows, share_out
 from ..parts import has_tables
 from ..simulation import RESULTS
-from ._evaluation import Evaluated, Evaluation, Steps
+from ._evaluation import Arguments, Evaluated, Evaluation, Steps
 from ._sensitivities import observe, observe_backwards, observe_together, observe_with_jacobian, prepare
+from ._trajectories import Segments
 
 T = TypeVar("T")
 Name = TypeVar("Name", bound=Hashable)
@@ -142,19 +144,24 @@ def _width_together() -> int:
 
 
 def _evaluate(asked: Evaluation) -> Evaluated:
-    parts = asked.parts()
-    if asked.selection is None:
-        seen = [observe(model, bundle, delay) for model, _, bundle, delay, _ in parts]
-        return _answered([(observed, None, ended) for observed, ended in seen])
-    if asked.cotangent is not None:
-        return _answered([(None, observe_backwards(*part), None) for part in parts])
-    return _answered([observe_with_jacobian(*part[:-1]) for part in parts])
+    return _answered([_simulated(each) for each in asked.arguments()])
 
 
-def _answered(found: Sequence[tuple[Any, Any, Any]]) -> Evaluated:
+def _simulated(asked: Arguments) -> "_Found":
+    model, selection, bundle, delay, cotangent = asked
+    if selection is None:
+        observed, ended = observe(model, bundle, delay)
+        return observed, None, ended
+    if cotangent is not None:
+        return None, observe_backwards(model, selection, bundle, delay, cotangent), None
+    return observe_with_jacobian(model, selection, bundle, delay)
+
+
+def _answered(found: Sequence["_Found"]) -> Evaluated:
     """The answer of what is observed along each bundle, its derivatives, and how it ended: of what was asked for."""
-    observed, columns, ended = ([each[place] for each in found if each[place] is not None] for place in range(3))
-    return Evaluated([*map(np.asarray, observed)], [*map(np.asarray, columns)], ended)
+    observed = [np.asarray(seen) for seen, _, _ in found if seen is not None]
+    columns = [np.asarray(each) for _, each, _ in found if each is not None]
+    return Evaluated(observed, columns, [end for _, _, end in found if end is not None])
 
 
 def _prepare_alone(question: Question) -> None:
@@ -165,8 +172,8 @@ def _prepare_alone(question: Question) -> None:
         _prepare_lanes(question[0], fill_devices(WIDE))
         return
     for each in question:
-        for part in each.parts():
-            prepare(*part)
+        for arguments in each.arguments():
+            prepare(*arguments)
 
 
 def _prepare_together(question: Question) -> None:
@@ -178,8 +185,8 @@ def _prepare_together(question: Question) -> None:
 
 def _prepare_lanes(asked: Evaluation, lanes: int) -> None:
     """Compiles the program of so many evaluations side by side."""
-    for part in asked.parts():
-        each = _Part.of((None, 0, 0), part, lanes)
+    for arguments in asked.arguments():
+        each = _Waiting.of((None, 0, 0), arguments, lanes)
         rows = jax.tree.map(lambda leaf: np.stack([leaf] * fill_devices(lanes)), each.arrays)
         observe_together.prepare(share_out(rows), each.rest, each.substeps, each.segments)
 
@@ -197,7 +204,7 @@ def _wide_answer(question: Question) -> Answer:
     return answered[0][1]
 
 
-class _Part(NamedTuple):
+class _Waiting(NamedTuple):
     """One simulation: whose it is and where its answer belongs, its arrays, the rest of it, its steps an interval, the
     segments that its traces fill, what others that run beside it have alike, how many these are, and its work: all
     steps, those of derivatives included."""
@@ -206,14 +213,14 @@ class _Part(NamedTuple):
     arrays: Any
     rest: Any
     substeps: np.ndarray
-    segments: np.ndarray
+    segments: Segments
     shape: Hashable
     lanes: int
     work: int
 
     @staticmethod
-    def of(belongs: tuple[Hashable, int, int], part: tuple[Any, ...], lanes: int) -> "_Part":
-        model, selection, bundle, delay, cotangent = part
+    def of(belongs: tuple[Hashable, int, int], arguments: Arguments, lanes: int) -> "_Waiting":
+        model, selection, bundle, delay, cotangent = arguments
         substeps = int(bundle.plan.substeps)
         # The steps of all are given by themselves: those of its own would make every fit wait for the others.
         alike = (
@@ -226,10 +233,10 @@ class _Part(NamedTuple):
         shapes = tuple((leaf.shape, leaf.dtype.str) for leaf in jax.tree.leaves(arrays))
         shape = (jax.tree.structure(arrays), *jax.tree.leaves(rest), shapes, lanes, substeps)
         work = bundle.drive.duration.size * substeps * (1 if selection is None else 1 + len(selection.entries))
-        return _Part(belongs, arrays, rest, np.asarray(substeps), bundle.segments, shape, lanes, work)
+        return _Waiting(belongs, arrays, rest, np.asarray(substeps), bundle.segments, shape, lanes, work)
 
 
-_Found = tuple[np.ndarray | None, np.ndarray | None, RESULTS | None]
+_Found = tuple[Array | np.ndarray | None, Array | np.ndarray | None, RESULTS | None]
 """What is observed of a simulation, its derivatives, and how it ended."""
 
 
@@ -241,7 +248,7 @@ class _Board(Generic[Name]):
     """
 
     wide: int
-    waiting: dict[Hashable, list[_Part]] = dataclasses.field(default_factory=dict)
+    waiting: dict[Hashable, list[_Waiting]] = dataclasses.field(default_factory=dict)
     asked: dict[Name, Question] = dataclasses.field(default_factory=dict)
     found: dict[tuple[Hashable, int, int], _Found] = dataclasses.field(default_factory=dict)
 
@@ -250,8 +257,8 @@ class _Board(Generic[Name]):
         self.asked[name] = question
         wide = self.wide if _wide(question) else _fits_of_a_program()
         for which, evaluation in enumerate(question):
-            for place, part in enumerate(evaluation.parts()):
-                each = _Part.of((name, which, place), part, _lanes_of(evaluation, wide))
+            for place, part in enumerate(evaluation.arguments()):
+                each = _Waiting.of((name, which, place), part, _lanes_of(evaluation, wide))
                 self.waiting.setdefault(each.shape, []).append(each)
 
     def run(self) -> None:
@@ -288,7 +295,7 @@ class _Board(Generic[Name]):
         return answers
 
 
-def _simulate(group: Sequence[_Part]) -> list[_Found]:
+def _simulate(group: Sequence[_Waiting]) -> list[_Found]:
     """What is found of each simulation, as it was asked for."""
 
     def rows(places: np.ndarray) -> Any:

@@ -18,7 +18,7 @@ from .._types import Coordinates
 from ..parameters import Selection, select
 from ._bundle import Bundle
 from ._evaluation import Evaluated, Evaluation, Steps, ask
-from ._least_squares import LeastSquares
+from ._least_squares import LeastSquares, root_of
 from ._mean_columns import Believed, Columns, mean_columns
 from ._residuals import FitProblem
 
@@ -121,11 +121,7 @@ def places_around(found: LeastSquares, at: Coordinates) -> list[Coordinates]:
     """Places that the errors of an end leave possible, in pairs to either side; what is not determined stays."""
     if not np.any(found.determined):
         return _pairs(at, NUDGE * np.eye(len(at)))
-    errors = np.where(found.determined, np.nan_to_num(found.std_errors), 0.0)
-    sizes = np.where(errors > 0, errors, 1.0)
-    known = np.outer(errors > 0, errors > 0)
-    parts, ways = np.linalg.eigh(np.where(known, found.covariance / np.outer(sizes, sizes), 0.0))
-    factor = errors[:, None] * ways * np.sqrt(np.maximum(parts, 0.0))
+    factor = root_of(np.where(np.outer(found.determined, found.determined), found.covariance, 0.0))
     # Whole directions are shortened: parts of one would lead to where the traces rule it out.
     return _pairs(at, factor / np.maximum(1.0, np.max(np.abs(factor), axis=0) / FARTHEST))
 

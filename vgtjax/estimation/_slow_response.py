@@ -20,7 +20,7 @@ from .._types import Coordinates
 from ._abstract_calibrator import AbstractCalibrator
 from ._answers import Combinations, answers_beside, holding
 from ._evaluation import Steps, side_by_side
-from ._least_squares import LeastSquares, finite_columns
+from ._least_squares import LeastSquares, finite_columns, root_of
 from ._steps import lengthens
 
 TOLD = 0.01
@@ -68,9 +68,7 @@ def _directions(found: LeastSquares, logarithms: Bool[np.ndarray, " coordinates"
     it have of it."""
     errors = np.nan_to_num(found.std_errors)
     asked = np.flatnonzero(found.tells(logarithms) & logarithms & (errors > TOLD))
-    sizes = np.where(errors > 0, errors, 1.0)
-    parts, ways = np.linalg.eigh(np.nan_to_num(found.covariance) / np.outer(sizes, sizes))
-    factor = sizes[:, None] * ways * np.sqrt(np.maximum(parts, 0.0))
+    factor = root_of(np.nan_to_num(found.covariance))
     taken: list[Float[np.ndarray, " coordinates"]] = []
     for number in asked[np.argsort(errors[asked])]:
         new = factor[number] / errors[number]

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, cast, get_args
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from .._errors import InputError, require_positive
 from ..parameters import (
@@ -33,6 +33,10 @@ from ._inputs import InputSensor, read_inputs
 from ._instruments import instrumented
 from ._residuals import Prior
 from ._steps import StepsOfFit, lengthens
+
+RUNAWAY = 1e5
+"""Factor by which a positive value may leave its start. In fits of twenty actuators none moves by more than 10^1.7;
+from a hopeless start a fit goes to where nothing changes any more, converges there, and leaves a mass of 1e88 kg."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -132,6 +136,17 @@ class Task:
         center = np.asarray(transform.to_coordinates(np.array(about, float)))
         precision, more = np.abs(transform.slope(center)) / stated, np.zeros(int(self.late_duty))
         return Prior(np.append(center, more), np.append(precision, more))
+
+    def away(
+        self, transform: Transform, coordinates: Float[np.ndarray, " coordinates"]
+    ) -> Bool[np.ndarray, " coordinates"]:
+        """Which coordinates of positive entries lie more than a factor `RUNAWAY` from their start, and on no bound.
+
+        They are logarithms, finite where a value has left the range of floating point.
+        """
+        moved = np.abs(coordinates - np.asarray(transform.to_coordinates(self.first_guess)))
+        away = (moved > np.log(RUNAWAY)) & transform.positive & ~np.asarray(transform.at_bound(coordinates))
+        return away & (np.arange(len(coordinates)) < len(self.selection.entries))
 
     def inside(self, values: Float[np.ndarray, " parameters"]) -> Float[np.ndarray, " parameters"]:
         """Values of the free entries, none beyond its bounds: the way back from a logarithm may pass one by a rounding
