@@ -129,29 +129,46 @@ def rank(outcomes: Mapping[str, Outcome], wider: Mapping[str, Sequence[str]] | N
     needed = NEEDED[worst_verdict(remains)]
     rows = [_row(name, reasons[name], weighed, criteria, unseen) for name in outcomes]
     rows.sort(key=lambda row: (row.name != best, bool(row.reason), np.inf if row.criterion is None else row.criterion))
+    elsewhere = dict[str, Blocks]() if unseen is None else unseen.blocks
+    rivals = {name: _Contender(fits[name], weighed[name], criteria[name], elsewhere.get(name)) for name in fits}
     against = {}
     for name in outcomes:
-        if name == best:
-            continue
-        if name not in weighed:
+        if name not in fits:
             against[name] = Duel(0.0, 0.0, None, f"there is no fit of it ({reasons[name]})")
-            continue
-        # Where a full linear step promises a rival more, it is given that: it may not be at its end in these weights.
-        promised = weighed[name].uncertainty.gain / scale
-        by_fit = (weighed[name].misfit - weighed[best].misfit) / scale - promised
-        difference = criteria[name] - promised - criteria[best]
-        steadiness = _favour(weighed[name].by_block - weighed[best].by_block, promised * scale)
-        elsewhere = None if unseen is None else _favour(unseen.blocks[name] - unseen.blocks[best])
-        contained = best in (wider or {}).get(name, ())
-        doubt = (
-            WIDER
-            if contained
-            else _doubt((difference, by_fit, steadiness), elsewhere, needed, agreed=name != likeliest)
-            or _astray(difference, (fits[best], fits[name]))
-            or _read_otherwise(difference, (fits[best], fits[name]))
-        )
-        against[name] = Duel(difference, steadiness, elsewhere, doubt)
+        elif name != best:
+            duel = _duel(rivals[best], rivals[name], scale, needed, agreed=name != likeliest)
+            contained = best in (wider or {}).get(name, ())
+            against[name] = dataclasses.replace(duel, doubt=WIDER) if contained else duel
     return Ranking(rows, best, against, "none" if unseen is None else unseen.what, remains)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Contender:
+    """A fit in the weights that all are compared in, its criterion, and chi^2 by block of traces not fitted."""
+
+    fit: Linearised
+    weighed: Weighed
+    criterion: float
+    unseen: Blocks | None
+
+
+def _duel(best: _Contender, other: _Contender, scale: float, needed: tuple[float, float], *, agreed: bool) -> Duel:
+    """The best fit against another one; `agreed` is whether the noise of that one would choose the same."""
+    # Where a full linear step promises a rival more, it is given that: it may not be at its end in these weights.
+    promised = other.weighed.uncertainty.gain / scale
+    by_fit = (other.weighed.misfit - best.weighed.misfit) / scale - promised
+    difference = other.criterion - promised - best.criterion
+    steadiness = _favour(other.weighed.by_block - best.weighed.by_block, promised * scale)
+    elsewhere = None
+    if other.unseen is not None and best.unseen is not None:
+        elsewhere = _favour(other.unseen - best.unseen)
+    duellists = (best.fit, other.fit)
+    doubt = (
+        _doubt((difference, by_fit, steadiness), elsewhere, needed, agreed=agreed)
+        or _astray(difference, duellists)
+        or _read_otherwise(difference, duellists)
+    )
+    return Duel(difference, steadiness, elsewhere, doubt)
 
 
 def _doubt(
