@@ -82,7 +82,8 @@ class Truth:
         return Truth(task, clean, sensors, slopes, delay)
 
     def campaign(self, number: int, seed: int) -> Task:
-        """The same task with new noise on what the truth gives, and on a pressure that drives it."""
+        """The same task with new noise on what the truth gives, on a pressure that drives it, and on what is known of
+        values beforehand."""
         rng = np.random.default_rng([seed, number])
         traces = [
             _recorded(trace, clean, known, rng)
@@ -92,7 +93,19 @@ class Truth:
         again = [
             trace if sensor is None else sensor.again(trace, rng) for trace, sensor in zip(traces, sensors, strict=True)
         ]
-        return dataclasses.replace(self.task, fit=again, validate=[])
+        return dataclasses.replace(self.task, fit=again, validate=[], centers=_known_again(self.task, rng))
+
+
+def _known_again(task: Task, rng: np.random.Generator) -> dict[str, float]:
+    """What the priors of a task are about when all that told them is done once more, and the task's values are true."""
+    prior, transform, entries = task.prior, task.transform({}), task.selection.entries
+    if prior is None:
+        return task.centers
+    precision = prior.precision[: len(entries)]
+    truth = np.asarray(transform.to_coordinates(np.asarray(task.selection.pack(task.model))))
+    errors = rng.standard_normal(len(entries)) / np.where(precision > 0, precision, np.inf)
+    drawn = np.asarray(transform.to_physical(truth + errors)).tolist()
+    return {entry: value for entry, value, known in zip(entries, drawn, precision, strict=True) if known > 0}
 
 
 def _check_fitted(task: Task, sensors: Sensors) -> None:

@@ -1,5 +1,6 @@
 """What to calibrate: which parameters, by which traces."""
 
+import collections
 import dataclasses
 import functools
 from collections.abc import Callable, Mapping, Sequence
@@ -211,6 +212,8 @@ def plan_task(
     channels = model.sensed if channels is None else channels
     _check_channels(channels, fit)
     _check_stated(gains or {}, offsets or {}, starts)
+    named = _named_apart([*fit, *validate])
+    fit, validate = named[: len(fit)], named[len(fit) :]
     fit, inputs = read_inputs(model, fit, unknown)
     validate, _ = read_inputs(model, validate, unknown)
     selection, known, gains = select(model, free, fixed), _deviations(model, deviations or {}), dict(gains or {})
@@ -233,6 +236,17 @@ def plan_task(
         gains=gains,
         inputs=inputs,
     )
+
+
+def _named_apart(traces: Sequence[Trace]) -> list[Trace]:
+    """Traces by which results are told apart: those that have one name between them are numbered."""
+    counts, seen = collections.Counter(trace.name for trace in traces), collections.Counter[str]()
+    named = []
+    for trace in traces:
+        seen[trace.name] += 1
+        alone = counts[trace.name] == 1
+        named.append(trace if alone else trace.replace(name=f"{trace.name} {seen[trace.name]}"))
+    return named
 
 
 def _check_channels(channels: Sequence[str], fit: Sequence[Trace]) -> None:

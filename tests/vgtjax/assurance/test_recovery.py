@@ -119,3 +119,20 @@ def test_noise_behind_a_filter_is_no_reason_to_search(truth):
     refit = run_alone(counting(refitting(dataclasses.replace(truth, sensors=filtered), 0, 5), slopes))
     assert refit.converged
     assert len(slopes) <= 1  # around its end, where that is more than three standard errors from the truth
+
+
+def test_what_is_known_beforehand_is_told_anew_in_every_campaign(task, truth):
+    """Around the truth, whatever the study's value is that its own prior is about."""
+    known = {"chamber.volume": 1e-6, "diaphragm.preload": 2.0}
+    stated = dataclasses.replace(task, deviations=known, centers={"chamber.volume": 7e-5})
+    again = dataclasses.replace(truth, task=stated)
+    drawn = [again.campaign(number, 0) for number in range(200)]
+    for entry, deviation in known.items():
+        found = np.array([each.centers[entry] for each in drawn])
+        # The deviation is that of the logarithm, about the stated value, where the volume is another.
+        expected = deviation * TRUTH[entry] / stated.centers.get(entry, TRUTH[entry])
+        assert found.mean() == pytest.approx(TRUTH[entry], abs=4 * expected / np.sqrt(200))
+        assert found.std() == pytest.approx(expected, rel=0.2)  # four standard errors of 200 draws
+    assert drawn[0].deviations == known
+    # Noise of the traces is as it was without.
+    np.testing.assert_array_equal(drawn[3].fit[0].x_d, truth.campaign(3, 0).fit[0].x_d)

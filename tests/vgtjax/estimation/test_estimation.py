@@ -289,3 +289,10 @@ def test_a_sensor_with_one_valid_sample_breaks_nothing(fitted):
     # The position alone tells the spring as well as it did.
     place = found.task.selection.entries.index("diaphragm.stiffness")
     assert found.std_errors[place] == pytest.approx(fitted.std_errors[place], rel=0.5)
+
+
+def test_traces_of_one_name_are_told_apart():
+    same, other = bench(0), bench(1).replace(name="other")
+    task = plan_task(vgtjax.Actuator(), [same, other, bench(1)], [bench(2)], free=FREE)
+    names = [trace.name for trace in (*task.fit, *task.validate)]
+    assert names == [f"{same.name} 1", "other", f"{same.name} 2", f"{same.name} 3"]
