@@ -1,6 +1,7 @@
 """What comes of a calibration that has ended: values, their covariance, and every trace simulated with them."""
 
 import dataclasses
+from collections.abc import Iterable
 
 import numpy as np
 from jaxtyping import Float
@@ -48,6 +49,10 @@ class Lacking:
     directions: Float[np.ndarray, "directions coordinates"]
 
 
+HOLD, DRIVE, SLOW = "hold of the duty", "sensor of the drive", "derivatives of slow traces"
+"""Sources of errors, beside gains and tolerances, as a budget names them."""
+
+
 def finishing(
     task: Task, search: LevenbergMarquardt, sensors: Sensors, notes: tuple[str, ...], lacking: Lacking
 ) -> Steps[Calibration]:
@@ -56,56 +61,65 @@ def finishing(
     everything, count = search.uncertainty(), len(task.selection.entries)
     coordinates = np.asarray(progress.coordinates)
     found, slope = np.asarray(transform.to_physical(coordinates)), np.asarray(transform.slope(coordinates))
-    values = task.inside(found[:count])
+    beside = {name: np.where(everything.determined, rows, 0.0) for name, rows in (yield from _beside(task, search))}
+    beside |= {SLOW: np.where(everything.determined, lacking.directions, 0.0)}
     uncertainty = everything.first(count)
-    more = _scatter(uncertainty, np.array(progress.wanted)[:, :count]) if progress.wanted else np.zeros((count, count))
-    more = more + np.outer(lacking.delay[:count], lacking.delay[:count])
-    sources = {**_moved_by_gains(task, search), **(yield from _moved_by_tolerances(task, search))}
-    moved = {name: np.where(uncertainty.determined, each[:count], 0.0) for name, each in sources.items()}
-    driven = np.where(uncertainty.determined, (yield from _moved_by_inputs(task, search))[:, :count], 0.0)
-    apart = np.zeros(count)
-    if progress.otherwise:
-        other = np.array(progress.otherwise)[:count] - coordinates[:count]
-        moved["hold of the duty"] = apart = np.where(uncertainty.determined, other * np.sqrt(AS_LIKELY), 0.0)
-    unanswered = np.where(uncertainty.determined, lacking.directions[:, :count], 0.0)
-    beside = np.column_stack([np.zeros((count, 0)), *moved.values(), *driven, *unanswered])
-    if len(driven):
-        moved["sensor of the drive"] = np.linalg.norm(driven, axis=0)
-    if len(unanswered):
-        moved["derivatives of slow traces"] = np.linalg.norm(unanswered, axis=0)
+    wanted = np.array(progress.wanted).reshape(-1, len(coordinates))[:, :count]
+    scatter = _scatter(uncertainty, wanted) + np.outer(lacking.delay[:count], lacking.delay[:count])
     window, windowed = _by_windows(task, search, everything)
-    budget = _budget(uncertainty, more, moved, slope[:count], windowed[:count], window)
-    more = more + beside @ beside.T
+    moved = {name: _as_one(name, rows[:, :count]) for name, rows in beside.items() if len(rows)}
+    budget = _budget(uncertainty, scatter, moved, slope[:count], windowed[:count], window)
+    rows = np.concatenate([*beside.values()])
+    more = scatter + rows[:, :count].T @ rows[:, :count]
     uncertainty = dataclasses.replace(uncertainty, covariance=uncertainty.covariance + more)
+    values = task.inside(found[:count])
     model = _unpack(task.selection, task.model, values)
     late = task.late_duty and progress.coordinates[-1] != 0.0
     delay = float(found[-1]) if late else 0.0
+    of_delay = slope[-1] * np.linalg.norm([everything.std_errors[-1], lacking.delay[-1], *rows[:, -1]])
     # What traces hardly answer leaves them as they are, as do both readings of the duty that meet them, whatever a
     # linear model says of it.
-    seen = uncertainty.covariance - np.outer(apart, apart) - unanswered.T @ unanswered
-    errors = yield from _bands(task, search, seen, lacking.delay)
-    compared = yield from comparing(task, model, delay, sensors, errors)
+    unfelt = np.concatenate([beside[HOLD], beside[SLOW]])[:, :count]
+    errors = yield from _bands(task, search, uncertainty.covariance - unfelt.T @ unfelt, lacking.delay)
     with np.errstate(over="ignore"):  # the error of a value that ran away may be beyond every number
         covariance = uncertainty.covariance * np.outer(slope[:count], slope[:count])
     calibration = Calibration(
-        bare(model),
-        task,
-        transform,
-        progress,
-        values,
-        covariance,
-        uncertainty,
-        compared,
-        problem.count,
-        sensors,
-        budget,
-        delay,
-        float(slope[-1] * np.linalg.norm([everything.std_errors[-1], lacking.delay[-1], *lacking.directions[:, -1]]))
-        if late
-        else None,
-        notes,
+        model=bare(model),
+        task=task,
+        transform=transform,
+        progress=progress,
+        values=values,
+        covariance=covariance,
+        uncertainty=uncertainty,
+        traces=(yield from comparing(task, model, delay, sensors, errors)),
+        count=problem.count,
+        sensors=sensors,
+        budget=budget,
+        duty_delay=delay,
+        duty_delay_error=float(of_delay) if late else None,
+        notes=notes,
     )
     return dataclasses.replace(calibration, findings=(*found_besides(calibration), traces_met(calibration)))
+
+
+Rows = Float[np.ndarray, "moves coordinates"]
+"""By how much coordinates move, whose products with themselves add up to a covariance."""
+
+
+def _beside(task: Task, search: LevenbergMarquardt) -> Steps[Iterable[tuple[str, Rows]]]:
+    """What moves the end of a search beside the noise of what was fitted, by the source."""
+    moved = {**_moved_by_gains(task, search), **(yield from _moved_by_tolerances(task, search))}
+    found = {name: each[None] for name, each in moved.items()}
+    found[HOLD], progress = np.zeros((0, len(search.progress.coordinates))), search.progress
+    if progress.otherwise:
+        apart = np.array(progress.otherwise) - np.asarray(progress.coordinates)
+        found[HOLD] = apart[None] * np.sqrt(AS_LIKELY)
+    return {**found, DRIVE: (yield from _moved_by_inputs(task, search))}.items()
+
+
+def _as_one(name: str, rows: Rows) -> Coordinates:
+    """How far coordinates move by a source; with a sign, if it moves them one way."""
+    return np.linalg.norm(rows, axis=0) if name in (DRIVE, SLOW) else rows[0]
 
 
 def _budget(
@@ -152,6 +166,8 @@ def _by_windows(
 def _scatter(uncertainty: LeastSquares, wanted: Float[np.ndarray, "steps entries"]) -> Covariance:
     """Corrections that go to and fro say how well the numbers themselves are known: by the steps since the first turn,
     or by the last one."""
+    if not len(wanted):
+        return np.zeros_like(uncertainty.covariance)
     wanted = np.where(uncertainty.determined, wanted, 0.0)
     first = turns(wanted / np.where(uncertainty.determined, uncertainty.std_errors, 1.0))[:1]
     last = wanted[int(first[0]) :] if len(first) else wanted[-1:]
@@ -187,7 +203,7 @@ def _followed(search: LevenbergMarquardt, change: Float[np.ndarray, " rows"]) ->
     return least_squares(search.point.columns, rows).values
 
 
-def _moved_by_inputs(task: Task, search: LevenbergMarquardt) -> Steps[Float[np.ndarray, "moves coordinates"]]:
+def _moved_by_inputs(task: Task, search: LevenbergMarquardt) -> Steps[Rows]:
     """How far every coordinate moves, to first order, when the pressure that drives a trace is measured once more: one
     row for each trace and experiment, whose products add up to a covariance.
 

@@ -10,7 +10,7 @@ from support import duty_trace
 
 import vgtjax
 from vgtjax import FixedStep
-from vgtjax.estimation import Progress, Unknown, _calibrator, plan_task, run_alone, start_calibration
+from vgtjax.estimation import Progress, Unknown, _calibrator, _finish, plan_task, run_alone, start_calibration
 from vgtjax.estimation._bands import spread_of
 from vgtjax.estimation._delay_response import LEAST, unanswered
 from vgtjax.estimation._least_squares import VAGUE
@@ -151,3 +151,14 @@ def test_a_calibration_has_it_in_its_errors_and_their_budget(ended, monkeypatch)
     for place, channel in enumerate(("x_d", "p_act")):
         more = channels[1][channel].error ** 2 - channels[0][channel].error ** 2
         np.testing.assert_allclose(more, alone[:, place] ** 2, rtol=1e-4, atol=1e-6 * np.max(more))
+
+
+def test_the_delay_has_the_tolerance_of_what_is_held_in_its_error(ended, monkeypatch):
+    """As every other error: a spring that is stiffer by a tenth moves the duty as well."""
+    before = ended.finish()
+    held = dataclasses.replace(ended.task, deviations={"converter.return_spring_stiffness": 500.0})
+    found = dataclasses.replace(ended, task=held).finish()
+    (moved,) = run_alone(_finish._moved_by_tolerances(held, ended.minimiser)).values()
+    part = float(moved[-1]) * found.transform.scale[-1]
+    assert part != 0
+    assert found.duty_delay_error == pytest.approx(np.hypot(before.duty_delay_error, part), rel=1e-9)
