@@ -94,45 +94,57 @@ def _models(
 def _population(
     study: Study, models: dict[str | None, vgtjax.AbstractModel], parameters: pathlib.Path | None, levels: bool
 ) -> tuple[Population, tuple[str, ...]]:
-    table = study.population
     if None in models:
-        spreads = {name: Spread(**spread.model_dump()) for name, spread in table.parameters.items()}
-        pairs = [(each.parameters, each.value) for each in table.correlation]
-        with of_study(), stated(OF_A_POPULATION):
-            population = spread_population(
-                models[None],
-                table.relative,
-                spreads=spreads,
-                vary=table.vary,
-                fixed=table.fixed,
-                correlations=pairs,
-                passive=table.passive,
-            )
-        notes = []
-        if not table.parameters and "relative" not in table.model_fields_set:
-            notes.append(
-                "the study states no tolerances, so every quantity has a standard deviation of "
-                f"{table.relative:.0%} of its value; state them under [population]"
-            )
-        if levels and population.correlation is not None:
-            notes.append("sensitivity indices need independent quantities, so the stated correlations are left out")
-        return (population.independent() if levels else population), tuple(notes)
-    assert parameters is not None
+        return _of_tolerances(study, models[None], levels)
+    assert parameters is not None, "several actuators come from a folder"
+    return _of_units(study, list(models.values()), parameters, levels)
+
+
+def _of_tolerances(study: Study, model: vgtjax.AbstractModel, levels: bool) -> tuple[Population, tuple[str, ...]]:
+    """Actuators around a nominal one, as the study states their spread."""
+    table, notes = study.population, []
+    spreads = {name: Spread(**spread.model_dump()) for name, spread in table.parameters.items()}
+    pairs = [(each.parameters, each.value) for each in table.correlation]
+    with of_study(), stated(OF_A_POPULATION):
+        population = spread_population(
+            model,
+            table.relative,
+            spreads=spreads,
+            vary=table.vary,
+            fixed=table.fixed,
+            correlations=pairs,
+            passive=table.passive,
+        )
+    if not table.parameters and "relative" not in table.model_fields_set:
+        notes.append(
+            "the study states no tolerances, so every quantity has a standard deviation of "
+            f"{table.relative:.0%} of its value; state them under [population]"
+        )
+    if levels and population.correlation is not None:
+        notes.append("sensitivity indices need independent quantities, so the stated correlations are left out")
+    return (population.independent() if levels else population), tuple(notes)
+
+
+def _of_units(
+    study: Study, models: list[vgtjax.AbstractModel], folder: pathlib.Path, levels: bool
+) -> tuple[Population, tuple[str, ...]]:
+    """The spread of fitted units, freed of the errors of their fits where all state these."""
+    table = study.population
     named = table.model_fields_set - {"units", "passive"}
     if named:
         raise StudyError(
             f"a population of fitted units has their spread, but [population] states {', '.join(sorted(named))} too; "
             "drop that, or give the parameters of one actuator"
         )
-    files = unit_files(parameters).values()
+    files = unit_files(folder).values()
     entries = [fitted_entries(file) for file in files]
     common = [entry for entry in entries[0] if all(entry in other for other in entries)]
     errors = [fit_covariance(file, common) for file in files]
     covariances = [each for each in errors if each is not None]
     stated_by_all = len(covariances) == len(errors)
-    population = fitted_population(list(models.values()), common, covariances if stated_by_all else None)
+    population = fitted_population(models, common, covariances if stated_by_all else None)
     population = dataclasses.replace(population, passive=table.passive)
-    doubts = _unconverged(parameters)
+    doubts = _unconverged(folder)
     if not stated_by_all:
         doubts = (
             *doubts,
@@ -146,7 +158,7 @@ def _population(
         "curve varies by a common factor; errors of the fits no longer cancel then, so outputs spread more "
         "than the units do"
     )
-    return fitted_levels(population, list(models.values())), (note, *doubts)
+    return fitted_levels(population, models), (note, *doubts)
 
 
 def _unconverged(folder: pathlib.Path) -> tuple[str, ...]:
