@@ -58,12 +58,11 @@ def compiling_ahead(questions: Iterable[Question]) -> contextlib.AbstractContext
 
 def _run_alone(computation: Steps[T]) -> T:
     answers: Answer | None = None
-    while True:
-        try:
-            asked = computation.send(answers)
-        except StopIteration as end:
-            return end.value
-        answers = _answer_alone(asked)
+    while isinstance(came := _go_on(computation, answers), _Asked):
+        answers = _answer_alone(came.question)
+    if isinstance(came, SimulationError):
+        raise came
+    return came
 
 
 def _answer_alone(question: Question) -> Answer:
@@ -118,6 +117,10 @@ def _go_on(computation: Steps[T], answers: Answer | None) -> "_Asked | T | Simul
         return end.value
     except SimulationError as error:
         return error
+    except np.linalg.LinAlgError as error:
+        failed = SimulationError(f"its linear problem can't be solved ({error}); start elsewhere, or give bounds")
+        failed.__cause__ = error
+        return failed
 
 
 class _Asked(NamedTuple):

@@ -40,3 +40,21 @@ def test_fits_side_by_side_get_their_own_answers(questions, alone):
     found = {}
     run_together({number: ask(each) for number, each in enumerate(questions)}, found.__setitem__)
     assert_same([found[number] for number in range(len(questions))], alone)
+
+
+def test_linear_algebra_that_fails_is_a_failed_fit_which_touches_no_other():
+    def bad():
+        yield from ()
+        return np.linalg.inv(np.zeros((2, 2)))
+
+    def good():
+        yield from ()
+        return 7
+
+    found = {}
+    run_together({"bad": bad(), "good": good()}, found.__setitem__)
+    assert found["good"] == 7
+    assert str(found["bad"]) == "its linear problem can't be solved (Singular matrix); start elsewhere, or give bounds"
+    with pytest.raises(vgtjax.SimulationError, match="its linear problem can't be solved") as caught:
+        run_alone(bad())
+    assert isinstance(caught.value.__cause__, np.linalg.LinAlgError)
