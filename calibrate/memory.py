@@ -1,5 +1,6 @@
 """How much memory is left, of the machine or of the container that this process runs in."""
 
+import contextlib
 import pathlib
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -51,9 +52,9 @@ def _left_by_groups(membership: pathlib.Path, mounted: pathlib.Path) -> Iterator
 
 
 def _left_by(folder: pathlib.Path, group: _Group) -> Iterator[int]:
-    limit = (folder / group.limit).read_text().strip()
-    if limit == "max":
-        return
-    statistics = dict(line.split() for line in (folder / "memory.stat").read_text().splitlines())
-    used = int((folder / group.used).read_text()) - int(statistics.get(group.reclaimable, 0))
-    yield max(0, int(limit) - used)
+    """Nothing of a group that can't be read, or has no limit."""
+    with contextlib.suppress(OSError, ValueError):
+        limit = int((folder / group.limit).read_text())  # or "max"
+        statistics = dict(line.split() for line in (folder / "memory.stat").read_text().splitlines())
+        used = int((folder / group.used).read_text()) - int(statistics.get(group.reclaimable, 0))
+        yield max(0, limit - used)

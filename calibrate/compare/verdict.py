@@ -14,8 +14,8 @@ from .alternatives import EXPONENTS, STILL, options, own_structure
 UNSETTLED = "every sweep through the components changed another one"
 ALONE = "there is nothing to compare it with"
 GREEDY = (
-    "one component was changed at a time, the others as in the structure found so far; what is better only together "
-    "is not found"
+    "one component was changed at a time, the others as in the structure found so far, and what one has beaten once "
+    "more beside what another can't tell; what else is better only together is not found"
 )
 
 

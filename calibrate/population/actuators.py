@@ -85,7 +85,7 @@ def _models(
     for given in values.values():
         start, _ = start_model(model, study, given)
         if not models:
-            say_not_as_stated(start, study)
+            say_not_as_stated(start, study, {})
         knots = knots or values_of(start)
         models.append(on_given_knots(start, knots))
     return models

@@ -48,26 +48,46 @@ def start_model(model: Any, study: Study, earlier: dict[str, Any]) -> tuple[Any,
     return start, bounds
 
 
-def _stated_before(model: Any, study: Study, earlier: Mapping[str, Any]) -> dict[str, ParameterValue]:
-    """What a study states, without the values of free parameters that an earlier fit has."""
-    stated = parameters_of(study)
-    free = {entry.partition("[")[0] for entry in select(model, study.fit.free, study.fit.fixed).entries}
-    behind = [name for name in stated if name.partition("[")[0] in free & earlier.keys()]
-    return {**stated, **{name: stated[name].model_copy(update={"value": None}) for name in behind}}
+def _stated_before(start: Any, study: Study, earlier: Mapping[str, Any]) -> dict[str, ParameterValue]:
+    """What a study states, with the values of free entries as the start has them where an earlier fit has these."""
+    free = set(select(start, study.fit.free, study.fit.fixed).entries)
+    return {name: _behind(start, name, given, free, earlier) for name, given in parameters_of(study).items()}
 
 
-def say_not_as_stated(start: Any, study: Study) -> None:
-    """Says of which parameters a start has not the value that the study states, as an earlier fit has another."""
+def _behind(start: Any, name: str, given: ParameterValue, free: set[str], earlier: Mapping[str, Any]) -> ParameterValue:
+    entries = _entries_of(start, name)
+    check_length(name, "value", given.value, entries)
+    if given.value is None or name.partition("[")[0] not in earlier or not free.intersection(entries):
+        return given
+    found = np.asarray(vgtjax.Selection(tuple(entries)).pack(start)).tolist()
+    stated = np.ravel(given.value).tolist()
+    value = [mine if entry in free else held for entry, mine, held in zip(entries, found, stated, strict=True)]
+    return given.model_copy(update={"value": value if isinstance(given.value, list) else value[0]})
+
+
+def say_not_as_stated(start: Any, study: Study, began: Mapping[str, Any]) -> None:
+    """Says of which parameters a start has not the value that the study states, as an earlier fit has another.
+
+    **Arguments:** `began`: where that fit began, by name: of what is stated as that nothing needs to be said.
+    """
     other = []
     for name, given in parameters_of(study).items():
         here = vgtjax.Selection(tuple(_entries_of(start, name))).pack(start)
-        if given.value is not None and not np.array_equal(here, np.ravel(given.value)):
+        same = (np.ravel(each) for each in (here, _initial(began, name)))
+        if given.value is not None and not any(np.array_equal(each, np.ravel(given.value)) for each in same):
             other.append(name)
     if other:
         console.print(
             f"note: {', '.join(other)}: as in the given parameters; what the study states of free ones only says where "
             "a fit begins"
         )
+
+
+def _initial(began: Mapping[str, Any], name: str) -> Any:
+    """Where a fit began with a parameter, or with one entry of it."""
+    base, _, index = name.removesuffix("]").partition("[")
+    whole = began.get(base)
+    return whole[int(index)] if index and isinstance(whole, list) and int(index) < len(whole) else whole
 
 
 def parameters_of(study: Study) -> dict[str, ParameterValue]:

@@ -23,6 +23,9 @@ from .tables import AnyStudy, Study, TraceEntry
 EXAMPLE = pathlib.Path(__file__).parents[1] / "example" / "study.toml"
 """The study that runs when none is named."""
 
+FORMAT = 2
+"""Of what is kept of computations that are not finished: one of another format begins again."""
+
 
 class TraceSource(TraceEntry):
     """One trace file of a study after patterns are expanded."""
@@ -103,7 +106,7 @@ def _check_names(sources: list[TraceSource]) -> None:
 
 def fingerprint(study: Study, sources: list[TraceSource], parameters: dict[str | None, dict[str, Any]]) -> str:
     """SHA-256 over all that a result depends on: version, study, names and bytes of its traces, given parameters."""
-    digest = hashlib.sha256(importlib.metadata.version("vgtjax").encode())
+    digest = hashlib.sha256(f"{importlib.metadata.version('vgtjax')} {FORMAT}".encode())
     digest.update(repr(study.model_dump()).encode())  # JSON knows no infinity
     for source in sources:
         digest.update(repr((source.name, source.unit, source.use)).encode())

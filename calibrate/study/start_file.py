@@ -112,6 +112,12 @@ def load_values(path: pathlib.Path, unit: str | None, study: Study, model: vgtja
     return _values(*read_parameters(path, unit), study, model)
 
 
+def load_beginning(path: pathlib.Path, unit: str | None) -> dict[str, Any]:
+    """Where the fit began that a file is of, by name, as far as it says so."""
+    _, content = read_parameters(path, unit)
+    return {name: fields["initial"] for name, fields in content["parameters"].items() if "initial" in fields}
+
+
 def _values(path: pathlib.Path, content: dict[str, Any], study: Study, model: vgtjax.AbstractModel) -> dict[str, Any]:
     _require_same_model(path, content, study)
     table = vgtjax.parameter_table(model)

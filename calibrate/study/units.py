@@ -28,7 +28,7 @@ from .models import (
 )
 from .places import StudyError, of_study
 from .read import EXAMPLE, TraceSource, expand_traces, fingerprint, hash_file, load_study
-from .start_file import FoundDuty, load_duties, load_values
+from .start_file import FoundDuty, load_beginning, load_duties, load_values
 from .tables import Sensor, Study
 
 
@@ -129,7 +129,7 @@ def prepare(
         given[name] = {**values, "duties": duties}
         with contextlib.nullcontext() if values else of_study():  # the file of an earlier fit has a name of its own
             start, bounds = start_model(model, study, values)
-        say_not_as_stated(start, study)
+        say_not_as_stated(start, study, {} if parameters is None else load_beginning(parameters, name))
         needs = (*start.needs, *(("x_d|p_act",) if to_fit else ()))
         mine = [source for source in sources if source.unit == name]
         traces = [(source.use, load_source(source, start, bounds, needs)) for source in mine]

@@ -93,19 +93,23 @@ class Truth:
         again = [
             trace if sensor is None else sensor.again(trace, rng) for trace, sensor in zip(traces, sensors, strict=True)
         ]
-        return dataclasses.replace(self.task, fit=again, validate=[], centers=_known_again(self.task, rng))
+        return dataclasses.replace(_known_again(self.task, rng), fit=again, validate=[])
 
 
-def _known_again(task: Task, rng: np.random.Generator) -> dict[str, float]:
-    """What the priors of a task are about when all that told them is done once more, and the task's values are true."""
+def _known_again(task: Task, rng: np.random.Generator) -> Task:
+    """A task with what its priors are about when all that told them is done once more, and its values are true; as wide
+    as they were in what moves."""
     prior, transform, entries = task.prior, task.transform({}), task.selection.entries
     if prior is None:
-        return task.centers
+        return task
     precision = prior.precision[: len(entries)]
     truth = np.asarray(transform.to_coordinates(np.asarray(task.selection.pack(task.model))))
     errors = rng.standard_normal(len(entries)) / np.where(precision > 0, precision, np.inf)
-    drawn = np.asarray(transform.to_physical(truth + errors)).tolist()
-    return {entry: value for entry, value, known in zip(entries, drawn, precision, strict=True) if known > 0}
+    drawn, slope = (np.asarray(of(truth + errors)) for of in (transform.to_physical, transform.slope))
+    known = [place for place, each in enumerate(precision) if each > 0]
+    widths = {entries[place]: float(abs(slope[place]) / precision[place]) for place in known}
+    centers = {entries[place]: float(drawn[place]) for place in known}
+    return dataclasses.replace(task, centers=centers, deviations={**task.deviations, **widths})
 
 
 def _check_fitted(task: Task, sensors: Sensors) -> None:

@@ -64,8 +64,9 @@ def finishing(
     beside = {name: np.where(everything.determined, rows, 0.0) for name, rows in (yield from _beside(task, search))}
     beside |= {SLOW: np.where(everything.determined, lacking.directions, 0.0)}
     uncertainty = everything.first(count)
-    wanted = np.array(progress.wanted).reshape(-1, len(coordinates))[:, :count]
-    scatter = _scatter(uncertainty, wanted) + np.outer(lacking.delay[:count], lacking.delay[:count])
+    wanted = np.array(progress.wanted).reshape(-1, len(coordinates))
+    restless = np.sqrt(np.diag(_scatter(everything, wanted)))[-1:]
+    scatter = _scatter(uncertainty, wanted[:, :count]) + np.outer(lacking.delay[:count], lacking.delay[:count])
     window, windowed = _by_windows(task, search, everything)
     moved = {name: _as_one(name, rows[:, :count]) for name, rows in beside.items() if len(rows)}
     budget = _budget(uncertainty, scatter, moved, slope[:count], windowed[:count], window)
@@ -76,7 +77,7 @@ def finishing(
     model = _unpack(task.selection, task.model, values)
     late = task.late_duty and progress.coordinates[-1] != 0.0
     delay = float(found[-1]) if late else 0.0
-    of_delay = slope[-1] * np.linalg.norm([everything.std_errors[-1], lacking.delay[-1], *rows[:, -1]])
+    of_delay = slope[-1] * np.linalg.norm([everything.std_errors[-1], lacking.delay[-1], *rows[:, -1], *restless])
     # What traces hardly answer leaves them as they are, as do both readings of the duty that meet them, whatever a
     # linear model says of it.
     unfelt = np.concatenate([beside[HOLD], beside[SLOW]])[:, :count]
@@ -155,7 +156,9 @@ def _by_windows(
     interval = float(np.median([trace.longest_interval for trace in task.fit]))
     longest = len(scores) / (WINDOWS * columns.shape[1])
     length = max(1, round(min(WINDOW / interval, longest)))
-    bread = found.covariance / max(found.scale, 1e-300)
+    few, bread = point.reduced, found.covariance / max(found.scale, 1e-300)
+    if point.known:  # a covariance is no inverse then that is scaled
+        bread = least_squares(few.columns, few.residuals).covariance
     with np.errstate(over="ignore", invalid="ignore"):  # of a value that ran away
         # Scores are of any size, where derivatives explode, and what they move coordinates by is not.
         moved, known = scores @ bread, before @ bread
@@ -207,27 +210,30 @@ def _moved_by_inputs(task: Task, search: LevenbergMarquardt) -> Steps[Rows]:
     """How far every coordinate moves, to first order, when the pressure that drives a trace is measured once more: one
     row for each trace and experiment, whose products add up to a covariance.
 
-    **Raises:** `SimulationError` where no experiment can be simulated; where some can't, the others count.
+    **Raises:** `SimulationError` for a trace of which no experiment can be simulated; where some can't, others count.
     """
     problem, owner = search.problem, search.problem.owner
     here, rng = np.asarray(search.progress.coordinates), np.random.default_rng(SEED)
     if not any(task.inputs):
         return np.zeros((0, len(here)))
-    asked, moves = problem.evaluation(here), []
-    before = yield from ask(asked)
+    asked = problem.evaluation(here)
+    before, moves = (yield from ask(asked)), [list[Coordinates]() for _ in task.traces]
     for _ in range(EXPERIMENTS):
         traces = [
             trace if sensor is None else sensor.again(trace, rng)
             for trace, sensor in zip(task.traces, task.inputs, strict=True)
         ]
-        after = yield from ask(dataclasses.replace(asked, bundles=bundle_traces(task.model, traces, task.steps)))
-        if after.failed:
-            continue
+        bundles = bundle_traces(task.model, traces, task.steps)
+        after = yield from ask(dataclasses.replace(asked, bundles=bundles))
         change = problem.residuals_of(after.observed) - problem.residuals_of(before.observed)
-        moves += [_followed(search, np.where(owner == trace, change, 0.0)) for trace in range(len(traces))]
-    if not moves:
-        raise SimulationError(f"no trace can be simulated with its drive measured once more: {after.failure}")
-    return np.array(moves) / np.sqrt(len(moves) / len(task.traces))
+        for number, failure in enumerate(after.failures(bundles)):
+            if not failure:
+                moves[number].append(_followed(search, np.where(owner == number, change, 0.0)))
+    if lost := [trace.name for trace, mine in zip(task.traces, moves, strict=True) if not mine]:
+        raise SimulationError(
+            f"{', '.join(lost)} can't be simulated with a drive that is measured once more: {after.failure}"
+        )
+    return np.concatenate([np.array(mine) / np.sqrt(len(mine)) for mine in moves])
 
 
 def _bands(task: Task, search: LevenbergMarquardt, covariance: Covariance, lacking: Coordinates) -> Steps[Bands]:

@@ -7,6 +7,7 @@ is left the explanation counts that needs the smaller delay.
 
 import dataclasses
 import itertools
+import math
 from collections.abc import Container, Sequence
 
 import numpy as np
@@ -34,10 +35,11 @@ class Holds:
 
 
 def sample_interval(trace: Trace) -> float:
-    """Usual time in s between samples of the duty of a trace, to two digits: the same for clocks that run a little
-    differently."""
+    """Usual time in s between samples of the duty of a trace, to a tenth of a millisecond, or two digits of less than
+    one: the same for clocks that run a little differently."""
     duty = trace.channels.get("pwm")
-    return float(f"{np.median(np.diff(trace.time if duty is None else duty.time)):.1e}")
+    interval = float(np.median(np.diff(trace.time if duty is None else duty.time)))
+    return round(interval, max(4, 1 - math.floor(math.log10(interval))))
 
 
 def read_holds(

@@ -111,9 +111,14 @@ class Point:
         """Uncertainty at the minimum by this linear problem, of `count` independent measurements."""
         if not self.known:
             return estimate_uncertainty(self.reduced.residuals, self.reduced.columns, count)
-        few, columns = reduce_rows(self.residuals[: -self.known], self.columns[: -self.known])
+        few, columns = self._measured
         residuals = np.concatenate([few, self.residuals[-self.known :]])
         return estimate_uncertainty(residuals, np.vstack([columns, self.columns[-self.known :]]), count, self.known)
+
+    @functools.cached_property
+    def _measured(self) -> tuple[np.ndarray, np.ndarray]:
+        """`reduced` without what is known beforehand."""
+        return reduce_rows(self.residuals[: -self.known], self.columns[: -self.known])
 
     @property
     def chi2(self) -> float:

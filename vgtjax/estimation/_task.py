@@ -3,6 +3,7 @@
 import collections
 import dataclasses
 import functools
+import itertools
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, cast, get_args
 
@@ -21,7 +22,6 @@ from ..parameters import (
     parameter_table,
     replace_parameters,
     select,
-    table_row,
     unknown_name,
 )
 from ..plants import AbstractModel, bare
@@ -221,7 +221,7 @@ def plan_task(
         found = instrumented(model, selection, fit, unknown, gains, dict(offsets or {}))
         model, selection, known, fit = found.model, found.selection, known | found.deviations, found.traces
         gains = {channel: part for channel, part in gains.items() if channel not in unknown.gain}
-    return Task(
+    task = Task(
         model,
         selection,
         fit,
@@ -230,22 +230,24 @@ def plan_task(
         channels,
         unknown=unknown,
         deviations=known,
-        centers=_centers(model, centers or {}),
         scales=_scales_by_entry(model, scales or {}),
         starts=starts,
         gains=gains,
         inputs=inputs,
     )
+    return dataclasses.replace(task, centers=_centers(task, centers)) if centers else task
 
 
 def _named_apart(traces: Sequence[Trace]) -> list[Trace]:
     """Traces by which results are told apart: those that have one name between them are numbered."""
-    counts, seen = collections.Counter(trace.name for trace in traces), collections.Counter[str]()
-    named = []
+    counts = collections.Counter(trace.name for trace in traces)
+    taken, named = set(counts), []
     for trace in traces:
-        seen[trace.name] += 1
-        alone = counts[trace.name] == 1
-        named.append(trace if alone else trace.replace(name=f"{trace.name} {seen[trace.name]}"))
+        if counts[trace.name] > 1:
+            name = next(name for k in itertools.count(1) if (name := f"{trace.name} {k}") not in taken)
+            taken.add(name)
+            trace = trace.replace(name=name)
+        named.append(trace)
     return named
 
 
@@ -280,12 +282,19 @@ def _deviations(model: AbstractModel, deviations: Mapping[str, float]) -> dict[s
     return _by_entry(model, deviations, "deviations")
 
 
-def _centers(model: AbstractModel, centers: Mapping[str, float]) -> dict[str, float]:
-    found, table = _by_entry(model, centers, "centers"), parameter_table(model)
-    for entry, center in found.items():
-        if table_row(table, entry).positive:
+def _centers(task: Task, centers: Mapping[str, float]) -> dict[str, float]:
+    """Of entries that are free."""
+    found, positive = _by_entry(task.model, centers, "centers"), task.transform({}).positive
+    by_logarithm = dict(zip(task.selection.entries, positive.tolist(), strict=True))
+    mine = {entry: center for entry, center in found.items() if entry in by_logarithm}
+    for entry, center in mine.items():
+        if by_logarithm[entry]:
             require_positive(f"what a prior of {entry} is about", center, "number", "correct it")
-    return found
+        elif not np.isfinite(center):
+            raise InputError(
+                f"what a prior of {entry} is about must be a finite number, but it is {center}; correct it", "centers"
+            )
+    return mine
 
 
 def _by_entry(model: AbstractModel, stated: Mapping[str, float], argument: str) -> dict[str, float]:

@@ -88,7 +88,8 @@ class Linearised:
             farthest = FARTHEST * ranges[bundle.numbers[bundle.lane_trace]]
             with np.errstate(over="ignore", invalid="ignore"):
                 sizes = np.linalg.norm(columns * slope, axis=-1)
-            found.append(np.where((sizes <= farthest[:, None])[..., None], columns, 0.0))
+            believed = sizes <= farthest[:, None]
+            found.append(columns if np.all(believed) else np.where(believed[..., None], columns, 0.0))
         return found
 
     def weighed(self, sensors: Sensors) -> "Weighed":
@@ -156,10 +157,16 @@ class Weighed:
         """Sum of the squared residuals."""
         return float(self.residuals @ self.residuals)
 
-    @property
-    def misfit(self) -> float:
-        """The same with the squared distances from what is known beforehand."""
-        return self.chi2 + float(self.distances @ self.distances)
+    @functools.cached_property
+    def rank(self) -> int:
+        """Number of directions that the traces determine, whatever is known beforehand."""
+        if not len(self.distances):
+            return self.uncertainty.rank
+        return estimate_uncertainty(*reduce_rows(self.residuals, self.columns), self.count).rank
+
+    def misfit(self, scale: float = 1.0) -> float:
+        """`chi2` of noise with the variance `scale`, and the squared distances from what is known beforehand."""
+        return self.chi2 / scale + float(self.distances @ self.distances)
 
     @functools.cached_property
     def by_block(self) -> Blocks:

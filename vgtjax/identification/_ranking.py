@@ -83,6 +83,12 @@ class Ranking:
         """The others that might have won, as their fits may be used."""
         return [row.name for row in self.rows if not row.reason and row.name != self.best]
 
+    @property
+    def undecided(self) -> list[str]:
+        """The best, where something speaks for another one, and these."""
+        left = [name for name in self.rivals if self.against[name].open]
+        return [self.best, *left] if left and self.best is not None else left
+
     def doubting(self, name: str, doubt: str) -> "Ranking":
         """The same ranking with a doubt about the duel with one of the others."""
         duel = dataclasses.replace(self.against[name], doubt=doubt)
@@ -120,9 +126,9 @@ def rank(outcomes: Mapping[str, Outcome], wider: Mapping[str, Sequence[str]] | N
         fits[name] = fit if name == likeliest else (yield from _at_best(fit, common))
     weighed = {name: fit.weighed(common) for name, fit in fits.items()}
     leader = weighed[likeliest]
-    scale = max(1.0, leader.chi2 / (leader.count - leader.uncertainty.rank))
+    scale = max(1.0, leader.chi2 / (leader.count - leader.rank))
     penalty = float(np.log(leader.count))
-    criteria = {name: each.misfit / scale + each.uncertainty.rank * penalty for name, each in weighed.items()}
+    criteria = {name: each.misfit(scale) + each.rank * penalty for name, each in weighed.items()}
     best = min(able, key=criteria.__getitem__)
     unseen = _score(fits, weighed)
     remains = find_remains(fits[best].calibration)
@@ -156,7 +162,7 @@ def _duel(best: _Contender, other: _Contender, scale: float, needed: tuple[float
     """The best fit against another one; `agreed` is whether the noise of that one would choose the same."""
     # Where a full linear step promises a rival more, it is given that: it may not be at its end in these weights.
     promised = other.weighed.uncertainty.gain / scale
-    by_fit = (other.weighed.misfit - best.weighed.misfit) / scale - promised
+    by_fit = other.weighed.misfit(scale) - best.weighed.misfit(scale) - promised
     difference = other.criterion - promised - best.criterion
     steadiness = _favour(other.weighed.by_block - best.weighed.by_block, promised * scale)
     elsewhere = None
@@ -239,7 +245,7 @@ def own_criterion(fit: Linearised) -> float:
     """Schwarz's criterion with the noise that a fit itself has found."""
     own = fit.weighed(fit.calibration.sensors)
     levels = sum(sensor.cost for sensors in fit.calibration.sensors for sensor in sensors.values())
-    return own.misfit + levels + own.uncertainty.rank * float(np.log(own.count))
+    return own.misfit() + levels + own.rank * float(np.log(own.count))
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -291,4 +297,4 @@ def _row(
         return Row(name, reason)
     each = weighed[name]
     score = None if unseen is None else float(np.sum(unseen.blocks[name])) / unseen.count
-    return Row(name, reason, each.chi2, each.uncertainty.rank, criteria[name], score)
+    return Row(name, reason, each.chi2, each.rank, criteria[name], score)

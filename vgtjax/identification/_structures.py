@@ -116,11 +116,12 @@ def _better(ranking: Ranking, now: str) -> str:
     return ranking.best if unusable_now or not ranking.against[now].doubt else now
 
 
-def _pairs(rankings: Mapping[str, Ranking]) -> list[tuple[tuple[str, str], tuple[str, str]]]:
-    """A component and a variant that is beaten, and another component and one that is not, all with fits that may be
-    used. One that contains the best as a limit is left out: it always meets the traces as well."""
+def _pairs(rankings: Mapping[str, Ranking], base: Structure) -> list[tuple[tuple[str, str], tuple[str, str]]]:
+    """A component and a variant that is beaten, and another component and one that is not told from that of the base,
+    all with fits that may be used. One that contains the best as a limit is left out: it always meets the traces as
+    well."""
     beaten = [(name, row) for name, each in rankings.items() for row in each.rivals if not each.against[row].doubt]
-    left = [(name, row) for name, each in rankings.items() for row in each.rivals if each.against[row].open]
+    left = [(name, row) for name, each in rankings.items() for row in each.undecided if row != base[name]]
     return [(one, other) for one, other in itertools.product(beaten, left) if one[0] != other[0]]
 
 
@@ -162,18 +163,26 @@ class _Search:
         """Rankings in which nothing is beaten that is not so beside each undecided variant of another component, and
         the structure to go on with: one with both changed, where that is better beyond doubt."""
         found = dict(rankings)
-        for (component, beaten), (other, variant) in _pairs(rankings):
+        for (component, beaten), (other, variant) in _pairs(rankings, base):
             both = {**base, component: beaten, other: variant}
-            with self._ahead([both]):
+            with self._ahead([both] if _key(both) not in self._fits else []):
                 yield from self._fit_beside(both, self._beside({**base, other: variant}))
             now, name = base[component], f"{beaten} with {variant}"
-            ranking = yield from rank({now: self._fits[_key(base)], name: self._fits[_key(both)]})
+            ranking = yield from self._duel(base, both, now, name)
             if _better(ranking, now) != now:
                 return found, both
             duel = ranking.against[name if ranking.best == now else now]
             if duel.doubt:
                 found[component] = found[component].doubting(beaten, f"with {variant} as {other}: {duel.doubt}")
         return found, base
+
+    def _duel(self, base: Structure, both: Structure, now: str, name: str) -> Steps[Ranking]:
+        """Two structures under these names; if the base does not lead, it has begun at the end of the other as well."""
+        ranking = yield from rank({now: self._fits[_key(base)], name: self._fits[_key(both)]})
+        if ranking.best != name or _key(base) in self._again:
+            return ranking
+        yield from self._fit(base, Begin(self._values(both), again=True))
+        return (yield from rank({now: self._fits[_key(base)], name: self._fits[_key(both)]}))
 
     def _fit_beside(self, structure: Structure, begin: Begin) -> Steps[None]:
         """A fit from the values of another structure or, if these can't be simulated, from its own."""

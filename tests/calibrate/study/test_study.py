@@ -158,6 +158,23 @@ def test_an_earlier_fit_goes_before_what_the_study_states_of_free_parameters(fol
     assert "\nnote: diaphragm.mass: as in the given parameters; what the study" in f"\n{capsys.readouterr().out}"
 
 
+def test_of_a_vector_what_is_held_stays_as_stated(folder):
+    stated, earlier = [1.0, 2.0, 3.0, 4.0, 5.0], [7.0, 8.0, 9.0, 10.0, 11.0]
+    (folder / "p.json").write_text(
+        json.dumps({"model": "full", "parameters": {"converter.magnetic_force": {"value": earlier}}})
+    )
+    study = '[[trace]]\nfile = "bench.csv"\n[fit]\nfree = ["converter.magnetic_force[2]"]\n[parameters]\n'
+    for line, expected in (
+        (f'"converter.magnetic_force" = {{value = {stated}}}', [1.0, 2.0, 9.0, 4.0, 5.0]),
+        ('"converter.magnetic_force[0]" = {value = 1.0}', [1.0, *earlier[1:]]),
+        ('"converter.magnetic_force[2]" = {value = 1.0}', earlier),
+    ):
+        (unit,) = prepared(folder, f"{study}{line}\n", folder / "p.json").units
+        assert np.asarray(vgtjax.get_parameter(unit.model, "converter.magnetic_force")).tolist() == expected
+    with pytest.raises(vgtjax.InputError, match="needs 5 numbers under value, but it has 2"):
+        prepared(folder, f'{study}"converter.magnetic_force" = {{value = [1.0, 2.0]}}\n', folder / "p.json")
+
+
 def test_an_earlier_fit_must_keep_to_the_bounds_too(folder):
     (folder / "p.json").write_text(json.dumps({"model": "full", "parameters": {"diaphragm.mass": {"value": 0.5}}}))
     study = '[[trace]]\nfile = "bench.csv"\n[parameters]\n"diaphragm.mass" = {lower = 0.6}\n'

@@ -133,6 +133,9 @@ def test_what_is_known_beforehand_is_told_anew_in_every_campaign(task, truth):
         expected = deviation * TRUTH[entry] / stated.centers.get(entry, TRUTH[entry])
         assert found.mean() == pytest.approx(TRUTH[entry], abs=4 * expected / np.sqrt(200))
         assert found.std() == pytest.approx(expected, rel=0.2)  # four standard errors of 200 draws
-    assert drawn[0].deviations == known
+    # A refit believes a prior as wide as it was drawn, also where the logarithm is of another value.
+    width = 1e-6 / 7e-5
+    for each in drawn[:5]:
+        assert each.prior.precision[task.selection.entries.index("chamber.volume")] == pytest.approx(1 / width)
     # Noise of the traces is as it was without.
     np.testing.assert_array_equal(drawn[3].fit[0].x_d, truth.campaign(3, 0).fit[0].x_d)

@@ -84,6 +84,8 @@ def test_what_only_a_prior_tells_is_known_as_well_as_that_says():
     assert wrong.uncertainty.scale > 50
     assert error_of(wrong, "diaphragm.travel") == pytest.approx(2e-4, rel=1e-9)
     assert wrong.determined.all()
+    place = wrong.task.selection.entries.index("diaphragm.travel")
+    assert wrong.budget.windowed[place] == pytest.approx(2e-4, rel=1e-6)
 
 
 def test_a_prior_may_be_about_another_value_than_the_start():
@@ -98,9 +100,14 @@ def test_a_prior_may_be_about_another_value_than_the_start():
     assert value_of(ends[0], "chamber.volume") == pytest.approx(6.0e-5, rel=0.01)
 
 
-def test_a_prior_about_what_is_not_positive_is_refused():
-    with pytest.raises(vgtjax.InputError, match=r"what a prior of chamber.volume is about must be a positive number"):
-        plan_task(vgtjax.Actuator(), [bench(0)], free=FREE, centers={"chamber.volume": -1.0})
+def test_a_prior_about_what_can_not_be_is_refused():
+    """Of what is free: a tolerance of what is held may be about zero."""
+    bad = {"chamber.volume": (-1.0, "a positive"), "diaphragm.preload": (np.nan, "a finite")}
+    for name, (value, kind) in bad.items():
+        with pytest.raises(vgtjax.InputError, match=rf"what a prior of {name} is about must be {kind} number"):
+            plan_task(vgtjax.Actuator(), [bench(0)], free=FREE, centers={name: value})
+    known = {"deviations": {"diaphragm.damping": 2.0}, "centers": {"diaphragm.damping": 0.0}}
+    assert plan_task(vgtjax.Actuator(), [bench(0)], free=FREE, **known).centers == {}
 
 
 def test_the_tolerance_of_what_is_held_goes_into_every_error(plain):

@@ -142,7 +142,8 @@ def test_a_calibration_has_it_in_its_errors_and_their_budget(ended, monkeypatch)
     found = ended.finish()
     more = found.uncertainty.covariance - before.uncertainty.covariance
     np.testing.assert_allclose(more, np.outer(lacking[:-1], lacking[:-1]), rtol=1e-6)
-    assert found.duty_delay_error == pytest.approx(found.transform.scale[-1] * np.sqrt(10) * bare[-1])
+    grown = np.sqrt(found.duty_delay_error**2 - before.duty_delay_error**2)
+    assert grown == pytest.approx(found.transform.scale[-1] * 3 * bare[-1])
     np.testing.assert_allclose(found.budget.combined, found.std_errors, rtol=1e-6)
     # In a band, values and delay cancel as they do in what is seen; what corrections scattered is beside it.
     search, units = ended.minimiser, found.transform.slope(ended.minimiser.slopes.at)

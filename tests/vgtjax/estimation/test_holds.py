@@ -52,8 +52,11 @@ def test_the_interval_is_that_of_the_duty_whatever_the_other_clocks():
     assert sample_interval(Trace(position, x_d=0 * position)) == pytest.approx(FAST)
 
 
-@pytest.mark.parametrize(("rate", "interval"), [(100, 1e-2), (333, 3e-3), (3e3, 3.3e-4), (2e4, 5e-5), (5e4, 2e-5)])
+@pytest.mark.parametrize(
+    ("rate", "interval"),
+    [(60, 0.0167), (80, 0.0125), (100, 1e-2), (333, 3e-3), (3e3, 3.3e-4), (2e4, 5e-5), (5e4, 2e-5)],
+)
 def test_an_interval_is_the_same_for_clocks_that_differ_a_little_at_any_rate(rate, interval):
     for factor in (0.999, 1.0, 1.001):
-        time = np.arange(50) * factor / rate
+        time = 1000.0 + np.arange(50) * factor / rate
         assert sample_interval(Trace(time=time, pwm=np.zeros(50))) == interval

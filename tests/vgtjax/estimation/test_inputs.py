@@ -71,7 +71,7 @@ def test_what_cant_be_simulated_with_fresh_noise_does_not_count_as_no_error(foun
 
     monkeypatch.setattr(_finish, "ask", ask)
     if len(fails) == 5:
-        with pytest.raises(vgtjax.SimulationError, match="no trace can be simulated with its drive measured once more"):
+        with pytest.raises(vgtjax.SimulationError, match="can't be simulated with a drive that is measured once more"):
             run_alone(_finish._moved_by_inputs(found.task, calibrator.minimiser))
         return
     moves = run_alone(_finish._moved_by_inputs(found.task, calibrator.minimiser))

@@ -74,6 +74,7 @@ def test_what_is_known_beforehand_predicts_as_another_row(problem):
     predicted = left[:64] + columns[:64] @ step
     assert np.sum(found.left_out[:BLOCKS]) == pytest.approx(predicted @ predicted, rel=1e-9)
     assert found.uncertainty.gain == pytest.approx(0.0, abs=1e-9)
+    assert (found.rank, found.uncertainty.rank) == (5, 5)
     # The noise is one here; without its prior the value has an error ten times as large.
     assert found.uncertainty.std_errors[1] == pytest.approx(1 / prior[1, 1], rel=0.01)
-    assert found.misfit - found.chi2 == pytest.approx(left[192:] @ left[192:])
+    assert found.misfit(4.0) - found.chi2 / 4 == pytest.approx(left[192:] @ left[192:])
