@@ -83,12 +83,6 @@ class Ranking:
         """The others that might have won, as their fits may be used."""
         return [row.name for row in self.rows if not row.reason and row.name != self.best]
 
-    @property
-    def undecided(self) -> list[str]:
-        """The best, where something speaks for another one, and these."""
-        left = [name for name in self.rivals if self.against[name].open]
-        return [self.best, *left] if left and self.best is not None else left
-
     def doubting(self, name: str, doubt: str) -> "Ranking":
         """The same ranking with a doubt about the duel with one of the others."""
         duel = dataclasses.replace(self.against[name], doubt=doubt)

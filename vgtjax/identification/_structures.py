@@ -121,8 +121,14 @@ def _pairs(rankings: Mapping[str, Ranking], base: Structure) -> list[tuple[tuple
     all with fits that may be used. One that contains the best as a limit is left out: it always meets the traces as
     well."""
     beaten = [(name, row) for name, each in rankings.items() for row in each.rivals if not each.against[row].doubt]
-    left = [(name, row) for name, each in rankings.items() for row in each.undecided if row != base[name]]
+    left = [(name, row) for name, each in rankings.items() for row in _undecided(each, base[name])]
     return [(one, other) for one, other in itertools.product(beaten, left) if one[0] != other[0]]
+
+
+def _undecided(ranking: Ranking, now: str) -> list[str]:
+    """Variants of a component that may be right instead of the one of a structure."""
+    leading = [ranking.best] if ranking.best not in (None, now) else []
+    return [*leading, *(name for name in ranking.rivals if name != now and ranking.against[name].open)]
 
 
 class _Search:
@@ -164,16 +170,17 @@ class _Search:
         the structure to go on with: one with both changed, where that is better beyond doubt."""
         found = dict(rankings)
         for (component, beaten), (other, variant) in _pairs(rankings, base):
-            both = {**base, component: beaten, other: variant}
+            beside = {**base, other: variant}
+            both, now = {**beside, component: beaten}, base[component]
             with self._ahead([both] if _key(both) not in self._fits else []):
-                yield from self._fit_beside(both, self._beside({**base, other: variant}))
-            now, name = base[component], f"{beaten} with {variant}"
-            ranking = yield from self._duel(base, both, now, name)
-            if _better(ranking, now) != now:
+                yield from self._fit_beside(both, self._beside(beside))
+            if _better((yield from self._duel(base, both, "now", "both")), "now") == "both":
                 return found, both
-            duel = ranking.against[name if ranking.best == now else now]
-            if duel.doubt:
-                found[component] = found[component].doubting(beaten, f"with {variant} as {other}: {duel.doubt}")
+            ranking = yield from rank({now: self._fits[_key(beside)], beaten: self._fits[_key(both)]})
+            duel = ranking.against[beaten if ranking.best == now else now]
+            why = duel.doubt or ("" if ranking.best == now else f"it is better by {duel.difference:.3g}")
+            if why:
+                found[component] = found[component].doubting(beaten, f"with {variant} as {other}: {why}")
         return found, base
 
     def _duel(self, base: Structure, both: Structure, now: str, name: str) -> Steps[Ranking]:
