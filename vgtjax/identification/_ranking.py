@@ -102,6 +102,10 @@ ASTRAY = 1000.0
 it differently between samples: a search has gone astray, and chi^2 may be off by hundreds. A campaign with a squared
 Stribeck curve seemed to decide for a plain one by 15, one with a vane force by distance for one by speed by 369."""
 
+RESTLESS = 100.0
+"""Difference of the criterion that decides where corrections of a fit have not settled: its chi^2 goes to and fro by
+tens. Two campaigns decided for the wrong exponent of the Stribeck curve by 10 and 19 so."""
+
 
 def rank(outcomes: Mapping[str, Outcome], wider: Mapping[str, Sequence[str]] | None = None) -> Steps[Ranking]:
     """Ranks fits of the same traces, as a computation.
@@ -165,6 +169,7 @@ def _duel(best: _Contender, other: _Contender, scale: float, needed: tuple[float
     duellists = (best.fit, other.fit)
     doubt = (
         _doubt((difference, by_fit, steadiness), elsewhere, needed, agreed=agreed)
+        or _restless(difference, duellists)
         or _astray(difference, duellists)
         or _read_otherwise(difference, duellists)
     )
@@ -190,6 +195,17 @@ def _doubt(
     if unseen is not None and unseen < -CONTRARY:
         return f"traces not fitted favour the other by {-unseen:.2g} standard errors"
     return ""
+
+
+def _restless(difference: float, duellists: Sequence[Linearised]) -> str:
+    """Why a duel does not decide where the corrections of a fit have not settled."""
+    progresses = [each.calibration.progress for each in duellists]
+    if difference > RESTLESS or all(each.settled or not each.corrections for each in progresses):
+        return ""
+    return (
+        "corrections of a fit have not settled, so that its chi^2 goes to and fro by tens; the criterion differs by "
+        f"{difference:.3g}, {RESTLESS:g} would decide"
+    )
 
 
 def _astray(difference: float, duellists: Sequence[Linearised]) -> str:

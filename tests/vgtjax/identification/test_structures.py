@@ -21,7 +21,7 @@ from vgtjax.estimation import (
     start_calibration,
 )
 from vgtjax.estimation._searches import FAR_ABOVE, MOST_TO_GO, TRIED, _is_hopeless
-from vgtjax.identification import _structures, compare_structures
+from vgtjax.identification import _ranking, _structures, compare_structures
 from vgtjax.identification._ranking import ASTRAY, STRONG, Duel, Ranking, Row
 
 COUNT = 2000
@@ -193,6 +193,21 @@ def test_a_duty_that_comes_early_decides_only_what_is_far_apart(task, delay):
     near, far = ranked_beside(task, lambda name, fit: dataclasses.replace(fit, duty_delay=delay))
     assert bool(near.doubt) == (delay < 0)
     assert ("would come 1 ms early" in near.doubt) == (delay < 0)
+    assert not far.doubt
+
+
+@pytest.mark.parametrize("settled", [True, False])
+def test_a_fit_that_has_not_settled_decides_only_what_is_farther_apart(task, monkeypatch, settled):
+    monkeypatch.setattr(_ranking, "RESTLESS", ASTRAY)  # between the two that this task has
+
+    def restless(name, fit):
+        once = {"corrections": 1, "history": (*fit.progress.history, fit.progress.cost)}
+        progress = dataclasses.replace(fit.progress, **once, settled=settled or name != "near")
+        return dataclasses.replace(fit, progress=progress)
+
+    near, far = ranked_beside(task, restless)
+    assert bool(near.doubt) == (not settled)
+    assert ("have not settled" in near.doubt) == (not settled)
     assert not far.doubt
 
 
