@@ -21,9 +21,10 @@ from ..estimation import (
 
 Blocks = Float[np.ndarray, " blocks"]
 
-STRONG = 10.0
-"""Difference of the criterion that is very strong evidence (Kass and Raftery, 1995)."""
-NEEDED = dict(zip(VERDICTS, ((STRONG, 0.0), (3 * STRONG, 2.0), (10 * STRONG, 3.0)), strict=True))
+STRONG = 20.0
+"""Difference of the criterion that decides: twice what is very strong evidence (Kass and Raftery, 1995), as what is
+compared are the ends of two searches and not two maxima."""
+NEEDED = dict(zip(VERDICTS, ((STRONG, 0.0), (1.5 * STRONG, 2.0), (5 * STRONG, 3.0)), strict=True))
 """By what remains of the best: the difference that decides, and by how many standard errors of the scatter between
 blocks of time the traces must favour it (Vuong, 1989). Where even the best leaves structure all are wrong, and what
 speaks for one must do so everywhere; where it leaves noise, one spot may say all that there is to say."""
