@@ -56,8 +56,8 @@ def test_parameters_are_right_although_a_trace_begins_while_the_rod_moves(found)
 
 def test_gas_is_as_warm_as_its_chamber_allows_in_any_plant(cut):
     """Of the same parts put together in another way as well."""
-    chambers = {vgtjax.AdiabaticChamber(): STARTS, vgtjax.IsothermalChamber(): STARTS[:2]}
-    for chamber, starts in chambers.items():
+    chambers = ((vgtjax.AdiabaticChamber(), STARTS), (vgtjax.IsothermalChamber(), STARTS[:2]))
+    for chamber, starts in chambers:
         for plant in (vgtjax.Actuator(chamber=chamber), vgtjax.plants.Plant(AirPath(chamber=chamber))):
             task = plan_task(plant, [cut], free=FREE, unknown=Unknown())
             assert {entry for entry in task.selection.entries if entry.startswith("initial.")} == set(starts)
