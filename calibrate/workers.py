@@ -69,7 +69,7 @@ def _processes(units: int, cores: int) -> int:
     processes = max(1, min(wanted, left // NEEDED))
     if processes < wanted:
         console.print(
-            f"note: {processes} of {wanted} processes run at a time, as each may need {NEEDED / 2**30:g} GB of memory "
+            f"note: {processes} of {wanted} processes run at a time, as each may need {NEEDED / 2**30:g} GiB of memory "
             f"and {left / 2**30:.1f} are left"
         )
     return processes

@@ -50,6 +50,8 @@ def start_model(model: Any, study: Study, earlier: dict[str, Any]) -> tuple[Any,
 
 def _stated_before(start: Any, study: Study, earlier: Mapping[str, Any]) -> dict[str, ParameterValue]:
     """What a study states, with the values of free entries as the start has them where an earlier fit has these."""
+    if not earlier:
+        return parameters_of(study)
     free = set(select(start, study.fit.free, study.fit.fixed).entries)
     return {name: _behind(start, name, given, free, earlier) for name, given in parameters_of(study).items()}
 

@@ -70,4 +70,4 @@ def test_processes_are_as_many_as_units_cores_and_memory_allow(monkeypatch, caps
     monkeypatch.setattr(workers, "available_memory", lambda: room)
     assert workers._processes(units, cores) == processes
     said = capsys.readouterr().out
-    assert ("processes run at a time, as each may need 2 GB of memory" in said) == (processes < min(units, cores))
+    assert ("processes run at a time, as each may need 2 GiB of memory" in said) == (processes < min(units, cores))

@@ -205,8 +205,9 @@ def plan_task(
       not looked at.
     - `offsets`: the same of the offset of inputs, in their unit, where `unknown` frees them.
 
-    **Raises:** `InputError` for unknown names, another scale, a deviation or uncertainty that is not positive, a sensor
-    that can't be free, a search from no place, and when no trace is to be fitted.
+    **Raises:** `InputError` for unknown names, another scale, a deviation or uncertainty that is not positive, a
+    center that its entry can't have, a sensor that can't be free, a search from no place, and when no trace is to be
+    fitted.
     """
     model = replace_parameters(model, values or {})
     channels = model.sensed if channels is None else channels
