@@ -9,18 +9,12 @@ from ._bundle import CHANNELS
 from ._evaluation import Steps
 from ._evidence import EVIDENT, by_trace, learn_sensors
 from ._holds import Holds, read_holds, sample_interval
+from ._noise_met import meets_noise, most_left
 from ._point import Point
 from ._residuals import FitProblem
 from ._search import LevenbergMarquardt
 from ._sensors import left_over_noise
 from ._task import Task
-
-MEETS_NOISE = 1.05
-"""chi^2 per measurement up to which a model meets the noise; at 1.08 the levels of one unit were called linear that the
-plant had held."""
-NOISE_ERROR = 3.0
-"""Standard error of chi^2 per measurement, times the root of their number, as the noise is known from the traces
-themselves: of `noise_level`'s square, by drawing white noise."""
 
 
 def delay_told(task: Task, search: LevenbergMarquardt) -> Steps[float | None]:
@@ -29,11 +23,6 @@ def delay_told(task: Task, search: LevenbergMarquardt) -> Steps[float | None]:
     found = (yield from _with_delay(task, search)).uncertainty(search.problem.count)
     evident = bool(found.determined[-1] and abs(found.values[-1]) > EVIDENT * found.std_errors[-1])
     return float(search.progress.coordinates[-1] - found.values[-1]) if evident else None
-
-
-def meets_noise(search: LevenbergMarquardt) -> bool:
-    """Whether a search without corrections ended where the traces leave their noise, which few samples tell badly."""
-    return 2 * search.progress.searched <= _most_left(search)
 
 
 def _leaves_noise(task: Task, search: LevenbergMarquardt) -> bool:
@@ -50,18 +39,13 @@ def _leaves_noise(task: Task, search: LevenbergMarquardt) -> bool:
             mine = int(np.count_nonzero(sensor.trust))
             squares += mine * left_over_noise(sensor, measured, channel, left) ** 2
             count += mine
-    return bool(squares <= _most_left(search) * count)
+    return bool(squares <= most_left(search) * count)
 
 
 def leaves_only_noise(task: Task, search: LevenbergMarquardt) -> bool:
     """Whether a search ended where nothing is left that another reading of the duty could explain: noise, or outliers
     and filtered noise."""
     return meets_noise(search) or _leaves_noise(task, search)
-
-
-def _most_left(search: LevenbergMarquardt) -> float:
-    """Chi^2 a sample that noise may leave."""
-    return max(MEETS_NOISE, 1 + 2 * NOISE_ERROR / float(np.sqrt(search.problem.count)))
 
 
 def holds_of_duty(task: Task, search: LevenbergMarquardt) -> Steps[Holds | None]:

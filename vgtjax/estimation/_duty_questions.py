@@ -13,11 +13,11 @@ from ._duty import (
     holds_of_duty,
     leaves_only_noise,
     may_be_linear,
-    meets_noise,
 )
 from ._edges import NEAR_ENOUGH, ROUNDS, alike, edges_of, find_edges, moved, possible, show_in, whole_samples
 from ._evaluation import Steps
 from ._holds import PERCEPTIBLE, sample_interval
+from ._noise_met import meets_noise
 from ._progress import Progress, Report, quiet
 from ._searches import beginning_again
 

@@ -8,8 +8,8 @@ from .._errors import SimulationError
 from ._abstract_calibrator import AbstractCalibrator, C
 from ._beginning import first_progress, guess_of, guessed, transform_of
 from ._duties import RECORDED
-from ._duty import meets_noise
 from ._evaluation import Steps
+from ._noise_met import meets_noise
 from ._progress import LENGTHS, Progress, Report, quiet
 from ._task import Task
 

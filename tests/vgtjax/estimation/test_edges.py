@@ -16,9 +16,9 @@ from vgtjax.estimation import Progress, Unknown, _duty_questions, plan_task, sta
 from vgtjax.estimation._beginning import first_progress, problem_of
 from vgtjax.estimation._bundle import bundle_traces
 from vgtjax.estimation._duties import as_recorded
-from vgtjax.estimation._duty import meets_noise
 from vgtjax.estimation._edges import alike, edges_of, find_edges, possible, show_in, whole_samples
 from vgtjax.estimation._evaluation import Evaluation, ask
+from vgtjax.estimation._noise_met import meets_noise
 from vgtjax.estimation._point import misfit_at
 from vgtjax.estimation._programs import run_alone
 from vgtjax.estimation._progress import quiet
