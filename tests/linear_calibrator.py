@@ -6,8 +6,8 @@ import numpy as np
 
 from vgtjax import SimulationError
 from vgtjax.estimation import Progress, Unknown
-from vgtjax.estimation._abstract_calibrator import AbstractCalibrator
-from vgtjax.estimation._point import Point
+from vgtjax.estimation.search._abstract_calibrator import AbstractCalibrator
+from vgtjax.estimation.search._point import Point
 from vgtjax.parameters import Transform
 
 

@@ -1,13 +1,5 @@
 """Control of the position [chapter 5]: references, sensors, controllers, and the closed loop."""
 
-from ._adaptive_backstepping import (
-    AdaptiveBackstepping as AdaptiveBackstepping,
-    AdaptiveEstimate as AdaptiveEstimate,
-    Moment as Moment,
-)
-from ._adrc import ADRC as ADRC
-from ._backstepping import Backstepping as Backstepping
-from ._balance import ConstantDuty as ConstantDuty, StaticBalance as StaticBalance, holding_duty as holding_duty
 from ._base import (
     AbstractController as AbstractController,
     Measurement as Measurement,
@@ -22,72 +14,92 @@ from ._design import (
     positive as positive,
 )
 from ._design_model import DesignModel as DesignModel, DesignState as DesignState, Motion as Motion
-from ._differentiator import (
-    AbstractDifferentiator as AbstractDifferentiator,
-    FilteredDifference as FilteredDifference,
-    ImplicitLevantDifferentiator as ImplicitLevantDifferentiator,
-    LevantDifferentiator as LevantDifferentiator,
+from .controllers import (
+    ADRC as ADRC,
+    LQG as LQG,
+    PI as PI,
+    PID as PID,
+    AdaptiveBackstepping as AdaptiveBackstepping,
+    AdaptiveEstimate as AdaptiveEstimate,
+    Backstepping as Backstepping,
+    ConstantDuty as ConstantDuty,
+    FrictionCompensation as FrictionCompensation,
+    Knocker as Knocker,
+    LoadBackstepping as LoadBackstepping,
+    Moment as Moment,
+    ScheduledPI as ScheduledPI,
+    StaticBalance as StaticBalance,
+    WithFallback as WithFallback,
+    holding_duty as holding_duty,
 )
-from ._disturbances import (
-    AbstractAlteration as AbstractAlteration,
-    AbstractDisturbance as AbstractDisturbance,
-    AbstractDutyPath as AbstractDutyPath,
-    AbstractSensorFault as AbstractSensorFault,
-    AbstractSurroundings as AbstractSurroundings,
-)
-from ._engine_disturbances import (
-    CoilSupply as CoilSupply,
-    LateDuty as LateDuty,
-    TurbinePulsation as TurbinePulsation,
-)
-from ._fallback import WithFallback as WithFallback
-from ._friction_compensation import FrictionCompensation as FrictionCompensation
-from ._friction_observer import (
-    DualFrictionObserver as DualFrictionObserver,
-    FrictionEstimate as FrictionEstimate,
-    nominal_coefficients as nominal_coefficients,
-    slide as slide,
-)
-from ._knocker import Knocker as Knocker
-from ._linear_loop import LinearLoop as LinearLoop, linearise_loop as linearise_loop
-from ._load_backstepping import LoadBackstepping as LoadBackstepping
-from ._load_observer import LoadEstimate as LoadEstimate, LoadObserver as LoadObserver
-from ._loop import ClosedLoop as ClosedLoop, close_loop as close_loop, fade as fade
-from ._lqg import LQG as LQG
-from ._margins import Margins as Margins, margins as margins
-from ._measures import (
+from .loop import (
     BAND as BAND,
+    PROBES as PROBES,
+    ClosedLoop as ClosedLoop,
+    LinearLoop as LinearLoop,
+    Margins as Margins,
     StepAnswer as StepAnswer,
+    channels_used as channels_used,
     chatter as chatter,
+    close_loop as close_loop,
     effort as effort,
+    estimates as estimates,
+    fade as fade,
+    linearise_loop as linearise_loop,
+    margins as margins,
+    observability as observability,
     pressure_peak as pressure_peak,
     pressure_rms as pressure_rms,
+    replay as replay,
     sliding_share as sliding_share,
     step_answers as step_answers,
     tracking_peak as tracking_peak,
     tracking_rms as tracking_rms,
 )
-from ._observability import estimates as estimates, observability as observability
-from ._pid import PI as PI, PID as PID
-from ._pressure_observer import ObservedState as ObservedState, PressureObserver as PressureObserver
-from ._recurring import Draws as Draws, Periodic as Periodic
-from ._reference import (
+from .observers import (
+    AbstractDifferentiator as AbstractDifferentiator,
+    DualFrictionObserver as DualFrictionObserver,
+    FilteredDifference as FilteredDifference,
+    FrictionEstimate as FrictionEstimate,
+    ImplicitLevantDifferentiator as ImplicitLevantDifferentiator,
+    LevantDifferentiator as LevantDifferentiator,
+    LoadEstimate as LoadEstimate,
+    LoadObserver as LoadObserver,
+    ObservedState as ObservedState,
+    PressureObserver as PressureObserver,
+    nominal_coefficients as nominal_coefficients,
+    slide as slide,
+)
+from .surroundings import (
     SIGNAL_1_PERIOD as SIGNAL_1_PERIOD,
+    AbstractAlteration as AbstractAlteration,
+    AbstractDisturbance as AbstractDisturbance,
+    AbstractDutyPath as AbstractDutyPath,
+    AbstractSensorFault as AbstractSensorFault,
     AbstractSignal as AbstractSignal,
+    AbstractSurroundings as AbstractSurroundings,
+    CoilSupply as CoilSupply,
     Constant as Constant,
+    Draws as Draws,
     FadeIn as FadeIn,
+    LateDuty as LateDuty,
     Later as Later,
+    LostSensor as LostSensor,
+    Periodic as Periodic,
     Ramps as Ramps,
     Sampled as Sampled,
+    Scenario as Scenario,
+    Sensor as Sensor,
+    Sensors as Sensors,
     Sine as Sine,
     Steps as Steps,
+    StuckSensor as StuckSensor,
+    TurbinePulsation as TurbinePulsation,
+    at_rest as at_rest,
+    balanced_at as balanced_at,
     number as number,
+    quantise as quantise,
     reference_at as reference_at,
     signal_1 as signal_1,
     signal_2 as signal_2,
 )
-from ._replay import PROBES as PROBES, channels_used as channels_used, replay as replay
-from ._scenario import Scenario as Scenario, at_rest as at_rest, balanced_at as balanced_at
-from ._scheduled_pi import ScheduledPI as ScheduledPI
-from ._sensor_faults import LostSensor as LostSensor, StuckSensor as StuckSensor
-from ._sensors import Sensor as Sensor, Sensors as Sensors, quantise as quantise

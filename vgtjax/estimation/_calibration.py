@@ -11,20 +11,22 @@ from .._printing import Cells, Printed
 from ..parameters import Transform, parameter_table, table_row
 from ..plants import AbstractModel
 from ..traces import SIGNALS, Trace
-from ._budget import Budget
-from ._bundle import CHANNELS, Bundle, bundle_traces
-from ._duties import in_seconds, read_duties
-from ._evaluation import Evaluation, Steps, ask
-from ._evidence import by_trace
-from ._exact import taken_for_exact
-from ._holds import sample_interval
-from ._inputs import InputSensor
 from ._least_squares import NORMAL_95, LeastSquares
-from ._measured import Sensors, white_sensors
-from ._programs import run_alone
-from ._progress import Progress
-from ._sensors import Sensor, left_over_noise
 from ._task import RUNAWAY, Task
+from .derivatives import CHANNELS, Bundle, Evaluation, Steps, ask, bundle_traces, run_alone
+from .errors import Budget, taken_for_exact
+from .measurements import (
+    InputSensor,
+    Sensor,
+    Sensors,
+    by_trace,
+    in_seconds,
+    left_over_noise,
+    read_duties,
+    sample_interval,
+    white_sensors,
+)
+from .search import Progress
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

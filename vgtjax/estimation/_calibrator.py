@@ -9,35 +9,53 @@ from jaxtyping import Float
 from .._errors import InputError
 from ..parts import with_sharp_seat
 from ..simulation import model_dtype
-from ._abstract_calibrator import AbstractCalibrator
-from ._beginning import first_progress, problem_of, transform_of
 from ._calibration import Calibration
-from ._corrections import correcting
-from ._delay_response import unanswered
-from ._duty_questions import asking_beside_edges, asking_of_duty
-from ._edges import NEAR_ENOUGH, edges_of, find_edges, moved
-from ._evaluation import Evaluation, Steps, ask
-from ._evidence import (
+from ._finish import Lacking, finishing
+from ._task import Task
+from .derivatives import WIDE, Evaluation, Steps, ask, run_alone
+from .duty import (
+    NEAR_ENOUGH,
+    asking_beside_edges,
+    asking_of_duty,
+    edges_of,
+    find_edges,
+    moved,
+    reading_both_ways,
+    unanswered,
+    unanswered_directions,
+)
+from .measurements import (
     NEARBY,
+    FitProblem,
     by_trace,
     learn_sensors,
     observe_traces,
     sharp_bundles,
     simulated,
+    white_sensors,
 )
-from ._finish import Lacking, finishing
-from ._many_starts import from_many_starts
-from ._measured import white_sensors
-from ._point import Point
-from ._programs import WIDE, run_alone
-from ._progress import Progress, Report, quiet
-from ._readings import reading_both_ways
-from ._residuals import FitProblem
-from ._search import LevenbergMarquardt
-from ._searches import beginning_again, from_second_guess, giving_up, searching, searching_once, without_ceiling
-from ._slopes import Slopes, by_delay_alone, places_around
-from ._slow_response import unanswered_directions
-from ._task import Task
+from .search import (
+    AbstractCalibrator,
+    LevenbergMarquardt,
+    Point,
+    Progress,
+    Report,
+    Slopes,
+    beginning_again,
+    by_delay_alone,
+    correcting,
+    first_progress,
+    from_many_starts,
+    from_second_guess,
+    giving_up,
+    places_around,
+    problem_of,
+    quiet,
+    searching,
+    searching_once,
+    transform_of,
+    without_ceiling,
+)
 
 MISPLACED = 1e-4
 """s by which a delay may move before edges are read at other times; of a duty late by less the mean is taken."""

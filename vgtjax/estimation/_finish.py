@@ -11,18 +11,14 @@ from .._kept import keep_compiled
 from .._types import Coordinates
 from ..parameters import Selection
 from ..plants import bare
-from ._bands import Bands, predicted_spread
-from ._budget import Budget
-from ._bundle import CHANNELS, bundle_traces
 from ._calibration import Calibration, comparing
-from ._evaluation import Steps, ask
-from ._evidence import turns
 from ._found import found_besides, traces_met
-from ._granted import by_gains, uncertain_gains
 from ._least_squares import LeastSquares, finite_columns, least_squares, windowed_gram
-from ._measured import Sensors
-from ._search import LevenbergMarquardt
 from ._task import Task
+from .derivatives import CHANNELS, Steps, ask, bundle_traces
+from .errors import Bands, Budget, by_gains, predicted_spread, uncertain_gains
+from .measurements import Sensors, turns
+from .search import LevenbergMarquardt
 
 WINDOW = 0.25
 """s after which residuals should have forgotten each other: a rod's answer to a step of the duty is over then."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..parameters import parameter_table, table_row
 from ._calibration import Calibration
-from ._starts import REACHED
+from .search import REACHED
 
 EARLY = 3.0
 """Standard errors from which a duty that comes before its record says so is a fault: as evident as a late one."""

@@ -27,13 +27,19 @@ from ..parameters import (
 from ..plants import AbstractModel, bare
 from ..simulation import AbstractStepping, FixedStep
 from ..traces import SIGNALS, Trace
-from ._bundle import CHANNELS
-from ._duties import RECORDED, Late, Reading, read_duties
-from ._evidence import NOTHING, Unknown
-from ._inputs import InputSensor, read_inputs
-from ._instruments import instrumented
-from ._residuals import Prior
-from ._steps import StepsOfFit, lengthens
+from .derivatives import CHANNELS, StepsOfFit, lengthens
+from .measurements import (
+    NOTHING,
+    RECORDED,
+    InputSensor,
+    Late,
+    Prior,
+    Reading,
+    Unknown,
+    instrumented,
+    read_duties,
+    read_inputs,
+)
 
 RUNAWAY = 1e5
 """Factor by which a positive value may leave its start. In fits of twenty actuators none moves by more than 10^1.7;

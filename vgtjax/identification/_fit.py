@@ -10,9 +10,9 @@ from ..parameters import Bounds
 from ..parts import NoVaneForce
 from ..plants import AbstractModel, AbstractRodModel, require_physical
 from ..traces import Trace
-from ._axis import better_start, moves_at_start
 from ._filters import gas_pressure, has_gas
 from ._second_guess import second_guess
+from .mechanical import better_start, moves_at_start
 
 
 def fit(

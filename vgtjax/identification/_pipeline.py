@@ -13,18 +13,19 @@ from ..parts import AbstractVaneMap, ForcePolynomial
 from ..plants import Actuator, AirPath, MechanicalActuator, Plant
 from ..simulation import first_failure
 from ..traces import Trace
-from ._axis import identify_axis
-from ._dahl import identify_dahl
 from ._filters import has_gas
-from ._flow_areas import identify_flow_areas
-from ._lugre import identify_lugre
-from ._magnetic_force import identify_magnetic_force
-from ._mechanical_fit import mechanical_fit
-from ._plunger import identify_plunger
 from ._result import Identified, NotPossible, Test, bench_test
-from ._second_order import identify_mass_and_damping
-from ._spring import identify_spring
-from ._vane_force import identify_vane_map, identify_vane_polynomial
+from .mechanical import (
+    identify_axis,
+    identify_dahl,
+    identify_lugre,
+    identify_mass_and_damping,
+    identify_spring,
+    identify_vane_map,
+    identify_vane_polynomial,
+    mechanical_fit,
+)
+from .pneumatic import identify_flow_areas, identify_magnetic_force, identify_plunger
 
 SPRING = (identify_spring,)
 PNEUMATIC = (identify_magnetic_force, identify_flow_areas, identify_plunger)

@@ -9,9 +9,9 @@ import numpy as np
 from .._errors import InputError
 from ..plants import AbstractModel, AbstractRodModel
 from ..traces import Trace
-from ._magnetic_force import identify_magnetic_force
 from ._pipeline import apply, plan
-from ._spring import identify_spring
+from .mechanical import identify_spring
+from .pneumatic import identify_magnetic_force
 
 DIRECT = (identify_spring, identify_magnetic_force)
 """Tests that solve linear equations of what was measured."""

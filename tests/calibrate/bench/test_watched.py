@@ -21,8 +21,8 @@ def frame_in(file, function):
     ("file", "function", "kind"),
     [
         ("vgtjax/_kept.py", "_load", "programs from disk"),
-        ("vgtjax/estimation/_programs.py", "_evaluate", "simulations and their derivatives"),
-        ("vgtjax/estimation/_point.py", "of", "linear algebra"),
+        ("vgtjax/estimation/derivatives/_programs.py", "_evaluate", "simulations and their derivatives"),
+        ("vgtjax/estimation/search/_point.py", "of", "linear algebra"),
         ("<frozen importlib._bootstrap>", "_find_and_load", "imports"),
         ("elsewhere.py", "run", REST),
     ],

@@ -29,7 +29,7 @@ def test_profiles_of_all_are_there_and_shorten_no_interval(small, parameters, su
 
 
 def test_what_is_flagged_gets_a_profile_and_its_rows(small, monkeypatch):
-    monkeypatch.setattr("vgtjax.estimation._slices.HONEST", 1.0)  # then nothing is a parabola
+    monkeypatch.setattr("vgtjax.estimation.diagnostics._slices.HONEST", 1.0)  # then nothing is a parabola
     outcome = run_command("fit", small, "--out", small.parent / "out")
     summary, page = read(small.parent / "out/summary.json"), (small.parent / "out/report.html").read_text()
     assert outcome.status == 0
@@ -44,7 +44,7 @@ def test_what_is_flagged_gets_a_profile_and_its_rows(small, monkeypatch):
 
 
 def test_none_has_none(small, monkeypatch):
-    monkeypatch.setattr("vgtjax.estimation._slices.HONEST", 1.0)
+    monkeypatch.setattr("vgtjax.estimation.diagnostics._slices.HONEST", 1.0)
     small.write_text(small.read_text().replace("[fit]", '[fit]\nprofiles = "none"'))
     assert run_command("fit", small, "--out", small.parent / "out").status == 0
     assert read(small.parent / "out/summary.json")["profiles"] == {}

@@ -154,7 +154,7 @@ def test_the_mechanical_model_fits_position_alone(small):
 
 
 def test_a_fit_that_does_not_converge_says_so_and_keeps_what_it_has(plain, monkeypatch):
-    monkeypatch.setattr("vgtjax.estimation._progress.MAX_ITERATIONS", 1)
+    monkeypatch.setattr("vgtjax.estimation.search._progress.MAX_ITERATIONS", 1)
     outcome, _, said = refit(plain)
     assert (outcome.status, outcome.err) == (1, "failed: the fit: not converged after 1 iterations\n")
     assert (said["converged"], said["iterations"]) == (False, 1)

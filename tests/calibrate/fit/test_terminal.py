@@ -14,8 +14,8 @@ from calibrate.study.parameter_file import calibrated
 from calibrate.study.units import prepare
 from vgtjax.assurance import Certificate
 from vgtjax.estimation import Around, found_besides, starts_sentence
-from vgtjax.estimation._profiles import Profiles
-from vgtjax.estimation._slices import Slice, Slices
+from vgtjax.estimation.diagnostics._profiles import Profiles
+from vgtjax.estimation.diagnostics._slices import Slice, Slices
 
 
 @pytest.fixture(scope="module")

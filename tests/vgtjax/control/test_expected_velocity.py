@@ -15,7 +15,7 @@ from vgtjax.control import (
     Sensors,
     close_loop,
 )
-from vgtjax.control._load_backstepping import _following, _velocity_lag
+from vgtjax.control.controllers._load_backstepping import _following, _velocity_lag
 
 PERIOD = 1e-3
 JUMPS = np.random.default_rng(3).uniform(-30.0, 30.0, 400)

@@ -11,7 +11,7 @@ import pytest
 import vgtjax
 from vgtjax import control
 from vgtjax.control import DesignModel, LoadBackstepping, LoadObserver, Scenario, Sensors, reference_at
-from vgtjax.control._load_observer import transition
+from vgtjax.control.observers._load_observer import transition
 
 AMBIENT = jnp.asarray(101_013.0)
 PERIOD = 1e-5

@@ -11,9 +11,9 @@ from support import duty_trace
 import vgtjax
 from vgtjax import FixedStep
 from vgtjax.estimation import Progress, Unknown, _calibrator, _finish, plan_task, run_alone, start_calibration
-from vgtjax.estimation._bands import spread_of
-from vgtjax.estimation._delay_response import LEAST, unanswered
 from vgtjax.estimation._least_squares import VAGUE
+from vgtjax.estimation.duty._delay_response import LEAST, unanswered
+from vgtjax.estimation.errors._bands import spread_of
 from vgtjax.parameters import Transform
 from vgtjax.parts import with_sharp_seat
 

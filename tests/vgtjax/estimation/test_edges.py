@@ -12,18 +12,19 @@ from support import duty_trace
 
 import vgtjax
 from vgtjax import simulate
-from vgtjax.estimation import Progress, Unknown, _duty_questions, plan_task, start_calibration
-from vgtjax.estimation._beginning import first_progress, problem_of
-from vgtjax.estimation._bundle import bundle_traces
-from vgtjax.estimation._duties import as_recorded
-from vgtjax.estimation._edges import alike, edges_of, find_edges, possible, show_in, whole_samples
-from vgtjax.estimation._evaluation import Evaluation, ask
-from vgtjax.estimation._noise_met import meets_noise
-from vgtjax.estimation._point import misfit_at
-from vgtjax.estimation._programs import run_alone
-from vgtjax.estimation._progress import quiet
-from vgtjax.estimation._searches import searching_once
-from vgtjax.estimation._slopes import Slopes
+from vgtjax.estimation import Progress, Unknown, plan_task, start_calibration
+from vgtjax.estimation.derivatives._bundle import bundle_traces
+from vgtjax.estimation.derivatives._evaluation import Evaluation, ask
+from vgtjax.estimation.derivatives._programs import run_alone
+from vgtjax.estimation.duty import _duty_questions
+from vgtjax.estimation.duty._edges import alike, edges_of, find_edges, possible, show_in, whole_samples
+from vgtjax.estimation.measurements._duties import as_recorded
+from vgtjax.estimation.search._beginning import first_progress, problem_of
+from vgtjax.estimation.search._noise_met import meets_noise
+from vgtjax.estimation.search._point import misfit_at
+from vgtjax.estimation.search._progress import quiet
+from vgtjax.estimation.search._searches import searching_once
+from vgtjax.estimation.search._slopes import Slopes
 
 LEVELS = (0, 0.051), (70, 0.152), (40, 0.149), (60, 0.151), (30, 0.148), (65, 0.151), (0, 0.15)
 """Edges at 51, 203, 352, 503, 651 and 802 ms: every second one lies between the samples of a record with 500 Hz."""

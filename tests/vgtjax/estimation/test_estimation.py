@@ -257,7 +257,9 @@ def test_a_fit_that_kinks_hold_up_stops(monkeypatch):
     while not ended.progress.converged:
         ended.step()
     near = dataclasses.replace(ended.progress, converged=False)
-    monkeypatch.setattr("vgtjax.estimation._search.CHI2_TOLERANCE", 0.0)  # what a linear step promises never ends it
+    monkeypatch.setattr(
+        "vgtjax.estimation.search._search.CHI2_TOLERANCE", 0.0
+    )  # what a linear step promises never ends it
     again = run_alone(LevenbergMarquardt.begin(ended.problem, near)).step()
     assert again.converged
     assert again.stalled

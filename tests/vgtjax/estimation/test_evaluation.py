@@ -5,7 +5,8 @@ import pytest
 from known_truth import FREE, bench
 
 import vgtjax
-from vgtjax.estimation import _programs, ask, plan_task, run_alone, run_together, side_by_side, start_calibration
+from vgtjax.estimation import ask, plan_task, run_alone, run_together, side_by_side, start_calibration
+from vgtjax.estimation.derivatives import _programs
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from vgtjax.estimation import (
     plan_task,
     start_calibration,
 )
-from vgtjax.estimation._holds import Holds
+from vgtjax.estimation.measurements._holds import Holds
 from vgtjax.identification import plan_fit, start_fit
 from vgtjax.parts import with_sharp_seat
 
@@ -107,7 +107,7 @@ def test_a_misfit_above_the_noise_is_asked_of_a_delay_of_which_no_slope_tells(la
         return None
         yield
 
-    monkeypatch.setattr("vgtjax.estimation._duty_questions.delay_told", tells_of_none)
+    monkeypatch.setattr("vgtjax.estimation.duty._duty_questions.delay_told", tells_of_none)
     again = fit(late.task.fit[0])
     assert again.converged
     assert abs(again.duty_delay - late.duty_delay) < 0.2 * late.duty_delay_error  # corrections settle within so much
@@ -131,7 +131,7 @@ def test_a_duty_that_comes_early_is_read_as_linear_where_its_delay_does_not_tell
         return Holds((), 0.0, False)
         yield
 
-    monkeypatch.setattr("vgtjax.estimation._duty_questions.holds_of_duty", tells_nothing)
+    monkeypatch.setattr("vgtjax.estimation.duty._duty_questions.holds_of_duty", tells_nothing)
     run = fit(recorded(4, linear=True))
     assert run.converged
     assert (run.duty_hold(run.task.fit[0]), run.progress.hold_decided, run.duty_delay) == ("linear", False, 0.0)

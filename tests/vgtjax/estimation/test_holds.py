@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vgtjax import Channel, Trace
-from vgtjax.estimation._holds import judge_holds, sample_interval
+from vgtjax.estimation.measurements._holds import judge_holds, sample_interval
 
 SLOW, FAST = 10e-3, 1e-3
 

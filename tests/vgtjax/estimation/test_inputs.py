@@ -10,8 +10,9 @@ from support import duty_trace
 import vgtjax
 from vgtjax import simulate
 from vgtjax.assurance import Truth
-from vgtjax.estimation import Unknown, _evaluation as evaluation, _finish, plan_task, run_alone, start_calibration
-from vgtjax.estimation._inputs import InputSensor
+from vgtjax.estimation import Unknown, _finish, plan_task, run_alone, start_calibration
+from vgtjax.estimation.derivatives import _evaluation as evaluation
+from vgtjax.estimation.measurements._inputs import InputSensor
 
 TRUTH = {"diaphragm.mass": 0.7, "diaphragm.preload": 51.0, "friction.coulomb_force": 2.6, "friction.static_force": 2.9}
 NOISE, OFFSET = 60.0, 150.0

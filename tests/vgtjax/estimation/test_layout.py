@@ -8,7 +8,6 @@ from support import duty_trace
 import vgtjax
 from vgtjax.estimation import (
     Evaluation,
-    _layout,
     ask,
     bundle_traces,
     foreseen,
@@ -19,6 +18,7 @@ from vgtjax.estimation import (
     run_alone,
     run_together,
 )
+from vgtjax.estimation.derivatives import _layout
 from vgtjax.parameters import select
 
 FREE = ["diaphragm.stiffness", "chamber.volume", "converter.plunger_mass"]
@@ -144,7 +144,8 @@ def task():
 def test_programs_that_are_foreseen_are_those_that_are_asked_for(task, tmp_path, monkeypatch, together):
     monkeypatch.setattr(vgtjax._kept, "FOLDER", tmp_path)
     questions = foreseen(task)
-    prepare = vgtjax.estimation._programs._prepare_together if together else vgtjax.estimation._programs._prepare_alone
+    programs = vgtjax.estimation.derivatives._programs
+    prepare = programs._prepare_together if together else programs._prepare_alone
     for question in questions:
         prepare(question)
     prepared = {file.name for file in tmp_path.iterdir()}

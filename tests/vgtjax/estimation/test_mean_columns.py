@@ -7,7 +7,7 @@ import pytest
 
 from vgtjax import SimulationError
 from vgtjax.estimation import run_alone
-from vgtjax.estimation._mean_columns import mean_columns
+from vgtjax.estimation.derivatives._mean_columns import mean_columns
 
 
 def drawn(seed):

@@ -9,11 +9,11 @@ from support import duty_trace
 
 import vgtjax
 from vgtjax.estimation import Unknown, plan_task, start_calibration
-from vgtjax.estimation._beginning import first_progress
 from vgtjax.estimation._finish import AS_LIKELY
-from vgtjax.estimation._programs import run_alone
-from vgtjax.estimation._progress import quiet
-from vgtjax.estimation._readings import leaves_hold_open, reading_both_ways
+from vgtjax.estimation.derivatives._programs import run_alone
+from vgtjax.estimation.duty._readings import leaves_hold_open, reading_both_ways
+from vgtjax.estimation.search._beginning import first_progress
+from vgtjax.estimation.search._progress import quiet
 
 CHOICES = Unknown(noise="white", loss="gaussian", numerics=False, start_state=False)
 

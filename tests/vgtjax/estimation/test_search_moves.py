@@ -9,8 +9,8 @@ from known_truth import TRUTH, bench
 import vgtjax
 from vgtjax import estimation
 from vgtjax.estimation import LevenbergMarquardt, Progress, Reduced, plan_task, run_alone, start_calibration
-from vgtjax.estimation._progress import LENGTHS
-from vgtjax.estimation._search import MOST_MOVES
+from vgtjax.estimation.search._progress import LENGTHS
+from vgtjax.estimation.search._search import MOST_MOVES
 
 
 def far_task() -> estimation.Task:
@@ -34,12 +34,12 @@ def test_no_trial_goes_farther_than_it_may():
 def test_a_gain_by_rounding_alone_ends_a_search(monkeypatch):
     """Trials go nowhere, but the program without derivatives finds less misfit there than the one with them."""
     search = far_search()
-    usual = estimation._search.misfit_at
+    usual = estimation.search._search.misfit_at
 
     def less(problem, coordinates):
         return 0.999 * (yield from usual(problem, coordinates))
 
-    monkeypatch.setattr(estimation._search, "misfit_at", less)
+    monkeypatch.setattr(estimation.search._search, "misfit_at", less)
     monkeypatch.setattr(Reduced, "damped_steps", lambda self, sizes: np.zeros((len(sizes), 1)))
     progress = search.step()
     assert progress.stuck

@@ -5,7 +5,7 @@ import pytest
 import scipy.signal
 
 from vgtjax.estimation import Sensor, noise_to_meet
-from vgtjax.estimation._sensors import innovations, learn_sensor
+from vgtjax.estimation.measurements._sensors import innovations, learn_sensor
 from vgtjax.traces import Channel
 
 COUNT, SIZE = 20_000, 8e-6

@@ -22,7 +22,7 @@ from vgtjax.estimation import (
     slicing,
     start_calibration,
 )
-from vgtjax.estimation._around import _doubtful
+from vgtjax.estimation.diagnostics._around import _doubtful
 from vgtjax.parameters import Transform
 
 ROWS, NAMES = 60, ("a", "b", "c")

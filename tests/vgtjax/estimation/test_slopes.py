@@ -6,7 +6,7 @@ from known_truth import FREE, bench
 
 import vgtjax
 from vgtjax.estimation import LeastSquares, Slopes, Unknown, plan_task, run_alone, start_calibration
-from vgtjax.estimation._slopes import FARTHEST, NUDGE, places_around
+from vgtjax.estimation.search._slopes import FARTHEST, NUDGE, places_around
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +51,7 @@ def places(covariance, determined):
     count = len(covariance)
     found = LeastSquares(np.zeros(count), covariance, determined, np.zeros((0, count)), 1.0, 0.0)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("vgtjax.estimation._slopes.PAIRS", 1000)
+        patch.setattr("vgtjax.estimation.search._slopes.PAIRS", 1000)
         return np.array(places_around(found, np.zeros(count)))
 
 

@@ -9,9 +9,10 @@ from linear_calibrator import LinearCalibrator
 from support import duty_trace
 
 import vgtjax
-from vgtjax.estimation import Progress, Unknown, _calibrator, _slow_response, plan_task, run_alone, start_calibration
-from vgtjax.estimation._slopes import FARTHEST
-from vgtjax.estimation._slow_response import LEAST, MOST, TOLD, unanswered_directions
+from vgtjax.estimation import Progress, Unknown, _calibrator, plan_task, run_alone, start_calibration
+from vgtjax.estimation.duty import _slow_response
+from vgtjax.estimation.duty._slow_response import LEAST, MOST, TOLD, unanswered_directions
+from vgtjax.estimation.search._slopes import FARTHEST
 from vgtjax.parameters import Transform
 
 COLUMNS = np.random.default_rng(8).normal(size=(40, 4)) @ np.array(

@@ -9,7 +9,7 @@ import vgtjax
 from vgtjax import simulate
 from vgtjax.assurance import Truth
 from vgtjax.estimation import Evaluated, Slopes, Unknown, calibrate, plan_task
-from vgtjax.estimation._measured import white_sensors
+from vgtjax.estimation.measurements._measured import white_sensors
 from vgtjax.parameters import entry_names
 from vgtjax.plants import AirPath, Initial, Instrumented
 

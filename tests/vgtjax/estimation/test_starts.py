@@ -13,8 +13,6 @@ from vgtjax.estimation import (
     LevenbergMarquardt,
     Progress,
     Reduced,
-    _searches,
-    _telling,
     calibrate,
     estimate_uncertainty,
     plan_task,
@@ -22,12 +20,22 @@ from vgtjax.estimation import (
     start_calibration,
     starting,
 )
-from vgtjax.estimation._beginning import first_progress
-from vgtjax.estimation._many_starts import _with_all_traces
-from vgtjax.estimation._progress import quiet
-from vgtjax.estimation._searches import FAR_OFF
-from vgtjax.estimation._starts import FACTOR, STATED, Ended, _hopeless, _Optimum, best_of, searching_from, starts_of
-from vgtjax.estimation._telling import most_telling
+from vgtjax.estimation.search import _searches, _telling
+from vgtjax.estimation.search._beginning import first_progress
+from vgtjax.estimation.search._many_starts import _with_all_traces
+from vgtjax.estimation.search._progress import quiet
+from vgtjax.estimation.search._searches import FAR_OFF
+from vgtjax.estimation.search._starts import (
+    FACTOR,
+    STATED,
+    Ended,
+    _hopeless,
+    _Optimum,
+    best_of,
+    searching_from,
+    starts_of,
+)
+from vgtjax.estimation.search._telling import most_telling
 
 
 def planned(traces=None, **choices):

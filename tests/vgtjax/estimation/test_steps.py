@@ -8,8 +8,8 @@ import pytest
 import vgtjax
 from vgtjax.assurance import _certificate, certified, certifying
 from vgtjax.estimation import Unknown, plan_task, run_alone, start_calibration
-from vgtjax.estimation._evidence import SETTLED
-from vgtjax.estimation._steps import StepsOfFit, lengthens
+from vgtjax.estimation.derivatives._steps import StepsOfFit, lengthens
+from vgtjax.estimation.measurements._evidence import SETTLED
 
 FREE = ["diaphragm.preload", "diaphragm.stiffness"]
 

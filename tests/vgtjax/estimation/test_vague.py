@@ -5,7 +5,7 @@ import pytest
 
 from vgtjax.estimation import least_squares
 from vgtjax.estimation._least_squares import VAGUE
-from vgtjax.estimation._point import Point
+from vgtjax.estimation.search._point import Point
 
 ALL = np.array([True, True, True])
 COLUMNS = np.array([[1000.0, 1000.0, 0.0], [0.1, -0.1, 0.0], [0.0, 0.0, 50.0], [30.0, 0.0, 20.0]])

@@ -208,7 +208,7 @@ def test_what_is_not_determined_has_the_models_values_wherever_a_search_begins(s
 
 def test_a_mixture_of_values_that_fails_is_no_end(slow, monkeypatch):
     """What was fitted beside parameters that return to the model's values need not go with those."""
-    module = importlib.import_module("vgtjax.identification._mechanical_fit")
+    module = importlib.import_module("vgtjax.identification.mechanical._mechanical_fit")
     calls, real = [], module.start_calibration
 
     def second_fails(task):

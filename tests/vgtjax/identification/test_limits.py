@@ -55,5 +55,5 @@ def test_a_test_that_is_not_possible_says_why(moving, monkeypatch):
     def fails(*args):
         raise SimulationError("the simulation fails")
 
-    monkeypatch.setattr("vgtjax.identification._second_order.fit_response", fails)
+    monkeypatch.setattr("vgtjax.identification.mechanical._second_order.fit_response", fails)
     assert identify_mass_and_damping(vgtjax.MechanicalActuator(), [moving]).limitations == ("the simulation fails",)

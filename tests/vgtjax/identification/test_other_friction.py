@@ -9,8 +9,8 @@ from support import duty_trace
 
 import vgtjax
 from vgtjax.identification import identify, identify_axis, mechanical_half, read_motions
-from vgtjax.identification._bristles import fit_bristles, read_paths
-from vgtjax.identification._lugre import start_from_bristles
+from vgtjax.identification.mechanical._bristles import fit_bristles, read_paths
+from vgtjax.identification.mechanical._lugre import start_from_bristles
 
 TRUTH = {
     "diaphragm.mass": 0.55,

@@ -16,7 +16,7 @@ from vgtjax.identification import (
     read_motion,
     regress_traces,
 )
-from vgtjax.identification._clean_signals import clean_signals
+from vgtjax.identification.mechanical._clean_signals import clean_signals
 from vgtjax.traces import remove_noise
 
 

@@ -20,9 +20,10 @@ from vgtjax.estimation import (
     run_alone,
     start_calibration,
 )
-from vgtjax.estimation._searches import FAR_ABOVE, MOST_TO_GO, TRIED, _is_hopeless
-from vgtjax.identification import _ranking, _structures, compare_structures
-from vgtjax.identification._ranking import ASTRAY, STRONG, Duel, Ranking, Row
+from vgtjax.estimation.search._searches import FAR_ABOVE, MOST_TO_GO, TRIED, _is_hopeless
+from vgtjax.identification import compare_structures
+from vgtjax.identification.structures import _ranking, _structures
+from vgtjax.identification.structures._ranking import ASTRAY, STRONG, Duel, Ranking, Row
 
 COUNT = 2000
 """Measurements, so that chi^2 is as many times 2."""
@@ -62,8 +63,8 @@ def test_limits_of_giving_up():
 
 def test_a_search_that_is_given_up_is_asked_nothing_more(task, monkeypatch):
     seen = []
-    monkeypatch.setattr("vgtjax.estimation._searches.TRIED", 1)
-    monkeypatch.setattr("vgtjax.estimation._searches.MOST_TO_GO", 0)
+    monkeypatch.setattr("vgtjax.estimation.search._searches.TRIED", 1)
+    monkeypatch.setattr("vgtjax.estimation.search._searches.MOST_TO_GO", 0)
     found = start_calibration(dataclasses.replace(task, ceiling=-1e6)).run(seen.append)
     assert not found.converged
     assert found.verdict == "given up, far from what another structure reaches"
@@ -74,7 +75,7 @@ def test_a_search_that_is_given_up_is_asked_nothing_more(task, monkeypatch):
 
 
 def test_a_search_that_has_ended_far_above_another_structure_is_given_up(task, monkeypatch):
-    monkeypatch.setattr("vgtjax.estimation._searches.FAR_ABOVE", 0.0)
+    monkeypatch.setattr("vgtjax.estimation.search._searches.FAR_ABOVE", 0.0)
     free, seen = start_calibration(task).run(), []
     reached = free.progress.searched
     for ceiling, given_up in ((reached * 1.001, False), (reached * 0.999, True)):

@@ -1,0 +1,47 @@
+"""A controller on what was measured before: without a plant, so that what it does with its measurements can be seen."""
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._base import AbstractController, Log, Measurement, Reference
+from .._held import answer, begin
+
+PROBES = {"position": 1e-5, "pressure": 1e3, "reservoir": 1e3, "turbine": 1e4}
+"""m and Pa; changes of each measured channel that are no noise, and that a controller which uses it answers."""
+
+
+@eqx.filter_jit
+def replay(
+    controller: AbstractController, measured: Measurement, reference: Reference, period: float
+) -> tuple[Float[Array, " time"], Log]:
+    """The command in percent and the log that a controller gives to measurements and references, one value a sample.
+
+    Its command moves nothing here: what it is given is the same whatever it does.
+    """
+
+    def sample(memory, given):
+        memory, command, log = answer(controller, memory, *given, period)
+        return memory, (command, log)
+
+    first = jax.tree.map(lambda leaf: leaf[0], measured)
+    return jax.lax.scan(sample, begin(controller, first, period), (measured, reference))[1]
+
+
+def channels_used(
+    controller: AbstractController, measured: Measurement, reference: Reference, period: float
+) -> tuple[str, ...]:
+    """Which of the channels of [`PROBES`][] a controller makes use of, found out by changing each of them.
+
+    **Arguments:** as [`replay`][]; a few hundred samples of a run will do.
+    """
+    usual, _ = replay(controller, measured, reference, period)
+
+    def answers(channel: str) -> bool:
+        changed = dataclasses.replace(measured, **{channel: getattr(measured, channel) + PROBES[channel]})
+        return not jnp.array_equal(replay(controller, changed, reference, period)[0], usual, equal_nan=True)
+
+    return tuple(channel for channel in PROBES if answers(channel))

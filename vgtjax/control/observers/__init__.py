@@ -1,0 +1,18 @@
+"""What is observed instead of measured: velocity, chamber pressure, friction and load."""
+
+from ._differentiator import (
+    AbstractDifferentiator as AbstractDifferentiator,
+    FilteredDifference as FilteredDifference,
+    ImplicitLevantDifferentiator as ImplicitLevantDifferentiator,
+    LevantDifferentiator as LevantDifferentiator,
+)
+from ._friction_observer import (
+    DualFrictionObserver as DualFrictionObserver,
+    FrictionEstimate as FrictionEstimate,
+    nominal_coefficients as nominal_coefficients,
+    regressors as regressors,
+    slide as slide,
+    slide_slope as slide_slope,
+)
+from ._load_observer import LoadEstimate as LoadEstimate, LoadObserver as LoadObserver, transition as transition
+from ._pressure_observer import SECANT as SECANT, ObservedState as ObservedState, PressureObserver as PressureObserver

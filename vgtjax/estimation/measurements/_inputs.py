@@ -1,0 +1,87 @@
+"""A measured pressure that drives a rod: read without the noise of its sensor, and without what that shows at rest.
+
+White noise of 60 Pa is a force of 0.8 N that shakes the rod faster than bristles give way: read as it is, stiction all
+but disappears from a fit, and the mass is half as large again. What reading leaves of noise and offset goes into every
+error, by experiment: the same pressure with fresh noise, read again.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Bool
+
+from ...plants import AbstractModel
+from ...traces import START_WINDOW, Trace, noise_level, remove_noise
+from ._evidence import Unknown
+
+EVEN = 0.01
+"""Part by which intervals of a signal may differ for its noise to be removed."""
+LEAST = 30
+"""Samples of rest that tell an offset."""
+
+
+@dataclasses.dataclass(frozen=True)
+class InputSensor:
+    """What is known of the sensor of a trace's driving pressure, in Pa: its `noise` and its `offset`, with the standard
+    error of that; no error where nothing is subtracted."""
+
+    noise: float
+    offset: float = 0.0
+    offset_error: float = 0.0
+
+    def read(self, trace: Trace) -> Trace:
+        """The trace with the pressure that its sensor was shown."""
+        pressure = trace.channels["p_act"]
+        clean = remove_noise(pressure.value, self.noise) - self.offset
+        return trace.replace(p_act=dataclasses.replace(pressure, value=clean))
+
+    def again(self, trace: Trace, rng: np.random.Generator) -> Trace:
+        """A trace that was read already, as another measurement of the same pressure would be read."""
+        pressure = trace.channels["p_act"]
+        more = rng.normal(0, self.noise, len(pressure.value)) + self.offset_error * rng.normal()
+        shown = trace.replace(p_act=dataclasses.replace(pressure, value=pressure.value + more))
+        return InputSensor(self.noise).read(shown)
+
+
+def input_sensor(model: AbstractModel, trace: Trace, unknown: Unknown) -> InputSensor | None:
+    """The sensor of the pressure that drives a rod; `None` where no pressure does, it is read as it is recorded, or its
+    samples are not even.
+
+    An offset that is free is not read from rest.
+    """
+    if not unknown.input_noise or "p_act" in model.sensed or trace.f_drive is not None:
+        return None
+    pressure = trace.channels.get("p_act")
+    if pressure is None or not _is_even(pressure.time):
+        return None
+    noise = noise_level(pressure.value, "p_act")
+    rest = _resting(trace)
+    if "p_act" in unknown.offset or np.sum(rest) < LEAST:
+        return InputSensor(noise)
+    offset = float(np.mean(pressure.value[rest])) - trace.atmosphere
+    return InputSensor(noise, offset, noise / float(np.sqrt(np.sum(rest))))
+
+
+def read_inputs(
+    model: AbstractModel, traces: Sequence[Trace], unknown: Unknown
+) -> tuple[list[Trace], list[InputSensor | None]]:
+    """Traces as the pressure that drives them is read, and what is known of its sensors."""
+    sensors = [input_sensor(model, trace, unknown) for trace in traces]
+    read = [trace if sensor is None else sensor.read(trace) for trace, sensor in zip(traces, sensors, strict=True)]
+    return read, sensors
+
+
+def _is_even(time: np.ndarray) -> bool:
+    steps = np.diff(time)
+    return len(steps) > 0 and bool(np.all(np.abs(steps - np.median(steps)) < EVEN * np.median(steps)))
+
+
+def _resting(trace: Trace) -> Bool[np.ndarray, " samples"]:
+    """Samples of the pressure at the start of a trace at which the chamber is at atmosphere."""
+    time, duty = trace.channels["p_act"].time, trace.at("pwm", trace.channels["p_act"].time)
+    if not bool(trace.start().at_rest):
+        return np.zeros(len(time), bool)
+    if duty is None:
+        return time <= time[0] + START_WINDOW
+    return np.logical_and.accumulate(duty == 0.0)
