@@ -106,7 +106,7 @@ def draw_unit(rng: np.random.Generator) -> vgtjax.Actuator:
     nominal = vgtjax.Actuator()
     selection = vgtjax.Selection(tuple(SPREAD))
     factors = np.exp(np.array(list(SPREAD.values())) * rng.uniform(-1.7, 1.7, len(SPREAD)))
-    values = dict(zip(SPREAD, np.asarray(selection.pack(nominal)) * factors, strict=True))
+    values = dict(zip(SPREAD, selection.values(nominal) * factors, strict=True))
     stiction, sliding = "friction.static_force", "friction.coulomb_force"
     values[stiction] = max(values[stiction], 1.05 * values[sliding])
     least = values["friction.bristle_damping"] * (values[stiction] / values[sliding] - 1)

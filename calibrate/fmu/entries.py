@@ -20,7 +20,7 @@ def entries_of(model: Any) -> list[str]:
 
 def values_of(model: Any) -> Float[np.ndarray, " entries"]:
     """The model's own values."""
-    return np.asarray(vgtjax.Selection(tuple(entries_of(model))).pack(model), float)
+    return vgtjax.Selection(tuple(entries_of(model))).values(model)
 
 
 def with_values(model: Any, values: Vector) -> Any:

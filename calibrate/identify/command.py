@@ -69,7 +69,7 @@ def _identify_unit(job: Job, unit: Unit, folder: pathlib.Path) -> None:
 def _estimates(model: vgtjax.AbstractModel, found: list[Identified], unit: Unit) -> dict[str, Estimate]:
     """Standard errors by entry, of the last test that determined each."""
     every = vgtjax.select(model, free=["*"])
-    values = dict(zip(every.entries, np.asarray(every.pack(model)).tolist(), strict=True))
+    values = dict(zip(every.entries, every.values(model).tolist(), strict=True))
     return {
         entry: Estimate(float(error), values[entry] in unit.bounds.get(entry, (None, None)), bool(np.isfinite(error)))
         for result in found

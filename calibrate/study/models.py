@@ -61,7 +61,7 @@ def _behind(start: Any, name: str, given: ParameterValue, free: set[str], earlie
     check_length(name, "value", given.value, entries)
     if given.value is None or name.partition("[")[0] not in earlier or not free.intersection(entries):
         return given
-    found = np.asarray(vgtjax.Selection(tuple(entries)).pack(start)).tolist()
+    found = vgtjax.Selection(tuple(entries)).values(start).tolist()
     stated = np.ravel(given.value).tolist()
     value = [mine if entry in free else held for entry, mine, held in zip(entries, found, stated, strict=True)]
     return given.model_copy(update={"value": value if isinstance(given.value, list) else value[0]})
@@ -74,7 +74,7 @@ def say_not_as_stated(start: Any, study: Study, began: Mapping[str, Any]) -> Non
     """
     other = []
     for name, given in parameters_of(study).items():
-        here = vgtjax.Selection(tuple(_entries_of(start, name))).pack(start)
+        here = vgtjax.Selection(tuple(_entries_of(start, name))).values(start)
         same = (np.ravel(each) for each in (here, _initial(began, name)))
         if given.value is not None and not any(np.array_equal(each, np.ravel(given.value)) for each in same):
             other.append(name)
@@ -144,7 +144,7 @@ def known_beforehand(model: eqx.Module, stated: Mapping[str, ParameterValue]) ->
         if given.deviation is None and given.relative is None:
             continue
         entries = _entries_of(model, name)
-        values = vgtjax.Selection(tuple(entries)).pack(model) if given.value is None else np.ravel(given.value)
+        values = vgtjax.Selection(tuple(entries)).values(model) if given.value is None else np.ravel(given.value)
         for entry, value in zip(entries, np.asarray(values).tolist(), strict=True):
             deviation = given.deviation if given.deviation is not None else (given.relative or 0.0) * abs(value)
             if not deviation > 0:

@@ -58,8 +58,8 @@ def tabulate(
     """
     table = vgtjax.parameter_table(model)
     everything = vgtjax.select(model, free=names)
-    values = np.asarray(everything.pack(model)).tolist()
-    initials = np.asarray(everything.pack(on_given_knots(start, values_of(model)))).tolist()
+    values = everything.values(model).tolist()
+    initials = everything.values(on_given_knots(start, values_of(model))).tolist()
     found = []
     for name, value, initial in zip(everything.entries, values, initials, strict=True):
         row, estimate = vgtjax.parameters.table_row(table, name), estimates.get(name, Estimate())

@@ -103,7 +103,7 @@ def _known_again(task: Task, rng: np.random.Generator) -> Task:
     if prior is None:
         return task
     precision = prior.precision[: len(entries)]
-    truth = np.asarray(transform.to_coordinates(np.asarray(task.selection.pack(task.model))))
+    truth = np.asarray(transform.to_coordinates(task.selection.values(task.model)))
     errors = rng.standard_normal(len(entries)) / np.where(precision > 0, precision, np.inf)
     drawn, slope = (np.asarray(of(truth + errors)) for of in (transform.to_physical, transform.slope))
     known = [place for place, each in enumerate(precision) if each > 0]
@@ -211,7 +211,7 @@ class Recovery:
     def of(task: Task, refits: Sequence[Refit]) -> "Recovery":
         """All campaigns of a task; those that did not converge are named, and don't count."""
         transform = task.transform({})
-        truth = np.asarray(transform.to_coordinates(np.asarray(task.selection.pack(task.model))))
+        truth = np.asarray(transform.to_coordinates(task.selection.values(task.model)))
         good = [each for each in refits if each.converged]
         return Recovery(
             task.selection.entries,

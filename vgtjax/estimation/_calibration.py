@@ -212,7 +212,7 @@ class Calibration(Printed):
             )
         if away := self.ran_away:
             table, entries = parameter_table(self.task.model), self.task.selection.entries
-            start = np.asarray(self.task.selection.pack(self.task.model))
+            start = self.task.selection.values(self.task.model)
             ends = [
                 f"{entry} ended at {value:.4g} {table_row(table, entry).unit} (start {begin:.4g})"
                 for entry, value, begin in zip(entries, self.values, start, strict=True)

@@ -127,7 +127,7 @@ class Task:
     def transform(self, bounds: Bounds | None = None) -> Transform:
         """The map between values of the free entries and their coordinates, which holds them within bounds: those of
         the task unless others are given."""
-        start = np.asarray(self.selection.pack(self.model))
+        start = self.selection.values(self.model)
         bounds = self.bounds if bounds is None else bounds
         return build_transform(parameter_table(self.model), self.selection.entries, start, bounds, self.scales)
 
@@ -135,7 +135,7 @@ class Task:
     def prior(self) -> Prior | None:
         """What is known of the free entries beforehand; `None` for nothing."""
         entries, transform = self.selection.entries, self.transform({})
-        start = np.asarray(self.selection.pack(self.model)).tolist()
+        start = self.selection.values(self.model).tolist()
         stated = np.array([self.deviations.get(entry, np.inf) for entry in entries], float)
         if not np.any(np.isfinite(stated)):
             return None
@@ -170,7 +170,7 @@ class Task:
     @property
     def first_guess(self) -> Float[np.ndarray, " coordinates"]:
         """Start values in the units of the table, and a duty that is not late where it may be."""
-        return np.append(np.asarray(self.selection.pack(self.model)), np.zeros(int(self.late_duty)))
+        return np.append(self.selection.values(self.model), np.zeros(int(self.late_duty)))
 
 
 def plan_task(

@@ -32,7 +32,7 @@ def check_bounds(model: eqx.Module, bounds: Bounds) -> None:
     **Raises:** `InputError` for the first that does not.
     """
     selection = select(model, free=list(bounds))
-    for entry, value in zip(selection.entries, selection.pack(model).tolist(), strict=True):
+    for entry, value in zip(selection.entries, selection.values(model).tolist(), strict=True):
         low, high = bounds[entry]
         if low is not None and not low <= value:
             raise InputError(f"'{entry}' must be at least {low:g}, but it is {value:g}; change one", "bounds")

@@ -55,7 +55,7 @@ class Selection(eqx.Module):
     """Which scalar entries of a model's parameters are free, in the order of the table.
 
     `entries` are the names of the free entries; `pack` and `unpack` go between a model and the vector of
-    their physical values.
+    their physical values, `values` has that on the host.
     """
 
     entries: tuple[str, ...] = eqx.field(static=True)
@@ -68,6 +68,17 @@ class Selection(eqx.Module):
             value = get_parameter(model, name)
             values.append(value if index is None else value[index])
         return jnp.stack(values) if values else jnp.zeros(0)
+
+    def values(self, model: eqx.Module) -> Float[np.ndarray, " parameters"]:
+        """The same on the host, of a model whose values are known: no program of JAX is asked."""
+        found: dict[str, np.ndarray] = {}
+        values = []
+        for entry in self.entries:
+            name, index = _split(entry)
+            if name not in found:
+                found[name] = np.asarray(get_parameter(model, name))
+            values.append(found[name][() if index is None else index])
+        return np.array(values) if values else np.zeros(0)
 
     def unpack(self, model: eqx.Module, vector: Vector) -> Any:
         """`model` with its free values replaced by `vector`."""

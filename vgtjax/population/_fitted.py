@@ -36,7 +36,7 @@ def fitted_population(
     if len(models) < 3:
         raise InputError(f"a population needs three fitted units or more, but there are {len(models)}; fit more")
     selection = Selection(tuple(entries))
-    units = np.stack([np.asarray(selection.pack(model)) for model in models])
+    units = np.stack([selection.values(model) for model in models])
     ends = [domain(models[0], entry) for entry in entries]
     positive = np.array([low == 0.0 for low, _ in ends]) & np.all(units > 0, axis=0)
     if covariances is None:

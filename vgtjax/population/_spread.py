@@ -100,7 +100,7 @@ def _chosen(
 
 
 def _has_size(model: AbstractModel, entry: str) -> bool:
-    value = np.asarray(select(model, free=[entry]).pack(model))
+    value = select(model, free=[entry]).values(model)
     return bool(np.any(value != 0) and np.all(np.isfinite(value)))
 
 

@@ -82,7 +82,7 @@ class TuningProblem:
     @property
     def start(self) -> Float[np.ndarray, " gains"]:
         """Coordinates of the controller as it was given."""
-        return np.asarray(self.transform.to_coordinates(self.selection.pack(self.controller)))
+        return np.asarray(self.transform.to_coordinates(self.selection.values(self.controller)))
 
     def controller_at(self, coordinates: Float[np.ndarray, " gains"]) -> AbstractController:
         """The controller with the gains of some coordinates.
@@ -191,7 +191,7 @@ def plan_tuning(
     selection = select(controller, free=chosen, fixed=fixed)
     if not selection.entries:
         raise InputError("tuning needs at least one free gain, but free and fixed leave none; free one", "free")
-    table, start = parameter_table(controller), np.asarray(selection.pack(controller))
+    table, start = parameter_table(controller), selection.values(controller)
     transform = build_transform(table, selection.entries, start, bounds or {})
     problem = TuningProblem(
         controller, cases, objective, selection, transform, tuple(sorted(memories, reverse=True)), lanes

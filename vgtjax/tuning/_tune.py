@@ -83,7 +83,7 @@ def tune(controller: AbstractController, cases: Cases, objective: Objective, **o
         tuner.step()
     problem = dataclasses.replace(tuner.problem, controller=controller, cases=cases)
     tuned = problem.controller_at(np.asarray(tuner.progress.coordinates))
-    table, (before, after) = parameter_table(controller), (problem.selection.pack(c) for c in (controller, tuned))
+    table, (before, after) = parameter_table(controller), (problem.selection.values(c) for c in (controller, tuned))
     gains = tuple(
         TunedGain(name, str(table_row(table, name).unit), float(start), float(end))
         for name, start, end in zip(problem.selection.entries, before, after, strict=True)

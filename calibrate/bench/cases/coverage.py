@@ -124,6 +124,6 @@ def scores_of(found: vgtjax.Calibration, unit: vgtjax.Actuator) -> Float[np.ndar
     counted, entries = counted_entries(found, unit), found.task.selection.entries
     here = np.asarray(found.progress.coordinates)
     truth = np.append(found.values, np.zeros(len(here) - len(found.values)))
-    truth[counted] = np.asarray(select(unit, [entries[each] for each in counted]).pack(unit))
+    truth[counted] = select(unit, [entries[each] for each in counted]).values(unit)
     errors = here - np.asarray(found.transform.to_coordinates(truth))
     return errors[counted] / found.uncertainty.std_errors[counted]

@@ -56,7 +56,7 @@ def measure() -> Section:
 def _nonlinear(traces: list[vgtjax.Trace]) -> str:
     """How much of what a move of an entry changes in the traces is not linear, in units of the noise."""
     task = plan_fit(vgtjax.Actuator(), traces, free=PATTERNS)
-    values = np.asarray(task.selection.pack(task.model))
+    values = task.selection.values(task.model)
     problem = build_fit_problem(
         task.model,
         task.selection,
@@ -96,7 +96,7 @@ def _about(traces: list[vgtjax.Trace]) -> str:
 def _starts() -> Iterator[tuple[str, vgtjax.Actuator]]:
     printed = vgtjax.Actuator()
     selection, rng = vgtjax.select(printed), np.random.default_rng(SEED)
-    values = np.asarray(selection.pack(printed))
+    values = selection.values(printed)
     yield "printed", printed
     for number in range(STARTS):
         yield f"off {number + 1}", selection.unpack(printed, values * FACTOR ** rng.uniform(-1, 1, len(values)))

@@ -51,7 +51,7 @@ def measure() -> Section:
 
 def _numba(model: Any, factors: Any, values: np.ndarray, trace: vgtjax.Trace) -> tuple[np.ndarray, np.ndarray]:
     selection = vgtjax.Selection(numba_plant.ENTRIES)
-    thetas = np.tile(np.asarray(selection.pack(model)), (len(values), 1))
+    thetas = np.tile(selection.values(model), (len(values), 1))
     for column, name in enumerate(factors.entries):
         for place, entry in enumerate(numba_plant.ENTRIES):
             if entry == name:

@@ -50,20 +50,23 @@ def mean_columns(
 
 def _mean(found: Sequence[np.ndarray | None], rows: Bool[np.ndarray, "places ..."]) -> np.ndarray:
     """Over those places that have a row, at least the first."""
-    total, count = np.zeros((*rows.shape[1:], 1)), np.zeros(rows.shape[1:])
+    own = found[0]
+    assert own is not None, "the first place is where derivatives are known"
+    total, count = np.zeros(own.shape), np.zeros(rows.shape[1:])
     for columns, taken in zip(found, rows, strict=True):
         if columns is not None:
-            total = total + np.where(taken[..., None], columns, 0.0)
+            np.add(total, columns, out=total, where=taken[..., None])
             count += taken
-    assert found[0] is not None, "the first place is where derivatives are known"
-    return np.where(count[..., None] > 0, total / np.maximum(count, 1)[..., None], found[0])
+    total /= np.maximum(count, 1)[..., None]
+    total[count == 0] = own[count == 0]
+    return total
 
 
 def _believed(found: Sequence[Columns]) -> Believed:
     """No row that is far larger than at other places, where columns count in lengths that are usual of all places."""
     there = np.array([len(columns) > 0 for columns in found])
     with np.errstate(over="ignore", invalid="ignore"):  # of a place where derivatives explode
-        squares = np.array([sum(np.sum(each**2, axis=(0, 1, 2)) for each in columns) for columns in found if columns])
+        squares = np.array([sum(map(_squares, columns)) for columns in found if columns])
         usual = np.median(squares, axis=0)
         weights = np.where((usual > 0) & np.isfinite(usual), 1 / np.where(usual > 0, usual, 1.0), 0.0)
         believed = []
@@ -75,6 +78,11 @@ def _believed(found: Sequence[Columns]) -> Believed:
             rows[there] = sizes <= FAR_OUT**2 * np.median(sizes, axis=0)
             believed.append(rows)
     return believed
+
+
+def _squares(columns: np.ndarray) -> np.ndarray:
+    """The sum of squares of each column."""
+    return np.einsum("abcj,abcj->j", columns, columns)
 
 
 def _as_finite(columns: Columns, own: Columns) -> bool:

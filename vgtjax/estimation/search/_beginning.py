@@ -25,7 +25,7 @@ def first_progress(task: Task, delay: float = 0.0) -> Progress:
 
 def transform_of(task: Task, progress: Progress) -> Transform:
     """The map between values and coordinates; what ran away is held, and a duty that is not late."""
-    start = np.asarray(task.selection.pack(task.model))
+    start = task.selection.values(task.model)
     transform = task.transform().holding(progress.held, start)
     if not task.late_duty:
         return transform
@@ -51,12 +51,12 @@ def guess_of(task: Task) -> Float[np.ndarray, " entries"] | None:
     """Values of the free entries that traces tell directly, in the units of the table, NaN for others; or `None`."""
     if task.second_guess is None:
         return None
-    entries, first = task.selection.entries, np.asarray(task.selection.pack(task.model))
+    entries, first = task.selection.entries, task.selection.values(task.model)
     found = dict(task.second_guess(task.plant, task.fit))
     free = collections.Counter(entry.partition("[")[0] for entry in entries)
     # Of a vector all numbers belong together.
     told = [np.size(found.get(name := entry.partition("[")[0], ())) == free[name] for entry in entries]
-    values = np.asarray(task.selection.pack(replace_parameters(task.model, found)))
+    values = task.selection.values(replace_parameters(task.model, found))
     positive = np.asarray(transform_of(task, Progress(())).positive)[: len(entries)]
     good = np.array(told) & ~(positive & (values <= 0)) & (values != first)
     return np.where(good, values, np.nan) if np.any(good) else None

@@ -133,7 +133,7 @@ def fit_response(
     entries = candidates(half)
     free = np.array([stopped or entry != "diaphragm.travel" for entry in entries])
     selection = select(half, free=entries)
-    usual = np.asarray(selection.pack(half))
+    usual = selection.values(half)
     first = np.where(free, selection.pack(half if begin is None else begin), usual)
     starts = [first]
     for _ in range(ROUNDS):
@@ -143,7 +143,7 @@ def fit_response(
         if np.array_equal(determined, free):
             break
         # Values found beside some that are given up need not go with the model's own.
-        kept = [np.asarray(selection.pack(whole.task.model)), first] if _regular(whole) else [first]
+        kept = [selection.values(whole.task.model), first] if _regular(whole) else [first]
         starts, free = [np.where(determined, values, usual) for values in kept], determined
     if not _regular(whole):
         raise NotPossible(NO_DERIVATIVES)
@@ -180,7 +180,7 @@ def candidates(half: MechanicalActuator) -> list[str]:
     table = parameter_table(half)
     names = [name for name, row in table.items() if name.startswith(("diaphragm.", "friction.")) and not row.held]
     selection = select(half, free=names)
-    values = dict(zip(selection.entries, np.asarray(selection.pack(half)), strict=True))
+    values = dict(zip(selection.entries, selection.values(half), strict=True))
     endless = not np.isfinite(values.get("diaphragm.travel", np.inf))
     return [
         entry

@@ -104,7 +104,7 @@ def drive_variances(whole: Linearised, held: Bool[np.ndarray, " entries"]) -> Fl
     """Variances of the coordinates from noise of the drive that its smoothing lets through, by experiment."""
     noisy = [number for number, motion in enumerate(whole.motions) if motion.drive_noise > 0]
     bread, task = _bread(whole, held), whole.task
-    values = np.asarray(task.selection.pack(task.model))
+    values = task.selection.values(task.model)
     here = np.asarray(whole.transform.to_coordinates(values))
     variances = np.zeros(len(values))
     for experiment in range(EXPERIMENTS if noisy else 0):

@@ -205,7 +205,7 @@ def _fit(start: Actuator, samples: _Samples) -> _Fit:
     while np.any(free):
         model, residuals, columns = _minimise(start, every, free, samples)
         errors = clustered_errors(residuals, columns, samples.group)
-        values = np.asarray(every.pack(model))[free]
+        values = every.values(model)[free]
         good = determined_within(columns * np.abs(values), error_factor(columns, errors), limits.ERROR)
         if np.all(good):
             chosen = Selection(tuple(np.array(every.entries)[free].tolist()))
@@ -218,7 +218,7 @@ def _minimise(
     start: Actuator, every: Selection, free: Bool[np.ndarray, " entries"], samples: _Samples
 ) -> tuple[Actuator, np.ndarray, np.ndarray]:
     """The fitted model, its residuals in units of noise, and their derivatives with respect to the free entries."""
-    values = np.asarray(every.pack(start))
+    values = every.values(start)
     transform = build_transform(parameter_table(start), every.entries, values, {})
     fixed = np.asarray(transform.to_coordinates(values))
     guess, low, high = _reach(fixed, every, samples)

@@ -99,7 +99,7 @@ def _fit(
     """The fit without the entries that the traces do not determine; bounds of no width hold them, for which nothing is
     compiled again."""
     task = plan_task(half, traces, free=names, channels=("p_act",))
-    start = dict(zip(task.selection.entries, np.asarray(task.selection.pack(half)).tolist(), strict=True))
+    start = dict(zip(task.selection.entries, task.selection.values(half).tolist(), strict=True))
     held = set(held_at_first)
     for _ in range(ROUNDS):
         calibrator = _begin(task, start, held, BOLD)
@@ -129,7 +129,7 @@ def _run(calibrator: Calibrator, task: Task, start: dict[str, float], held: set[
 def _ran_away(calibrator: Calibrator) -> list[str]:
     """Positive entries that left what is plausible, in the order of the table: the membrane's stiffness first."""
     selection, transform = calibrator.task.selection, calibrator.transform
-    before = np.asarray(selection.pack(calibrator.task.model))
+    before = selection.values(calibrator.task.model)
     after = np.asarray(transform.to_physical(np.asarray(calibrator.minimiser.progress.coordinates)))
     return [
         entry
