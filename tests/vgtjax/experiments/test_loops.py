@@ -23,6 +23,14 @@ def test_width_of_straight_branches_is_exact():
     np.testing.assert_allclose(loop.closing, 8.5e4 - 4e6 * loop.position - 1000.0, rtol=1e-9)
 
 
+def test_a_rod_that_jumps_is_read_straight_over_the_gap():
+    time, x_d, p_act = run()
+    seen = (x_d < 4e-3) | (x_d > 6e-3)
+    loop = find_loop(time[seen], x_d[seen], p_act[seen])
+    # What tells of the gap is weighed by 1e-11, which costs as many digits.
+    np.testing.assert_allclose(loop.closing, 8.5e4 - 4e6 * loop.position - 1000.0, rtol=1e-5)
+
+
 def test_noise_averages_out():
     # Eight micrometres are 32 Pa here; about 15 samples a knot on each branch, 25 positions in the mean.
     assert find_loop(*run(noise=1.0)).mean_width == pytest.approx(2000.0, abs=15.0)
