@@ -106,7 +106,10 @@ def _without_errors(
     for precision, errors in zip(precisions, relative, strict=True):
         known = np.flatnonzero(np.isfinite(np.diag(errors)))
         block = np.ix_(known, known)
-        precision[block] = np.linalg.pinv(errors[block], hermitian=True)
+        # By correlation: next to logarithms, what is small in SI units would fall below the pseudo-inverse's cutoff.
+        lengths = np.sqrt(np.diag(errors)[known])
+        scales = np.outer(lengths, lengths)
+        precision[block] = np.linalg.pinv(errors[block] / scales, hermitian=True) / scales
     centre, covariance = separate(scores, precisions)
     spread = np.diag(covariance)
     if len(units) <= len(spread):

@@ -67,6 +67,23 @@ def test_fitted_units_give_mean_spread_and_correlation_back(fleet):
     assert np.median(values[:, 2]) == pytest.approx(found.nominal[2], rel=errors * 0.08 / math.sqrt(ROWS) * 1.3)
 
 
+def test_errors_of_a_logarithm_beside_small_numbers_take_nothing_away():
+    """A coefficient of 1e-8 N/Pa^2 whose error is 1e-11 stands beside a logarithm that is hardly known."""
+    entries, count = (f"{MAGNET}[4]", "diaphragm.preload", "diaphragm.stop_damping"), 60
+    truth, errors = np.array([1e-8, 49.0, np.log(1300.0)]), np.array([1e-11, 0.1, 1.0])
+    spread = np.array([5e-10, 2.0, 0.3])
+    rng = np.random.default_rng(11)
+    scores = truth + spread * rng.normal(size=(count, 3))
+    found = scores + errors * rng.normal(size=(count, 3))
+    rows = np.column_stack([found[:, :2], np.exp(found[:, 2])])
+    covariances = [np.diag((errors * np.where([False, False, True], row, 1.0)) ** 2) for row in rows]
+    population = fitted_population([unit(entries, row) for row in rows], entries, covariances)
+    assert population.factors.entries[:2] == entries[:2]
+    # Four standard errors of a mean and of a deviation; errors are small beside the spread of the first two.
+    assert np.all(np.abs(population.nominal[:2] - truth[:2]) < 4 * spread[:2] / math.sqrt(count))
+    np.testing.assert_allclose(population.deviations[:2], spread[:2], rtol=4 / math.sqrt(2 * count))
+
+
 def test_few_units_span_their_samples():
     """Five units of eight entries: samples are combinations of the units, in logarithms where positive."""
     entries = [f"{MAGNET}[{k}]" for k in range(5)] + ["diaphragm.preload", "diaphragm.stiffness", "chamber.volume"]
