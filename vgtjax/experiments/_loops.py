@@ -93,7 +93,8 @@ def _read(x_d: np.ndarray, p_act: np.ndarray, position: np.ndarray) -> np.ndarra
 
     The equations are written out: SciPy's splines take a quarter of a second to import.
     """
-    knots = np.concatenate([[x_d.min()], position[::2], [x_d.max()]])
+    # A rod that jumps over an end of the span leaves no sample beyond it.
+    knots = np.unique([min(x_d.min(), position[0]), *position[::2], max(x_d.max(), position[-1])])
     left = np.clip(np.searchsorted(knots, x_d, side="right") - 1, 0, len(knots) - 2)
     share = (x_d - knots[left]) / np.diff(knots)[left]  # of the knot to the right in the value there
 

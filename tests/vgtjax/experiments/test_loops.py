@@ -23,9 +23,11 @@ def test_width_of_straight_branches_is_exact():
     np.testing.assert_allclose(loop.closing, 8.5e4 - 4e6 * loop.position - 1000.0, rtol=1e-9)
 
 
-def test_a_rod_that_jumps_is_read_straight_over_the_gap():
+@pytest.mark.parametrize("gap", [(4e-3, 6e-3), (1.7e-3, 2.6e-3), (7.7e-3, 8.4e-3)])
+def test_a_rod_that_jumps_is_read_straight_over_the_gap(gap):
+    """Also over an end of the span."""
     time, x_d, p_act = run()
-    seen = (x_d < 4e-3) | (x_d > 6e-3)
+    seen = (x_d < gap[0]) | (x_d > gap[1])
     loop = find_loop(time[seen], x_d[seen], p_act[seen])
     # What tells of the gap is weighed by 1e-11, which costs as many digits.
     np.testing.assert_allclose(loop.closing, 8.5e4 - 4e6 * loop.position - 1000.0, rtol=1e-5)
