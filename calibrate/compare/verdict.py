@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from vgtjax.estimation import VERDICTS, Calibration, Remains
+from vgtjax.estimation import VERDICTS, Calibration, Remains, find_remains
 from vgtjax.identification import Compared, Ranking, Row, worst_verdict
 
 from ..study.tables import Study
@@ -63,8 +63,8 @@ def judge(study: Study, unit: Unit, compared: Compared) -> Verdict:
     if not compared.settled:
         choices = {name: Choice(choice.value, False, UNSETTLED) for name, choice in choices.items()}
     rankings = list(compared.rankings.values())
-    remains = list(rankings[-1].remains)
-    choices |= _duty(study, unit, compared, far=worst_verdict(remains) == VERDICTS[-1])
+    remains = [] if compared.fit is None else find_remains(compared.fit.calibration)
+    choices |= _duty(unit, compared, far=worst_verdict(remains) == VERDICTS[-1])
     return Verdict(choices, _table(compared), remains, rankings[0].scored)
 
 
@@ -92,15 +92,15 @@ def _friction(ranking: Ranking, chosen: str) -> dict[str, Choice]:
     return {"friction": dataclasses.replace(family, value=name), "stribeck_exponent": exponent}
 
 
-def _duty(study: Study, unit: Unit, compared: Compared, *, far: bool) -> dict[str, Choice]:
+def _duty(unit: Unit, compared: Compared, *, far: bool) -> dict[str, Choice]:
     """How the duty was held and how late it is; nothing for a model without a duty."""
     if "pwm" not in unit.model.needs or compared.fit is None:
         return {}
     calibration = compared.fit.calibration
     holds = {calibration.duty_hold(trace) for trace in calibration.task.fit}
-    stated = {entry.duty_hold for entry in study.trace} - {None}
+    stated = set(unit.stated.get("duty_hold", ()))
     hold = next(iter(stated)) if len(stated) == 1 else "linear" if holds == {"linear"} else "zero-order"
-    known = next((entry.duty_delay for entry in study.trace if entry.duty_delay is not None), None)
+    known = next(iter(unit.stated.get("duty_delay", ())), None)
     delay = calibration.duty_delay if known is None else known
     decided, reason = _told(calibration, known, bool(stated), len(holds) > 1)
     if decided and far:

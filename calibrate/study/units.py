@@ -76,8 +76,9 @@ class Unit:
     """What earlier parameters say of the duty of each trace."""
     hashes: Mapping[str, str]
     """SHA-256 of the file of every trace, by its name."""
-    stated: frozenset[str]
-    """What the study states of the duty of a trace, so that a fit does not look for it: `duty_delay`, `duty_hold`."""
+    stated: Mapping[str, list[Any]]
+    """What the study states of the duty of its traces, so that a fit does not look for it: values of `duty_delay` and
+    `duty_hold`."""
 
     def used(self, use: str) -> list[vgtjax.Trace]:
         """The traces for one use."""
@@ -133,17 +134,26 @@ def prepare(
         needs = (*start.needs, *(("x_d|p_act",) if to_fit else ()))
         mine = [source for source in sources if source.unit == name]
         traces = [(source.use, load_source(source, start, bounds, needs)) for source in mine]
-        stated = {key for key in ("duty_delay", "duty_hold") for each in mine if getattr(each, key) is not None}
         stated_values = parameters_of(study)
         known, scales = known_beforehand(start, stated_values), scales_of(start, stated_values)
         hashes = {source.name: hash_file(source.path) for source in mine}
-        units.append(Unit(name, start, bounds, known, scales, traces, duties, hashes, frozenset(stated)))
+        units.append(Unit(name, start, bounds, known, scales, traces, duties, hashes, _stated(mine)))
     for unit in units:
         if to_fit and not unit.used("fit"):
             where = "" if unit.name is None else f" of unit '{unit.name}'"
             raise StudyError(f"a fit needs at least one trace{where} with use = 'fit'; mark one")
     units = units if as_recorded else _disturbed(units, study.disturbances())
     return Job(study, path.read_text(encoding="utf-8-sig"), fingerprint(study, sources, given), units)
+
+
+def _stated(sources: Sequence[TraceSource]) -> dict[str, list[Any]]:
+    """What a study states of the duty of some traces."""
+    found = {}
+    for key in ("duty_delay", "duty_hold"):
+        values = [getattr(source, key) for source in sources]
+        if any(value is not None for value in values):
+            found[key] = [value for value in values if value is not None]
+    return found
 
 
 def _holding_replaced(study: Study) -> Study:

@@ -3,11 +3,13 @@
 import dataclasses
 import math
 import pathlib
+from types import SimpleNamespace
 
 import pytest
 from commands import Outcome, cut_example, read, run_command
 
-from calibrate.compare import alternatives, command
+import vgtjax
+from calibrate.compare import alternatives, command, verdict
 from calibrate.fit.plan import plan as plan_of_fit
 from calibrate.output.files import MARKER
 from calibrate.study.units import prepare
@@ -129,3 +131,19 @@ relative_uncertainty = 0.001
         moved = alternatives.plan(job, unit, structure, {"diaphragm.stiffness": 13000.0})
         assert float(moved.model.diaphragm.stiffness) == 13000.0
         assert float(moved.prior.center[moved.selection.entries.index("diaphragm.stiffness")]) == math.log(12000.0)
+
+
+def test_what_is_stated_of_one_unit_is_not_said_of_another():
+    calibration = SimpleNamespace(
+        task=SimpleNamespace(fit=["levels"]),
+        duty_hold=lambda trace: "zero-order",
+        duty_delay=1.1e-3,
+        progress=SimpleNamespace(hold_decided=True, linear=()),
+    )
+    compared = SimpleNamespace(fit=SimpleNamespace(calibration=calibration))
+    model = vgtjax.Actuator()
+    stating, other = (SimpleNamespace(model=model, stated=stated) for stated in ({"duty_delay": [4e-3]}, {}))
+    said = verdict._duty(stating, compared, far=False)["duty_delay"]
+    assert (said.value, said.decided) == (4e-3, False)
+    found = verdict._duty(other, compared, far=False)["duty_delay"]
+    assert (found.value, found.decided) == (1.1e-3, True)

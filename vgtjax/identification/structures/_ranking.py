@@ -104,8 +104,9 @@ it differently between samples: a search has gone astray, and chi^2 may be off b
 Stribeck curve seemed to decide for a plain one by 15, one with a vane force by distance for one by speed by 369."""
 
 RESTLESS = 100.0
-"""Difference of the criterion that decides where corrections of a fit have not settled: its chi^2 goes to and fro by
-tens. Two campaigns decided for the wrong exponent of the Stribeck curve by 10 and 19 so."""
+"""Difference of the criterion that decides where corrections of a fit have not settled, or its search ended so that
+there are none: its chi^2 is off by tens. Two campaigns decided for the wrong exponent of the Stribeck curve by 10 and
+19 so."""
 
 
 def rank(outcomes: Mapping[str, Outcome], wider: Mapping[str, Sequence[str]] | None = None) -> Steps[Ranking]:
@@ -125,7 +126,7 @@ def rank(outcomes: Mapping[str, Outcome], wider: Mapping[str, Sequence[str]] | N
         fits[name] = fit if name == likeliest else (yield from _at_best(fit, common))
     weighed = {name: fit.weighed(common) for name, fit in fits.items()}
     leader = weighed[likeliest]
-    scale = max(1.0, leader.chi2 / (leader.count - leader.rank))
+    scale = max(1.0, leader.chi2 / max(leader.count - leader.rank, 1))
     penalty = float(np.log(leader.count))
     criteria = {name: each.misfit(scale) + each.rank * penalty for name, each in weighed.items()}
     best = min(able, key=criteria.__getitem__)
@@ -199,14 +200,19 @@ def _doubt(
 
 
 def _restless(difference: float, duellists: Sequence[Linearised]) -> str:
-    """Why a duel does not decide where the corrections of a fit have not settled."""
-    progresses = [each.calibration.progress for each in duellists]
-    if difference > RESTLESS or all(each.settled or not each.corrections for each in progresses):
+    """Why a duel does not decide where the corrections of a fit have not settled, or it came to none."""
+    if difference > RESTLESS or not any(_uncorrected(each.calibration) for each in duellists):
         return ""
     return (
-        "corrections of a fit have not settled, so that its chi^2 goes to and fro by tens; the criterion differs by "
-        f"{difference:.3g}, {RESTLESS:g} would decide"
+        "corrections of a fit have not settled, or it came to none, so that its chi^2 is off by tens; the criterion "
+        f"differs by {difference:.3g}, {RESTLESS:g} would decide"
     )
+
+
+def _uncorrected(calibration: Calibration) -> bool:
+    """Whether numerical errors, outliers or filtered noise are in a fit's chi^2 that it was to be corrected for."""
+    progress = calibration.progress
+    return not progress.settled if progress.corrections else calibration.task.unknown.anything
 
 
 def _astray(difference: float, duellists: Sequence[Linearised]) -> str:
