@@ -77,6 +77,11 @@ class FoundDuty:
         beyond = self.delay - trace.duty_late
         return trace.with_late_duty(beyond) if beyond else trace
 
+    def beside(self, delay: float | None, hold: str | None) -> "FoundDuty":
+        """The same of a trace whose study states its delay or hold: that is applied where it is read."""
+        timely = FoundDuty(0.0, self.linear) if delay is not None else self
+        return timely if hold is None else dataclasses.replace(timely, linear=False)
+
 
 def load_duties(path: pathlib.Path, unit: str | None) -> dict[str, FoundDuty]:
     """What a fit has found of the duty of each of its traces."""

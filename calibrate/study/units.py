@@ -126,13 +126,13 @@ def prepare(
     units, given = [], {}
     for name in sorted({source.unit for source in sources}, key=str):
         values: dict[str, Any] = {} if parameters is None else load_values(parameters, name, study, model)
-        duties = {} if parameters is None else load_duties(parameters, name)
+        mine = [source for source in sources if source.unit == name]
+        duties = {} if parameters is None else _beside_stated(load_duties(parameters, name), mine)
         given[name] = {**values, "duties": duties}
         with contextlib.nullcontext() if values else of_study():  # the file of an earlier fit has a name of its own
             start, bounds = start_model(model, study, values)
         say_not_as_stated(start, study, {} if parameters is None else load_beginning(parameters, name))
         needs = (*start.needs, *(("x_d|p_act",) if to_fit else ()))
-        mine = [source for source in sources if source.unit == name]
         traces = [(source.use, load_source(source, start, bounds, needs)) for source in mine]
         stated_values = parameters_of(study)
         known, scales = known_beforehand(start, stated_values), scales_of(start, stated_values)
@@ -153,6 +153,15 @@ def _stated(sources: Sequence[TraceSource]) -> dict[str, list[Any]]:
         values = [getattr(source, key) for source in sources]
         if any(value is not None for value in values):
             found[key] = [value for value in values if value is not None]
+    return found
+
+
+def _beside_stated(duties: Mapping[str, FoundDuty], sources: Sequence[TraceSource]) -> dict[str, FoundDuty]:
+    """What an earlier fit has found of duties, less what the study states of them, which counts."""
+    found = dict(duties)
+    for source in sources:
+        if source.name in found:
+            found[source.name] = found[source.name].beside(source.duty_delay, source.duty_hold)
     return found
 
 
@@ -178,15 +187,15 @@ def load_source(
         ignore=("f_drive",) if "p_act" in model.sensed else (),
         name=source.name,
     )
-    with of_study():
-        if source.window is not None:
-            trace = trace.window(*source.window)
-        trace = _without_gains(trace, source.gain)
+    # What reaches the valve in a window may have been asked for before it.
     if trace.pwm is not None and source.duty_hold == "linear":
         trace = trace.with_ramped_duty()
     if trace.pwm is not None and source.duty_delay:
         trace = trace.with_late_duty(source.duty_delay)
-    return trace
+    with of_study():
+        if source.window is not None:
+            trace = trace.window(*source.window)
+        return _without_gains(trace, source.gain)
 
 
 def _disturbed(units: list[Unit], disturbances: Sequence[Disturbance]) -> list[Unit]:

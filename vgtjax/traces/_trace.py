@@ -227,10 +227,15 @@ class Trace:
         knots = self._knots()
         moved = duty.time[knots] + delay
         if self.duty_hold == "zero-order":
-            return self._jumping(knots, onto(inside(moved, duty.time), self.time))
+            return self._jumping(knots, onto(self._while_held(moved), self.time))
         there = moved[(moved > self.time[0]) & (moved < self.time[-1])]
         time = np.union1d(self.time, onto(there, self.time))
         return self.replace(pwm=Channel(time, duty.interpolate(time - delay)))
+
+    def _while_held(self, times: Samples) -> Samples:
+        """Times of jumps, none before the duty's first sample or behind the end, to which the last one is held."""
+        duty = self.channels["pwm"]
+        return inside(times, np.array([duty.time[0], max(duty.time[-1], self.time[-1])]))
 
     def _knots(self) -> Int[np.ndarray, " knots"]:
         """Samples of the duty's own clock at which it jumps, or its rate changes where it is linear between them."""
@@ -259,7 +264,7 @@ class Trace:
         delay = delay if len(jumps) == len(edges) else 0.0
         farthest = FARTHEST_EDGE * float(np.median(np.diff(duty.time)))
         began = duty.time[edges] + np.clip(late, -farthest, farthest) + delay
-        return self._jumping(edges, beside(inside(began, duty.time), self.time), duty_late=delay)
+        return self._jumping(edges, beside(self._while_held(began), self.time), duty_late=delay)
 
     def _jumping(self, samples: Int[np.ndarray, " moved"], moved: Samples, **changes: float) -> "Trace":
         """The same trace with the jumps of its duty at some samples at other times in s, each a time of the trace, and

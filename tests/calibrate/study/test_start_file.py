@@ -211,3 +211,39 @@ def test_a_data_set_that_is_not_there(folder, fit):
     assert_refused(
         fit("--parameters", path), f"{path}: can't be read (No such file or directory); check the path", folder / "out"
     )
+
+
+STEP = """[[trace]]
+file = "step.csv"
+"""
+
+
+def with_step(folder, more: str):
+    """A study of one step at 1 s, recorded each millisecond."""
+    time = 1e-3 * np.arange(2001)
+    rows = np.column_stack([time, np.where(time >= 1.0, 50.0, 0.0), np.full_like(time, 5e-3)])
+    np.savetxt(folder / "step.csv", rows, delimiter=",", header="time [s],pwm [%],x_d [m]", comments="")
+    (folder / "study.toml").write_text(STEP + more)
+    return folder / "study.toml"
+
+
+def test_a_window_begins_with_what_was_asked_for_before_it(tmp_path):
+    study = with_step(tmp_path, "window = [1.001, 1.9]\nduty_delay = 0.02\n")
+    ((_, trace),) = prepare(study, None).units[0].traces
+    duty = trace.at("pwm")
+    np.testing.assert_allclose(trace.time[trace.jumps()], 1.02, atol=1e-9)
+    assert (duty[0], duty[-1]) == (0.0, 50.0)
+    assert trace.time[0] == pytest.approx(1.001)
+
+
+@pytest.mark.parametrize("stated", ["duty_delay = 0.004\n", "duty_hold = 'zero-order'\n"])
+def test_what_a_study_states_of_a_duty_counts_and_not_once_more_what_a_fit_has_found(tmp_path, stated):
+    found = {"duty_delay": 0.004, "duty_hold": "linear" if "hold" in stated else "zero-order"}
+    parameters = {**read(FLEET_UNIT), "parameters": {}, "nuisance": {"step": found}}
+    (tmp_path / "parameters.json").write_text(json.dumps(parameters))
+    study = with_step(tmp_path, stated + f"[components]\nvane_force = '{parameters['components']['vane_force']}'\n")
+    unit = prepare(study, tmp_path / "parameters.json").units[0]
+    ((_, trace),) = unit.traces
+    applied = unit.duties["step"].applied(trace)
+    assert applied.duty_hold == "zero-order"
+    np.testing.assert_allclose(applied.time[applied.jumps()], 1.004, atol=1e-9)

@@ -226,6 +226,14 @@ def test_a_late_duty_that_is_linear_between_samples_bends_at_times_of_its_own():
     np.testing.assert_array_equal(late.time[late.rows("x_d")], time)
 
 
+def test_the_last_sample_of_a_duty_is_late_too_as_it_is_held_to_the_end():
+    time = 0.001 * np.arange(2001)
+    duty = vgtjax.Channel(np.array([0.0, 0.5, 1.0]), np.array([0.0, 40.0, 70.0]))
+    late = vgtjax.Trace(pwm=duty, x_d=vgtjax.Channel(time, 0 * time)).with_late_duty(0.004)
+    np.testing.assert_allclose(late.time[late.jumps()], [0.504, 1.004], atol=1e-12)  # rounding
+    assert late.at("pwm")[-1] == 70.0
+
+
 def test_an_actuator_is_at_rest_until_a_duty_begins_to_rise():
     time = 0.01 * np.arange(20)
     fall = np.interp(time, [0, 0.02, 0.05, 0.2], [101013.0, 101013.0, 5e4, 5e4])
