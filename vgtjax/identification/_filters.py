@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float, Int
 
 from ..parts import Converter
 from ..plants import AbstractModel, AbstractRodModel, converter_of
-from ..traces import Trace, noise_level
+from ..traces import Trace, drift_of, noise_level
 from . import _limits as limits
 
 Samples = Float[np.ndarray, " time"]
@@ -129,8 +129,7 @@ def sensor_offset(model: AbstractRodModel, trace: Trace, channel: str) -> Offset
         return UNKNOWN
     truth = float(model.diaphragm.rest_position(np.asarray(0.0))) if channel == "x_d" else trace.atmosphere
     error = noise_level(samples, channel) / np.sqrt(len(rest))
-    half = len(rest) // 2
-    if abs(np.mean(rest[:half]) - np.mean(rest[half:])) > limits.REST_DRIFT * 2 * error:
+    if abs(drift_of(rest)) > limits.REST_DRIFT * 2 * error:
         return UNKNOWN
     return Offset(float(np.mean(rest)) - truth, error)
 

@@ -10,7 +10,7 @@ from jaxtyping import Array
 from .._types import Values
 from ..parameters import Part, nested, parameter
 from ..parts import Air, Gas, Rows, rows_of, tables_of, with_tables
-from ..traces import Drive, Ramp, Start
+from ..traces import STANDARD_ATMOSPHERE, Drive, Ramp, Start
 from ._base import AbstractModel, Inner, State
 
 _SOURCE = "calibration of the bench"
@@ -25,7 +25,8 @@ def _offset(symbol: str, unit: str, usual: float, default: float | tuple[float, 
 
 
 class Gains(Part):
-    """What each sensor shows per what is there, of pressures per absolute one."""
+    """What each sensor shows per what is there, of pressures per absolute one; of a chamber pressure that drives a rod
+    per difference from atmosphere, at which its offset is read."""
 
     place = "gain"
 
@@ -139,12 +140,14 @@ class Instrumented(AbstractModel):
         """Inputs as they were, by what their sensors show."""
         channels = {"chamber": "p_act", "reservoir": "p_res", "turbine": "p_trb", "force": "f_drive"}
         given = {name: channel for name, channel in channels.items() if getattr(drive, name) is not None}
-        there = [self._there(getattr(drive, name), channel) for name, channel in given.items()]
+        ambient = {"p_act": STANDARD_ATMOSPHERE + drive.ambient_shift}
+        there = [self._there(getattr(drive, name), each, ambient.get(each, 0.0)) for name, each in given.items()]
         return eqx.tree_at(lambda drive: [getattr(drive, name) for name in given], drive, there)
 
-    def _there(self, shown: Ramp, channel: str) -> Ramp:
+    def _there(self, shown: Ramp, channel: str, ambient: Values | float) -> Ramp:
+        """An input by what its sensor shows, whose gain is that of the difference from `ambient`."""
         gain, offset = getattr(self.gain, channel), getattr(self.offset, channel)
-        return Ramp((shown.start - offset) / gain, shown.rate / gain)
+        return Ramp(ambient + (shown.start - offset - ambient) / gain, shown.rate / gain)
 
 
 def _warmed(state: State, kelvin: Values) -> State:

@@ -5,7 +5,7 @@ from ._checks import TRAVEL as TRAVEL
 from ._drive import Drive as Drive, Knot as Knot, Ramp as Ramp, Start as Start
 from ._duty import delay_duty as delay_duty
 from ._load import load_trace as load_trace
-from ._noise import remove_noise as remove_noise
+from ._noise import MOVES as MOVES, drift_of as drift_of, remove_noise as remove_noise
 from ._signals import SIGNALS as SIGNALS, Signal as Signal
 from ._source import Source as Source
 from ._trace import (

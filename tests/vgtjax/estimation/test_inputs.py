@@ -8,7 +8,7 @@ import pytest
 from support import duty_trace
 
 import vgtjax
-from vgtjax import simulate
+from vgtjax import identification, simulate
 from vgtjax.assurance import Truth
 from vgtjax.estimation import Unknown, _finish, plan_task, run_alone, start_calibration
 from vgtjax.estimation.derivatives import _evaluation as evaluation
@@ -124,3 +124,44 @@ def test_campaigns_of_a_recovery_measure_the_pressure_anew(found):
     left = np.std(first - found.task.fit[0].p_act)
     assert 0 < left < NOISE / 2  # what reading leaves of its noise
     assert np.any(first != second)
+
+
+def test_a_clock_that_is_not_even_makes_no_difference():
+    """Whole milliseconds at 600 Hz, and one sample less: noise and offset are read all the same."""
+    trace = recorded(1)
+    some = np.unique(np.round(np.arange(0, len(trace.time), 1e3 / 600)).astype(int))
+    some = np.delete(some[some < len(trace.time)], 400)
+    pressure = vgtjax.Channel(trace.time[some], trace.p_act[some])
+    task = plan(trace.replace(p_act=pressure))
+    sensor = task.inputs[0]
+    assert sensor is not None
+    assert sensor.noise == pytest.approx(NOISE, rel=0.15)  # by 700 third differences, of a signal whose steps differ
+    assert abs(sensor.offset - OFFSET) < 4 * sensor.offset_error
+    clean = np.asarray(simulate(vgtjax.replace_parameters(vgtjax.Actuator(), TRUTH), trace).p_act)[some]
+    assert np.std(task.fit[0].channels["p_act"].value - clean) < 0.5 * NOISE
+
+
+@pytest.mark.parametrize("seconds", [0.0, 0.5])
+def test_a_chamber_that_does_not_rest_tells_no_offset(seconds):
+    """Without a duty its fall looks like a rest of 50 ms; at zero duty it may still be vented from the run before."""
+    trace = recorded(1, offset=0.0)
+    if seconds:
+        venting = 4e3 * np.exp(-np.arange(len(trace.time)) / 100.0)
+        trace = trace.replace(p_act=trace.p_act - venting)
+    else:
+        trace = trace.window(0.2, 1.0).replace(pwm=None)
+    assert plan(trace).inputs[0].offset == 0.0
+    assert identification.read_motion(vgtjax.MechanicalActuator(), trace).offset == 0.0
+
+
+def test_a_gain_beside_an_offset_at_rest_is_that_of_the_difference_from_atmosphere():
+    """Of a gauge sensor and of an absolute one alike; the preload was off by 3 N a percent."""
+    truth = recorded(1)
+    ambient = truth.atmosphere
+    for shown in (ambient + 1.01 * (truth.p_act - ambient), 1.01 * truth.p_act):
+        task = plan(truth.replace(p_act=shown), gain=("p_act",))
+        model = vgtjax.replace_parameters(task.model, {"gain.p_act": 1.01})
+        drive = task.fit[0].drive()
+        there = model.true_drive(drive).chamber.start
+        known = plan(truth).fit[0].drive().chamber.start
+        np.testing.assert_allclose(there, known, atol=15.0)  # another noise level, another smoothing

@@ -9,14 +9,16 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float, Int
 
 from ...plants import AbstractModel
-from ...traces import START_WINDOW, Trace, noise_level, remove_noise
+from ...traces import MOVES, START_WINDOW, Trace, drift_of, noise_level, remove_noise
 from ._evidence import Unknown
 
 EVEN = 0.01
-"""Part by which intervals of a signal may differ for its noise to be removed."""
+"""Part by which intervals of a signal may differ that is read as it is; of others some samples count as missing."""
+FINEST = 0.25
+"""Part of the median interval that even ones are made of at least."""
 LEAST = 30
 """Samples of rest that tell an offset."""
 
@@ -33,8 +35,11 @@ class InputSensor:
     def read(self, trace: Trace) -> Trace:
         """The trace with the pressure that its sensor was shown."""
         pressure = trace.channels["p_act"]
-        clean = remove_noise(pressure.value, self.noise) - self.offset
-        return trace.replace(p_act=dataclasses.replace(pressure, value=clean))
+        places = _even_places(pressure.time)
+        samples, seen = np.zeros(places[-1] + 1), np.zeros(places[-1] + 1, bool)
+        samples[places], seen[places] = pressure.value, True
+        clean = remove_noise(samples, self.noise, seen)[places]
+        return trace.replace(p_act=dataclasses.replace(pressure, value=clean - self.offset))
 
     def again(self, trace: Trace, rng: np.random.Generator) -> Trace:
         """A trace that was read already, as another measurement of the same pressure would be read."""
@@ -45,22 +50,22 @@ class InputSensor:
 
 
 def input_sensor(model: AbstractModel, trace: Trace, unknown: Unknown) -> InputSensor | None:
-    """The sensor of the pressure that drives a rod; `None` where no pressure does, it is read as it is recorded, or its
-    samples are not even.
+    """The sensor of the pressure that drives a rod; `None` where no pressure does, or it is read as it is recorded.
 
-    An offset that is free is not read from rest.
+    An offset that is free is not read from rest, nor one where the pressure does not rest.
     """
     if not unknown.input_noise or "p_act" in model.sensed or trace.f_drive is not None:
         return None
     pressure = trace.channels.get("p_act")
-    if pressure is None or not _is_even(pressure.time):
+    if pressure is None:
         return None
     noise = noise_level(pressure.value, "p_act")
-    rest = _resting(trace)
-    if "p_act" in unknown.offset or np.sum(rest) < LEAST:
+    rest = pressure.value[_resting(trace)]
+    if "p_act" in unknown.offset or len(rest) < LEAST or abs(drift_of(rest)) > MOVES:
         return InputSensor(noise)
-    offset = float(np.mean(pressure.value[rest])) - trace.atmosphere
-    return InputSensor(noise, offset, noise / float(np.sqrt(np.sum(rest))))
+    # Noise with a memory moves the mean by more than white noise does, and shows as a drift.
+    error = max(noise / float(np.sqrt(len(rest))), 0.5 * abs(drift_of(rest)))
+    return InputSensor(noise, float(np.mean(rest)) - trace.atmosphere, error)
 
 
 def read_inputs(
@@ -72,9 +77,12 @@ def read_inputs(
     return read, sensors
 
 
-def _is_even(time: np.ndarray) -> bool:
+def _even_places(time: Float[np.ndarray, " samples"]) -> Int[np.ndarray, " samples"]:
+    """Which of evenly spaced samples those of a clock are, of which some may be missing."""
     steps = np.diff(time)
-    return len(steps) > 0 and bool(np.all(np.abs(steps - np.median(steps)) < EVEN * np.median(steps)))
+    if len(steps) == 0 or np.all(np.abs(steps - np.median(steps)) < EVEN * np.median(steps)):
+        return np.arange(len(time))
+    return np.round((time - time[0]) / max(np.min(steps), FINEST * np.median(steps))).astype(int)
 
 
 def _resting(trace: Trace) -> Bool[np.ndarray, " samples"]:

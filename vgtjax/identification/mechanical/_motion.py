@@ -10,7 +10,7 @@ from jaxtyping import Bool
 
 from ...parts import Contact, DryFriction, LuGre, Vanes
 from ...plants import AbstractModel, Actuator, MechanicalActuator
-from ...traces import SENSOR_PRESSURE_OFFSET, START_WINDOW, Trace
+from ...traces import MOVES, SENSOR_PRESSURE_OFFSET, START_WINDOW, Trace, drift_of
 from .. import _limits as limits
 from .._filters import Samples, resting
 from .._result import NotPossible
@@ -112,6 +112,7 @@ def read_motion(model: MechanicalActuator, trace: Trace) -> MotionRecord:
         )
     assert trace.p_act is not None
     rest = _resting(model, trace)
+    rest &= abs(drift_of(trace.p_act[rest])) <= MOVES
     area, count = float(model.diaphragm.area), int(np.sum(rest))
     if count == 0:
         offset, place, position_error, pressure_error = 0.0, 0.0, limits.POSITION_ERROR, 0.5 * SENSOR_PRESSURE_OFFSET
