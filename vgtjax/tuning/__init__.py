@@ -7,6 +7,7 @@ from ._admissible import (
 )
 from ._cases import Case as Case, Cases as Cases, Variant as Variant, cross_cases as cross_cases
 from ._closed import ClosedLoops as ClosedLoops, Runs as Runs, close_loops as close_loops
+from ._loops import Figures as Figures
 from ._objective import TERMS as TERMS, Objective as Objective, mean_beyond as mean_beyond
 from ._problem import (
     MEMORIES as MEMORIES,

@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 from collections.abc import Mapping
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -12,25 +13,9 @@ from jaxtyping import Array, Float
 from .._errors import InputError
 from .._lanes import map_rows
 from .._printing import Cells, Printed
-from ..control import (
-    AbstractController,
-    Scenario,
-    StepAnswer,
-    chatter,
-    close_loop,
-    effort,
-    pressure_peak,
-    pressure_rms,
-    sliding_share,
-    step_answers,
-    tracking_peak,
-    tracking_rms,
-)
-from ..plants import AbstractModel
-from ..simulation import RESULTS, HasEnds
-from ._cases import Case, Cases, stack_trees
-from ._loops import Timing
-from ._problem import LANES
+from ..control import AbstractController, StepAnswer, step_answers
+from ._cases import Case, Cases
+from ._loops import LANES, Figures, Row, Timing, judge_loop, rows_of, run_loop
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -50,26 +35,15 @@ class Runs:
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class ClosedLoops(HasEnds, Printed):
+class ClosedLoops(Figures, Printed):
     """Closed loops and what each was worth from `settled` seconds on. Prints itself as a table.
 
-    `rms` and `peak` of the true error are in m, `pressure_rms` and `pressure_peak` of the observed pressure in Pa (NaN
-    where none is observed), `effort` and `chatter` in percent of duty, as [`effort`][] and [`chatter`][] have them;
-    `sliding` is the share of samples at which the observer slides as [`sliding_share`][] has it. `result` says of each
-    run how it ended; figures of one that failed are NaN. `answers` are those to the steps of each reference.
+    `answers` are those to the steps of each reference.
     """
 
     labels: tuple[Case, ...]
     runs: Runs
     settled: float
-    rms: Float[np.ndarray, " cases"]
-    peak: Float[np.ndarray, " cases"]
-    pressure_rms: Float[np.ndarray, " cases"]
-    pressure_peak: Float[np.ndarray, " cases"]
-    sliding: Float[np.ndarray, " cases"]
-    effort: Float[np.ndarray, " cases"]
-    chatter: Float[np.ndarray, " cases"]
-    result: RESULTS
 
     def __len__(self) -> int:
         return len(self.labels)
@@ -119,46 +93,19 @@ def close_loops(
             f"settled must be zero or more and before the end of runs after {cases.duration:g} s, but it is "
             f"{settled:g} s; correct it"
         )
-    given = controllers if isinstance(controllers, Mapping) else {label.plant: controllers for label in cases.labels}
-    missing = [label.plant for label in cases.labels if label.plant not in given]
-    if missing:
-        raise InputError(f"every plant needs a controller, but '{missing[0]}' has none; give it one")
-    stacked = stack_trees([given[label.plant] for label in cases.labels], "controllers")
-
-    def at(places: np.ndarray) -> tuple[AbstractController, AbstractModel, Scenario]:
-        chosen = cases.take(places.tolist())
-        return jax.tree.map(lambda leaf: leaf[places], stacked), chosen.plants, chosen.scenarios
-
-    timing = Timing(cases.duration, cases.period)
-    count = len(cases)
-    signals, figures, result = map_rows(lambda rows: _close(timing, settled, *rows), at, count, min(lanes, count))
-    blank = np.where(result == RESULTS.successful, 1.0, np.nan)
+    timing, at, count = Timing(cases.duration, cases.period), rows_of(controllers, cases), len(cases)
+    signals, figures = map_rows(lambda rows: _close(timing, settled, rows), at, count, min(lanes, count))
     runs = Runs(np.arange(signals[0].shape[1]) * cases.period, *signals)
-    return ClosedLoops(cases.labels, runs, settled, **{n: v * blank for n, v in figures.items()}, result=result)
+    return ClosedLoops(**figures, labels=cases.labels, runs=runs, settled=settled)
 
 
 @eqx.filter_jit
-def _close(
-    timing: Timing, settled: float, controllers: AbstractController, plants: AbstractModel, scenarios: Scenario
-) -> tuple[tuple[Array | None, ...], dict[str, Array], RESULTS]:
-    """Signals and figures of every lane, and how it ended."""
+def _close(timing: Timing, settled: float, rows: Row) -> tuple[tuple[Array | None, ...], dict[str, Any]]:
+    """Signals and figures of every row."""
 
-    def lane(controller: AbstractController, plant: AbstractModel, scenario: Scenario) -> tuple:
-        run = close_loop(plant, controller, scenario, timing.duration, period=timing.period, throw=False)
+    def lane(*row: Any) -> tuple[tuple[Array | None, ...], dict[str, Any]]:
+        run = run_loop(row, timing)
         signals = (run.reference.position, run.position, run.pressure, run.duty, run.log.get("pressure"))
-        figures = {name: measure(run, settled) for name, measure in MEASURES.items()}
-        return signals, figures, run.result
+        return signals, judge_loop(run, settled)
 
-    return jax.vmap(lane)(controllers, plants, scenarios)
-
-
-MEASURES = {
-    "rms": tracking_rms,
-    "peak": tracking_peak,
-    "pressure_rms": pressure_rms,
-    "pressure_peak": pressure_peak,
-    "sliding": sliding_share,
-    "effort": effort,
-    "chatter": chatter,
-}
-"""By the name that each has among the figures of [`ClosedLoops`][]."""
+    return jax.vmap(lane)(*rows)

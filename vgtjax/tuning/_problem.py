@@ -15,34 +15,20 @@ from .._errors import InputError
 from .._lanes import map_rows
 from ..control import AbstractController, ClosedLoop, check
 from ..parameters import Selection, Transform, build_transform, parameter_table, select
-from ..simulation import RESULTS, HasEnds
-from . import _loops as loops
 from ._admissible import MARGIN, conditions, gain_names, spare, spare_slopes
 from ._cases import Cases
+from ._loops import LANES, Figures, Lane, Shared, Timing, evaluate_lanes, linearise_lanes, simulate_lanes
 from ._objective import Objective
 
 MEMORIES = (math.inf, 1.0, 0.3, 0.1, 0.03)
 """s; all that a gain changes, and what it changes within a second and less."""
-LANES = 64
-"""Closed loops that run side by side; memory grows with them, their duration, and the number of gains."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class CaseCosts(HasEnds):
-    """What every closed loop costs.
-
-    `terms` are the summands of its cost `l`; `rms` and `peak` of its true error are in m, `pressure_peak` is that of
-    the observed pressure's in Pa, `sliding` the share of samples at which the observer slides as [`sliding_share`][]
-    has it (both NaN for a controller without such an observer); `result` says of each run how it ended, and figures of
-    one that failed are NaN.
-    """
+class CaseCosts(Figures):
+    """What every closed loop costs: `terms` are the summands of its cost `l`, NaN of a run that failed."""
 
     terms: Float[np.ndarray, "cases terms"]
-    rms: Float[np.ndarray, " cases"]
-    peak: Float[np.ndarray, " cases"]
-    pressure_peak: Float[np.ndarray, " cases"]
-    sliding: Float[np.ndarray, " cases"]
-    result: RESULTS
 
     @property
     def costs(self) -> Float[np.ndarray, " cases"]:
@@ -101,9 +87,9 @@ class TuningProblem:
         """The same of several candidates side by side, which takes less time than one after the other."""
         count = len(self.cases)
         places = np.tile(np.arange(count), len(candidates))
-        figures, *_ = self._gather(loops.evaluate, places, np.repeat(candidates, count, 0), math.inf)
+        figures, *_ = self._gather(evaluate_lanes, places, np.repeat(candidates, count, 0), math.inf)
         parts = [slice(begin, begin + count) for begin in range(0, len(places), count)]
-        return [CaseCosts(*jax.tree.map(lambda leaf, part=part: leaf[part], figures)) for part in parts]
+        return [CaseCosts(**jax.tree.map(lambda leaf, part=part: leaf[part], figures)) for part in parts]
 
     def linearise(
         self, coordinates: Float[np.ndarray, " gains"], memory: float | Float[np.ndarray, " cases"] = math.inf
@@ -111,16 +97,13 @@ class TuningProblem:
         """The same with derivatives, forward through every closed loop, that remember `memory` seconds, of each."""
         places = np.arange(len(self.cases))
         repeated = np.repeat(coordinates[None], len(places), 0)
-        figures, slopes, curvatures = self._gather(loops.linearise, places, repeated, memory)
-        return Linearisation(CaseCosts(*figures), slopes, curvatures)
+        figures, slopes, curvatures = self._gather(linearise_lanes, places, repeated, memory)
+        return Linearisation(CaseCosts(**figures), slopes, curvatures)
 
     def simulate(self, coordinates: Float[np.ndarray, " gains"], indices: Sequence[int]) -> ClosedLoop:
         """Runs of some cases; every array has a leading axis of them."""
         chosen = self.cases.take(indices)
-        timing = loops.Timing(chosen.duration, chosen.period)
-        exact = np.full(len(chosen), math.inf)
-        lanes = loops.Lane(chosen.plants, chosen.scenarios, np.repeat(coordinates[None], len(chosen), 0), exact)
-        return loops.simulate(self.controller_at(coordinates), timing, lanes)
+        return simulate_lanes(self.controller_at(coordinates), chosen.plants, chosen.scenarios, self._timing)
 
     def combine(self, costs: Float[np.ndarray, " cases"]) -> float:
         """`J` of the costs of all closed loops; infinite where one of them is not finite."""
@@ -138,6 +121,10 @@ class TuningProblem:
         """Derivatives of these."""
         return np.asarray(spare_slopes(self.controller, self.selection, self.transform, coordinates))
 
+    @property
+    def _timing(self) -> Timing:
+        return Timing(self.cases.duration, self.cases.period)
+
     def _gather(
         self,
         function: Any,
@@ -148,18 +135,13 @@ class TuningProblem:
         """Runs the cases at some places, `lanes` of them side by side."""
         count = len(places)
         memories = np.broadcast_to(np.asarray(memory, float), count)
-        timing = loops.Timing(self.cases.duration, self.cases.period)
-        shared = loops.Shared(self.controller, self.selection, self.transform, self.objective, timing)
+        shared = Shared(self.controller, self.selection, self.transform, self.objective, self._timing)
 
-        def at(chosen: np.ndarray) -> loops.Lane:
+        def at(chosen: np.ndarray) -> Lane:
             chunk = self.cases.take(places[chosen].tolist())
-            return loops.Lane(chunk.plants, chunk.scenarios, coordinates[chosen], memories[chosen])
+            return Lane(chunk.plants, chunk.scenarios, coordinates[chosen], memories[chosen])
 
-        (terms, *figures, result), *more = map_rows(
-            functools.partial(function, shared), at, count, min(self.lanes, count)
-        )
-        blank = np.where(result == RESULTS.successful, 1.0, np.nan)
-        return (terms * blank[:, None], *(figure * blank for figure in figures), result), *more
+        return map_rows(functools.partial(function, shared), at, count, min(self.lanes, count))
 
 
 def plan_tuning(

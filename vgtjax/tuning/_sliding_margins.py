@@ -20,7 +20,8 @@ from ..control import (
     linearise_loop,
     margins,
 )
-from ._cases import Cases, stack_trees
+from ._cases import Cases
+from ._loops import Row, rows_of
 
 SHARE, RATE = 0.3, 2.0
 """Of the travel to either side of its middle, and rad/s: a sine along which the rod never rests in between."""
@@ -39,13 +40,8 @@ def sliding_margins(
     **Arguments:** as those of [`close_loops`][], with a controller for each plant.
     """
     last = {label.plant: place for place, label in enumerate(cases.labels)}
-    names, places = list(last), np.array(list(last.values()))
-    stacked = stack_trees([controllers[name] for name in names], "controllers")
-
-    def at(rows: np.ndarray) -> tuple[Any, ...]:
-        chosen = cases.take(places[rows].tolist())
-        return jax.tree.map(lambda leaf: leaf[rows], stacked), chosen.plants, chosen.scenarios
-
+    names = list(last)
+    at = rows_of(controllers, cases.take(list(last.values())))
     found = map_rows(functools.partial(_linearise, cases.period), at, len(names), min(lanes, len(names)))
     transition, entry, exit_ = found
     return {
@@ -58,7 +54,7 @@ def sliding_margins(
 
 
 @eqx.filter_jit
-def _linearise(period: float, rows: tuple[Any, ...]) -> tuple[Any, ...]:
+def _linearise(period: float, rows: Row) -> tuple[Any, ...]:
     """Matrices of every lane's loops; the first axis is that of lanes, the second that of times."""
 
     def lane(controller: AbstractController, plant: Any, scenario: Scenario) -> tuple[Any, ...]:

@@ -7,8 +7,7 @@ import numpy as np
 
 from ..control import AbstractController, PressureObserver, designs_in
 from ._cases import Cases
-from ._closed import ClosedLoops
-from ._problem import CaseCosts
+from ._loops import Figures
 
 ENOUGH = 0.99
 """Share of samples at which an observer slides that counts as sliding: noise of the velocity throws it off at some."""
@@ -55,7 +54,7 @@ class Sliding:
 
 def sliding(
     controllers: AbstractController | Mapping[str, AbstractController],
-    *judged: tuple[Cases, CaseCosts | ClosedLoops],
+    *judged: tuple[Cases, Figures],
     settled: float,
 ) -> Sliding | None:
     """Whether an observer slides in closed loops that it ran in.

@@ -61,7 +61,7 @@ class Cliff(TuningProblem):
         for at in candidates:
             costs = np.sum(self.residuals(at) ** 2, 1)
             terms = np.stack([costs, *3 * [np.zeros_like(costs)]], 1)
-            found.append(CaseCosts(terms, *[np.sqrt(costs)] * 4, GOOD))
+            found.append(CaseCosts(*[np.sqrt(costs)] * 7, GOOD, terms))
         return found
 
     def linearise(self, coordinates, memory=np.inf):
