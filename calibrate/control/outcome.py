@@ -7,6 +7,7 @@ from typing import Any
 
 import jax
 import numpy as np
+from jaxtyping import Float
 
 from vgtjax.control import (
     AbstractController,
@@ -22,6 +23,7 @@ from vgtjax.plants import AbstractModel
 from vgtjax.tuning import Cases, ClosedLoops, Sliding, sliding
 
 from ..fmu.cost import SampleCost
+from ..output.closed_loops import ERRORS, Summaries, along_each, of_plants
 from ..output.files import finite
 from ..output.margins import list_margins
 from ..output.sliding import list_sliding, warnings
@@ -36,6 +38,14 @@ CHANNELS = {
 """What a controller may measure, in words."""
 PROBED = 0.5
 """s of a run by which it is found out what a controller measures, and how long it takes."""
+SUMMARIES: Summaries = {
+    **ERRORS,
+    "pressure_median": ("pressure_rms", np.median),
+    "pressure_worst": ("pressure_rms", np.max),
+    "effort": ("effort", np.median),
+    "chatter": ("chatter", np.median),
+}
+"""What is told of the plants along a reference."""
 REPEATS = 5
 """Times that it is timed; the shortest counts, as other programs only ever lengthen one."""
 
@@ -61,6 +71,10 @@ class Outcome:
     def loops(self) -> list[tuple[ClosedLoops, int]]:
         """Every closed loop: its group, and its place there."""
         return [(group, index) for group in self.groups for index in range(len(group))]
+
+    def figure(self, name: str) -> Float[np.ndarray, " loops"]:
+        """Of every closed loop, e.g. its `rms`."""
+        return np.concatenate([getattr(group, name) for group in self.groups])
 
 
 def slides(job: ControlJob, groups: tuple[ClosedLoops, ...]) -> Sliding | None:
@@ -103,7 +117,7 @@ def summarise(job: ControlJob, outcome: Outcome) -> dict[str, Any]:
         "settled": job.study.control.settled,
         "seconds_per_sample": outcome.sample_seconds,
         "sample": None if outcome.sample is None else dataclasses.asdict(outcome.sample),
-        "worst": {name: finite(_largest(outcome, name)) for name in ("rms", "peak", "pressure_rms")},
+        "worst": {name: finite(np.fmax.reduce(outcome.figure(name))) for name in ("rms", "peak", "pressure_rms")},
         "loops": [_numbers(group, index) for group, index in outcome.loops],
         "sliding": list_sliding(outcome.sliding),
         "margins": list_margins(outcome.margins),
@@ -114,22 +128,11 @@ def summarise(job: ControlJob, outcome: Outcome) -> dict[str, Any]:
     }
 
 
-def _largest(outcome: Outcome, name: str) -> float:
-    """Of all closed loops that did not fail; NaN without one."""
-    return max(
-        (figure for group in outcome.groups for figure in getattr(group, name) if not math.isnan(figure)),
-        default=math.nan,
-    )
-
-
 def _numbers(group: ClosedLoops, index: int) -> dict[str, Any]:
     label, answers = group.labels[index], group.answers[index]
     figures = {name: getattr(group, name)[index] for name in ("rms", "peak", "pressure_rms", "effort", "chatter")}
     return {
-        "plant": label.plant,
-        "reference": label.reference,
-        "turbine_pressure": label.turbine_pressure,
-        "variant": label.variant,
+        **dataclasses.asdict(label),
         **finite(figures),
         "settling_time": finite(_worst(answers, "settling_time")),
         "overshoot": finite(_worst(answers, "overshoot")),
@@ -142,56 +145,16 @@ def _worst(answers: list[StepAnswer], name: str) -> float:
     return max((getattr(answer, name) for answer in answers), default=math.nan)
 
 
-@dataclasses.dataclass(frozen=True)
-class Row:
-    """The plants along one reference at one turbine pressure, SI units; `None` where nothing is to be said.
+def tabulate(outcome: Outcome) -> list[dict[str, Any]]:
+    """A row for every reference and turbine pressure: the middle and the worst of the plants, in SI units.
 
-    `settling_time` is infinite where a plant does not come there.
+    `None` where nothing is to be said; a `settling_time` is infinite where a plant does not come there.
     """
-
-    reference: str
-    turbine_pressure: float
-    plants: int
-    failed: int
-    rms_median: float | None
-    rms_worst: float | None
-    peak: float | None
-    pressure_median: float | None
-    pressure_worst: float | None
-    effort: float | None
-    chatter: float | None
-    settling_time: float | None
-    overshoot: float | None
-
-
-def tabulate(outcome: Outcome) -> list[Row]:
-    """A row for every reference and turbine pressure: the middle and the worst of the plants."""
     rows = []
     for group in outcome.groups:
-        for key in dict.fromkeys((label.course, label.turbine_pressure) for label in group.labels):
-            mine = [i for i, label in enumerate(group.labels) if (label.course, label.turbine_pressure) == key]
-            rows.append(_row(group, key, mine))
+        for head, mine in along_each(group.labels):
+            steps = [answer for i in mine for answer in group.answers[i]]
+            settling = _worst(steps, "settling_time") if steps else None
+            answered = {"settling_time": settling, "overshoot": finite(_worst(steps, "overshoot"))}
+            rows.append(head | of_plants(group, mine, SUMMARIES) | answered)
     return rows
-
-
-def _row(group: ClosedLoops, key: tuple[str, float], mine: list[int]) -> Row:
-    good = [i for i in mine if not group.failed[i]]
-    steps = [answer for i in good for answer in group.answers[i]]
-
-    def told(name: str, summary: Any) -> float | None:
-        return finite(summary(getattr(group, name)[good])) if good else None
-
-    return Row(
-        *key,
-        len(mine),
-        len(mine) - len(good),
-        told("rms", np.median),
-        told("rms", np.max),
-        told("peak", np.max),
-        told("pressure_rms", np.median),
-        told("pressure_rms", np.max),
-        told("effort", np.median),
-        told("chatter", np.median),
-        _worst(steps, "settling_time") if steps else None,
-        finite(_worst(steps, "overshoot")),
-    )

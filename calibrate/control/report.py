@@ -9,15 +9,14 @@ from plotly.subplots import make_subplots
 from vgtjax.traces import STANDARD_ATMOSPHERE
 from vgtjax.tuning import ClosedLoops
 
-from ..output.figures import DUTY, MEASURED, SIMULATED, curve, numbered, points, styled
+from ..output.closed_loops import REFERENCE, spread_figure, worst_of_each
+from ..output.figures import DUTY, MEASURED, SIMULATED, curve, styled
 from ..output.page import render_page
 from .job import ControlJob
-from .outcome import Outcome, Row
-
-REFERENCE = "#475569"
+from .outcome import Outcome
 
 
-def render(job: ControlJob, outcome: Outcome, rows: list[Row], summary: dict[str, Any]) -> str:
+def render(job: ControlJob, outcome: Outcome, rows: list[dict[str, Any]], summary: dict[str, Any]) -> str:
     """The report as HTML."""
     return render_page(
         "control.html.jinja",
@@ -30,30 +29,17 @@ def render(job: ControlJob, outcome: Outcome, rows: list[Row], summary: dict[str
     )
 
 
-def _worst(outcome: Outcome) -> list[tuple[ClosedLoops, int]]:
-    """The closed loop of each reference with the largest RMS error; one that failed before all others."""
-    worst: dict[str, tuple[ClosedLoops, int]] = {}
-    for group, index in sorted(outcome.loops, key=_rms):
-        worst[group.labels[index].course] = group, index
-    return list(worst.values())
-
-
-def _rms(loop: tuple[ClosedLoops, int]) -> float:
-    return float(np.nan_to_num(loop[0].rms[loop[1]], nan=np.inf))
-
-
 def _spread_figure(outcome: Outcome) -> go.Figure:
     """Errors of every closed loop, sorted by their root mean square."""
-    loops = sorted(outcome.loops, key=_rms)
-    labels, places = [str(group.labels[i]) for group, i in loops], np.arange(len(loops))
-    figure = go.Figure()
-    for name, color, symbol in (("rms", SIMULATED, "circle"), ("peak", MEASURED, "triangle-up-open")):
-        errors = np.array([1e6 * getattr(group, name)[i] for group, i in loops])
-        shown = {"rms": "RMS", "peak": "peak"}[name]
-        figure.add_trace(points(places, errors, shown, color, 6, symbol=symbol, hovertext=labels))
-    figure.update_yaxes(type="log")
-    numbered(figure, len(loops))
-    return styled(figure, 380, "closed loop, sorted by its RMS error", "error, um", hovermode="closest")
+    rms, peak = outcome.figure("rms"), outcome.figure("peak")
+    errors = (("RMS", rms, SIMULATED, "circle"), ("peak", peak, MEASURED, "triangle-up-open"))
+    return spread_figure([group.labels[i] for group, i in outcome.loops], errors, ("RMS error", rms))
+
+
+def _worst(outcome: Outcome) -> list[tuple[ClosedLoops, int]]:
+    """The closed loop of each reference with the largest RMS error."""
+    labels = [group.labels[i] for group, i in outcome.loops]
+    return [outcome.loops[place] for place in worst_of_each(labels, outcome.figure("rms"))]
 
 
 def _run_figure(group: ClosedLoops, index: int) -> go.Figure:

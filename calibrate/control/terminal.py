@@ -2,11 +2,11 @@
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import rich.table
 
 from ..output.console import plain_table
-from .outcome import Row
 
 COLUMNS = {
     "reference": ("reference", 1.0),
@@ -23,11 +23,11 @@ COLUMNS = {
 """Each with what it shows of a row, and by what that is multiplied."""
 
 
-def table(rows: Sequence[Row]) -> rich.table.Table:
+def table(rows: Sequence[dict[str, Any]]) -> rich.table.Table:
     """The middle and the worst of the plants; a blank where nothing is to be said."""
     shown = plain_table(COLUMNS)
     for row in rows:
-        shown.add_row(*(_cell(getattr(row, field), scale) for field, scale in COLUMNS.values()))
+        shown.add_row(*(_cell(row[field], scale) for field, scale in COLUMNS.values()))
     return shown
 
 

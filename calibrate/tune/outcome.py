@@ -20,6 +20,7 @@ from vgtjax.tuning import (
 )
 
 from ..fmu.cost import SampleCost
+from ..output.closed_loops import worst_of_each
 from ..output.files import finite
 from ..output.margins import list_margins
 from ..output.sliding import list_sliding, warnings
@@ -42,11 +43,7 @@ class Comparison:
 
     def worst(self) -> list[int]:
         """For each reference the case whose tuned cost is highest."""
-        labels, costs = self.problem.cases.labels, np.nan_to_num(self.tuned.costs, nan=np.inf)
-        names = dict.fromkeys(label.course for label in labels)
-        return [
-            max((i for i, each in enumerate(labels) if each.course == name), key=lambda i: costs[i]) for name in names
-        ]
+        return worst_of_each(self.problem.cases.labels, self.tuned.costs)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -134,14 +131,7 @@ def summarise(
 
 def _rows(comparison: Comparison) -> list[dict[str, Any]]:
     return [
-        {
-            "plant": label.plant,
-            "reference": label.reference,
-            "turbine_pressure": label.turbine_pressure,
-            "variant": label.variant,
-            "start": _numbers(comparison.start, i),
-            "tuned": _numbers(comparison.tuned, i),
-        }
+        dataclasses.asdict(label) | {"start": _numbers(comparison.start, i), "tuned": _numbers(comparison.tuned, i)}
         for i, label in enumerate(comparison.problem.cases.labels)
     ]
 

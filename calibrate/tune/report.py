@@ -10,13 +10,15 @@ import vgtjax
 from vgtjax.control import ClosedLoop
 from vgtjax.tuning import TuningProblem, wanted_widths
 
-from ..output.figures import convergence_figure, curve, numbered, points, styled
+from ..output.closed_loops import ERRORS, REFERENCE, Summaries, along_each, of_plants, spread_figure
+from ..output.figures import convergence_figure, curve, styled
 from ..output.page import render_page
 from ..study.parameter_file import Entry
 from .job import TuneJob
 from .outcome import Comparison, Outcome
 
-REFERENCE, START, TUNED = "#475569", "#9aa5b1", "#c2410c"
+START, TUNED = "#9aa5b1", "#c2410c"
+SUMMARIES: Summaries = {"cost": ("costs", np.mean), **ERRORS}
 
 
 def render(job: TuneJob, outcome: Outcome, entries: list[Entry], summary: dict[str, Any]) -> str:
@@ -59,25 +61,10 @@ def _smoothed(job: TuneJob) -> list[tuple[str, float, float]]:
 
 def _table(comparison: Comparison) -> list[dict[str, Any]]:
     """A row for every reference and turbine pressure: the middle and the worst of the plants."""
-    labels = comparison.problem.cases.labels
-    keys = dict.fromkeys((label.course, label.turbine_pressure) for label in labels)
-    table = []
-    for key in keys:
-        mine = [i for i, label in enumerate(labels) if (label.course, label.turbine_pressure) == key]
-        cells: list[dict[str, Any]] = []
-        for costs in (comparison.start, comparison.tuned):
-            good = [i for i in mine if not costs.failed[i]]
-            cells.append(
-                {
-                    "cost": float(np.mean(costs.costs[good])) if good else None,
-                    "median": float(np.median(costs.rms[good])) if good else None,
-                    "worst": float(np.max(costs.rms[good])) if good else None,
-                    "peak": float(np.max(costs.peak[good])) if good else None,
-                    "failed": len(mine) - len(good),
-                }
-            )
-        table.append({"reference": key[0], "turbine_pressure": key[1], "plants": len(mine), "cells": cells})
-    return table
+    return [
+        head | {"cells": [of_plants(costs, mine, SUMMARIES) for costs in (comparison.start, comparison.tuned)]}
+        for head, mine in along_each(comparison.problem.cases.labels)
+    ]
 
 
 def _runs(outcome: Outcome) -> list[tuple[str, go.Figure]]:
@@ -94,18 +81,13 @@ def _runs(outcome: Outcome) -> list[tuple[str, go.Figure]]:
 
 
 def _spread_figure(comparison: Comparison) -> go.Figure:
-    """RMS error of every closed loop before and after, sorted by what it is after."""
-    labels = [str(label) for label in comparison.problem.cases.labels]
-    order = np.argsort(np.nan_to_num(comparison.tuned.rms, nan=np.inf))
-    places, hovertext = np.arange(len(order)), [labels[i] for i in order]
-    figure = go.Figure()
-    for name, costs, color in (("start", comparison.start, START), ("tuned", comparison.tuned, TUNED)):
-        for kind, values, symbol in (("RMS", costs.rms, "circle"), ("peak", costs.peak, "triangle-up-open")):
-            error, label = 1e6 * values[order], f"{kind}, {name}"
-            figure.add_trace(points(places, error, label, color, 6, symbol=symbol, hovertext=hovertext))
-    figure.update_yaxes(type="log")
-    numbered(figure, len(order))
-    return styled(figure, 380, "closed loop, sorted by its tuned RMS error", "error, um", hovermode="closest")
+    """Errors of every closed loop before and after, sorted by what they are after."""
+    errors = [
+        (f"{kind}, {name}", values, color, symbol)
+        for name, costs, color in (("start", comparison.start, START), ("tuned", comparison.tuned, TUNED))
+        for kind, values, symbol in (("RMS", costs.rms, "circle"), ("peak", costs.peak, "triangle-up-open"))
+    ]
+    return spread_figure(comparison.problem.cases.labels, errors, ("tuned RMS error", comparison.tuned.rms))
 
 
 def _run_figure(before: ClosedLoop, after: ClosedLoop, index: int) -> go.Figure:
