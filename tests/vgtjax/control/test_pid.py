@@ -15,19 +15,9 @@ PERIOD = 1e-3
 
 def respond(controller, positions, target):
     """Commands and log of a controller that measures some positions in m, and a fixed target."""
-    zero = jnp.zeros(())
-    reference = Reference(jnp.asarray(target), zero, zero, zero)
-
-    def measured(position):
-        return Measurement(position, zero + 6e4, zero + 2e4, zero + 101_013.0)
-
-    def sample(state, position):
-        state, command, log = controller.update(state, measured(position), reference, PERIOD)
-        return state, (command, log)
-
-    positions = jnp.asarray(positions)
-    begin = controller.initial_state(measured(positions[0]), PERIOD)
-    return jax.jit(lambda: jax.lax.scan(sample, begin, positions)[1])()
+    zeros = jnp.zeros(len(positions))
+    measured = Measurement(jnp.asarray(positions), zeros + 6e4, zeros + 2e4, zeros + 101_013.0, zeros)
+    return control.replay(controller, measured, Reference(zeros + target, zeros, zeros, zeros), PERIOD)
 
 
 def test_a_pi_adds_what_it_has_integrated_before():

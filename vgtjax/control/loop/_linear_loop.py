@@ -15,9 +15,10 @@ from ..._errors import InputError
 from ...parts import tabulated
 from ...plants import AbstractModel
 from ...simulation import FixedMarch, FixedStep
-from .._base import AbstractController, Memory
+from .._base import AbstractController
 from ..surroundings import Scenario, Sensors
-from ._loop import ClosedLoop, close_loop
+from ._loop import close_loop
+from ._replay import step_through
 
 
 class LinearLoop(eqx.Module):
@@ -76,7 +77,8 @@ def linearise_loop(
     quiet = dataclasses.replace(scenario, sensors=Sensors.ideal(), disturbances=())
     run = close_loop(plant, controller, quiet, (max(places) + 1) * period, period=period, throw=False)
     drives = quiet.drive(run.time, period)
-    about = (run.plant.states, _remembered(controller, run, period), run.measured, run.reference, drives, run.duty)
+    remembered = step_through(controller, run.measured, run.reference, period, lambda before, *_: before.controller)
+    about = (run.plant.states, remembered, run.measured, run.reference, drives, run.duty)
     chosen = jax.tree.map(lambda leaf: leaf[np.array(places)], about)
     plan, plant = FixedStep().plan_intervals(plant, period), tabulated(plant)
     return jax.vmap(lambda at: _linearise(plant, controller, plan, at, period))(chosen)
@@ -103,14 +105,3 @@ def _linearise(plant: AbstractModel, controller: AbstractController, plan: Fixed
     unmoved = jnp.zeros((state.size, remembered.size))
     transition = jnp.block([[onward, unmoved], [by_state, by_memory]])
     return LinearLoop(transition, jnp.concatenate([push, unmoved[0]]), jnp.concatenate(exits), period)
-
-
-def _remembered(controller: AbstractController, run: ClosedLoop, period: float) -> Memory:
-    """What the controller remembers before every sample of a run."""
-    first = jax.tree.map(lambda leaf: leaf[0], run.measured)
-
-    def sample(memory: Memory, given: Any) -> tuple[Memory, Memory]:
-        measured, reference = given
-        return controller.update(memory, measured, reference, period)[0], memory
-
-    return jax.lax.scan(sample, controller.initial_state(first, period), (run.measured, run.reference))[1]

@@ -6,10 +6,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..._errors import InputError
-from .._held import answer, begin
 from ..controllers import LoadBackstepping
 from ..observers import SECANT, LoadEstimate, transition
 from ._loop import ClosedLoop
+from ._replay import step_through
 
 KNOWN_BEFOREHAND = (1e-4, 1e-2, 1e3)
 """m, m/s and Pa; position, velocity and pressure that count as one. Load and friction level have deviations."""
@@ -17,13 +17,9 @@ KNOWN_BEFOREHAND = (1e-4, 1e-2, 1e3)
 
 def estimates(controller: LoadBackstepping, run: ClosedLoop, period: float) -> LoadEstimate:
     """What the controller estimated at every sample of a run, once more from what it measured, at a period in s."""
-    first = jax.tree.map(lambda leaf: leaf[0], run.measured)
-
-    def sample(state, inputs):
-        state = answer(controller, state, *inputs, period)[0]
-        return state, state.controller.estimate
-
-    return jax.lax.scan(sample, begin(controller, first, period), (run.measured, run.reference))[1]
+    return step_through(
+        controller, run.measured, run.reference, period, lambda before, after, *_: after.controller.estimate
+    )
 
 
 @eqx.filter_jit

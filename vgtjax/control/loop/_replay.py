@@ -1,14 +1,17 @@
 """A controller on what was measured before: without a plant, so that what it does with its measurements can be seen."""
 
 import dataclasses
+from collections.abc import Callable
+from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..._types import Scalar
 from .._base import AbstractController, Log, Measurement, Reference
-from .._held import answer, begin
+from .._held import Held, answer, begin
 
 PROBES = {"position": 1e-5, "pressure": 1e3, "reservoir": 1e3, "turbine": 1e4}
 """m and Pa; changes of each measured channel that are no noise, and that a controller which uses it answers."""
@@ -23,9 +26,21 @@ def replay(
     Its command moves nothing here: what it is given is the same whatever it does.
     """
 
-    def sample(memory, given):
-        memory, command, log = answer(controller, memory, *given, period)
-        return memory, (command, log)
+    return step_through(controller, measured, reference, period, lambda before, after, *answered: answered)
+
+
+def step_through(
+    controller: AbstractController,
+    measured: Measurement,
+    reference: Reference,
+    period: float,
+    look: Callable[[Held, Held, Scalar, Log], Any],
+) -> Any:
+    """What `look` makes of every sample, of what is remembered before and after it, the command and the log."""
+
+    def sample(before: Held, given: tuple[Measurement, Reference]) -> tuple[Held, Any]:
+        after, command, log = answer(controller, before, *given, period)
+        return after, look(before, after, command, log)
 
     first = jax.tree.map(lambda leaf: leaf[0], measured)
     return jax.lax.scan(sample, begin(controller, first, period), (measured, reference))[1]
