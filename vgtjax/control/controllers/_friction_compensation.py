@@ -115,12 +115,9 @@ class FrictionCompensation(AbstractController):
 
     def _observe(self, deflection: Scalar, velocity: Scalar, error: Scalar, period: float) -> tuple[Scalar, Scalar]:
         """One implicit Euler step, as fast sliding relaxes within less than a sample; and the friction force in N."""
-        model = self.friction
-        relaxation = model.bristle_stiffness * jnp.abs(velocity) / model.stribeck(velocity)
-        onward = (deflection + period * (velocity - self.observer_gain * error)) / (1 + period * relaxation)
-        rate = (onward - deflection) / period
-        elastic = model.bristle_stiffness * onward + model.bristle_damping * rate
-        return onward, self.load * (elastic + model.viscous_damping * velocity)
+        relaxed = 1 + period * self.friction.relaxation_rate(velocity)
+        onward = (deflection + period * (velocity - self.observer_gain * error)) / relaxed
+        return onward, self.load * self.friction.unloaded_force(onward, (onward - deflection) / period, velocity)
 
 
 def least_derivative_gain(body: Diaphragm, friction: LuGre) -> Scalar:

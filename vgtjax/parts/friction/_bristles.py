@@ -65,7 +65,11 @@ class AbstractLuGre(AbstractFriction):
 
     def relaxation(self, contact: Contact, state: Bristle) -> Bristle:
         """`sigma_0 |v| / g(v)`; a load stiffens the bristles and raises the force at which they slip alike."""
-        return Bristle(self.bristle_stiffness * jnp.abs(contact.velocity) / self.stribeck(contact.velocity))
+        return Bristle(self.relaxation_rate(contact.velocity))
+
+    def relaxation_rate(self, velocity: Values) -> Values:
+        """`sigma_0 |v| / g(v)` in 1/s."""
+        return self.bristle_stiffness * jnp.abs(velocity) / self.stribeck(velocity)
 
     def damping(self, contact: Contact) -> Values:
         """`theta (sigma_1 + sigma_2)`, the slope while the bristles stick."""
@@ -76,10 +80,11 @@ class AbstractLuGre(AbstractFriction):
         velocity = contact.velocity
         sliding = self.bristle_stiffness * jnp.abs(velocity) * state.deflection / self.stribeck(velocity)
         rate = velocity - sliding
-        force = (
-            self.bristle_stiffness * state.deflection + self.bristle_damping * rate + self.viscous_damping * velocity
-        )
-        return self.theta(contact.vanes) * force, Bristle(rate)
+        return self.theta(contact.vanes) * self.unloaded_force(state.deflection, rate, velocity), Bristle(rate)
+
+    def unloaded_force(self, deflection: Values, rate: Values, velocity: Values) -> Values:
+        """`sigma_0 z + sigma_1 z' + sigma_2 v` in N."""
+        return self.bristle_stiffness * deflection + self.bristle_damping * rate + self.viscous_damping * velocity
 
     def dry(self) -> DryFriction:
         """All of its parameters."""
