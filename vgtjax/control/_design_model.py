@@ -117,11 +117,7 @@ class DesignModel(Part):
 
     def alpha_slope(self, velocity: Scalar) -> Scalar:
         """`d alpha / dv` in s/(N m); zero where the velocity is, a kink when the Stribeck exponent is 1."""
-        model, power = self.friction, self.friction.stribeck_exponent
-        ratio = jnp.abs(velocity) / model.stribeck_velocity
-        steepness = power * ratio ** (power - 1) / model.stribeck_velocity
-        fall = (model.static_force - model.coulomb_force) * steepness * jnp.exp(-(ratio**power))
-        return self.alpha(velocity) ** 2 * fall * jnp.sign(velocity)
+        return -(self.alpha(velocity) ** 2) * self.friction.stribeck_slope(velocity)
 
     def relaxation_rate(self, velocity: Scalar) -> Scalar:
         """`sigma_0 alpha |v|` in 1/s, at which the bristles' deflection relaxes."""

@@ -52,10 +52,20 @@ class AbstractLuGre(AbstractFriction):
 
     def stribeck(self, velocity: Values) -> Values:
         """Steady sliding force without its viscous part in N: `F_c + (F_s - F_c) exp(-(|v|/v_s)^n)` [3.7, 5.62]."""
-        ratio = jnp.abs(velocity) / self.stribeck_velocity
-        falling = jnp.exp(-ratio if self.stribeck_exponent == 1 else -ratio * ratio)
-        force = self.coulomb_force + (self.static_force - self.coulomb_force) * falling
+        force = self.coulomb_force + (self.static_force - self.coulomb_force) * self._falling(velocity)
         return jnp.maximum(force, SMALLEST_FORCE)
+
+    def stribeck_slope(self, velocity: Values) -> Values:
+        """`dg/dv` in N s/m; zero where the velocity is, a jump when the exponent is 1."""
+        power, ratio = self.stribeck_exponent, jnp.abs(velocity) / self.stribeck_velocity
+        steepness = power * ratio ** (power - 1) / self.stribeck_velocity
+        drop = (self.static_force - self.coulomb_force) * steepness * self._falling(velocity)
+        return -drop * jnp.sign(velocity)
+
+    def _falling(self, velocity: Values) -> Values:
+        """`exp(-(|v|/v_s)^n)`"""
+        ratio = jnp.abs(velocity) / self.stribeck_velocity
+        return jnp.exp(-ratio if self.stribeck_exponent == 1 else -ratio * ratio)
 
     def steady_force(self, contact: Contact) -> Values:
         """`theta (g(v) sign(v) + sigma_2 v)`."""
