@@ -8,7 +8,7 @@ from vgtjax.control import AbstractController
 class Broken(AbstractController):
     """NaN after its first sample, whatever it measures."""
 
-    def initial_state(self, measurement, period):
+    def initial_state(self, measurement):
         return jnp.zeros_like(measurement.position)
 
     def update(self, state, measurement, reference, period):

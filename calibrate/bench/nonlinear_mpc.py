@@ -53,7 +53,7 @@ class NonlinearMPC(AbstractController):
         smooth = dataclasses.replace(fitted, pressure_range=PolynomialFlow().pressure_range)
         return cls(LoadObserver.for_plant(plant), smooth, **settings)
 
-    def initial_state(self, measurement: Measurement, period: float) -> Any:
+    def initial_state(self, measurement: Measurement) -> Any:
         """As a controller that learns the load begins."""
         estimate = self.observer.initial_state(measurement.position, measurement.ambient)
         memory = self.differentiator.initial_state(measurement.position)

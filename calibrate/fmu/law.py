@@ -107,7 +107,7 @@ class Law:
         return given | held
 
     def _start(self, controller: AbstractController, given: dict[str, Array]) -> list[Array]:
-        return jax.tree.leaves(controller.initial_state(_measurement(given), self.period))
+        return jax.tree.leaves(controller.initial_state(_measurement(given)))
 
     def _update(
         self, controller: AbstractController, given: dict[str, Array], memory: Sequence[Array]
@@ -120,7 +120,7 @@ class Law:
     @functools.cached_property
     def _structure(self) -> tuple[list[Any], Any]:
         nothing = _measurement({})
-        shapes = jax.eval_shape(lambda: self.controller.initial_state(nothing, self.period))
+        shapes = jax.eval_shape(lambda: self.controller.initial_state(nothing))
         return jax.tree_util.tree_flatten_with_path(shapes)
 
     @functools.cached_property
@@ -128,7 +128,7 @@ class Law:
         nothing, wanted = _measurement({}), Reference(*[jnp.zeros(())] * len(WANTED))
 
         def log() -> Any:
-            state = self.controller.initial_state(nothing, self.period)
+            state = self.controller.initial_state(nothing)
             return self.controller.update(state, nothing, wanted, self.period)[2]
 
         return sorted(jax.eval_shape(log))

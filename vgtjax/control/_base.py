@@ -75,14 +75,15 @@ class AbstractController(AbstractDesign):
         return False
 
     @abc.abstractmethod
-    def initial_state(self, measurement: Measurement, period: float) -> Memory:
-        """What it remembers before the first sample, whose measurement is given; `period` is the sampling time in s."""
+    def initial_state(self, measurement: Measurement) -> Memory:
+        """What it remembers before the first sample, whose measurement is given."""
 
     @abc.abstractmethod
     def update(
         self, state: Any, measurement: Measurement, reference: Reference, period: float
     ) -> tuple[Memory, Scalar, Log]:
-        """One sample: what it remembers next, the duty in percent before saturation, and scalars to be logged."""
+        """One sample, `period` s before the next: what it remembers then, the duty in percent before saturation, and
+        scalars to be logged."""
 
 
 def saturate(duty: Scalar) -> Scalar:

@@ -19,12 +19,12 @@ class Held(eqx.Module):
     good: Measurement | None
 
 
-def begin(controller: AbstractController, measurement: Measurement, period: float) -> Held:
-    """What a controller remembers before the first sample, whose measurement is given, under a `period` in s."""
+def begin(controller: AbstractController, measurement: Measurement) -> Held:
+    """What a controller remembers before the first sample, whose measurement is given."""
     if controller.sees_gaps:
-        return Held(controller.initial_state(measurement, period), None)
+        return Held(controller.initial_state(measurement), None)
     good = numbers(measurement, nominal(measurement))
-    return Held(controller.initial_state(good, period), good)
+    return Held(controller.initial_state(good), good)
 
 
 def answer(

@@ -222,7 +222,7 @@ def test_coefficients_are_projected_on_their_interval(drive, share):
 
 @eqx.filter_jit
 def sample(controller, estimate, measured, reference):
-    state = controller.initial_state(measured, 1e-3)
+    state = controller.initial_state(measured)
     state, duty, _ = controller.update(dataclasses.replace(state, estimate=estimate), measured, reference, 1e-3)
     return state.estimate, duty
 

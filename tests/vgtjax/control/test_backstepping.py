@@ -132,7 +132,7 @@ def run_design(controller, deflection_error=20e-6, pressure_error=800.0, positio
     deflection, nothing = number(6e-5), number(0.0)
     pressure = controller.wanted_pressure(motion, ObservedState(nothing, deflection, nothing), reference)
     state = DesignState(motion.position, motion.velocity, deflection, pressure)
-    memory = controller.initial_state(Measurement(motion.position - STEP * motion.velocity, *[AMBIENT] * 3), STEP)
+    memory = controller.initial_state(Measurement(motion.position - STEP * motion.velocity, *[AMBIENT] * 3))
     seen = ObservedState(motion.velocity, deflection - deflection_error, pressure - pressure_error)
     memory = dataclasses.replace(memory, observed=seen, duty=number(50.0))
     return jax.lax.scan(sample, (state, memory), STEP * jnp.arange(round(seconds / STEP)))[1]

@@ -72,7 +72,7 @@ def test_no_measurement_brings_what_is_no_number_into_the_duty(actuator):
 
 def test_a_controller_that_answers_no_number_is_started_again(actuator):
     class Moody(control.AbstractController):
-        def initial_state(self, measurement, period):
+        def initial_state(self, measurement):
             return jnp.zeros_like(measurement.position)
 
         def update(self, state, measurement, reference, period):

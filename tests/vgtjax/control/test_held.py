@@ -84,7 +84,7 @@ def test_without_a_gap_nothing_is_held(actuator):
 
     design = control.PID.for_plant(actuator)
     first = jax.tree.map(lambda leaf: leaf[0], run.measured)
-    plain = jax.lax.scan(sample, design.initial_state(first, 1e-3), (run.measured, run.reference))[1]
+    plain = jax.lax.scan(sample, design.initial_state(first), (run.measured, run.reference))[1]
     # Two programs of the same sums.
     np.testing.assert_allclose(replay(design, run.measured, run.reference, 1e-3)[0], plain, rtol=1e-12)
 

@@ -28,8 +28,8 @@ class Misled(AbstractController):
     wrong: jax.Array
     inner: LoadBackstepping = eqx.field(default_factory=LoadBackstepping)
 
-    def initial_state(self, measurement, period):
-        state = self.inner.initial_state(measurement, period)
+    def initial_state(self, measurement):
+        state = self.inner.initial_state(measurement)
         return eqx.tree_at(lambda s: s.estimate.mean, state, state.estimate.mean.at[3:].add(self.wrong))
 
     def update(self, state, measurement, reference, period):

@@ -44,7 +44,7 @@ def test_gains_are_linear_between_their_knots(actuator):
     nothing = jnp.zeros(())
     reference = Reference(jnp.asarray(at), nothing, nothing, nothing)
     below = measured(at - 1e-5)
-    state = scheduled.initial_state(below, PERIOD)
+    state = scheduled.initial_state(below)
     _, command, _ = scheduled.update(state, below, reference, PERIOD)
     _, base, _ = scheduled.base.update(None, below, reference, PERIOD)
     assert float(command - base) == pytest.approx(3000.0 * 1e-5)
@@ -56,7 +56,7 @@ def test_friction_is_fed_forward_with_the_sign_of_the_motion(actuator):
     logs = []
     for velocity in (0.01, -0.01):
         reference = Reference(jnp.asarray(0.005), jnp.asarray(velocity), nothing, nothing)
-        state = scheduled.initial_state(measured(0.005), PERIOD)
+        state = scheduled.initial_state(measured(0.005))
         logs.append(float(scheduled.update(state, measured(0.005), reference, PERIOD)[2]["feedforward"]))
     body, force = actuator.diaphragm, float(actuator.friction.coulomb_force)
     pressures = [101_013.0 - float(body.preload + 0.5 * body.travel * body.stiffness + sign * force) / float(body.area)
@@ -81,7 +81,7 @@ def test_an_extended_state_observer_finds_a_constant_disturbance():
     """`x'' = 3 + b_0 u` in exact steps: all three errors vanish with the observer's poles."""
     adrc, duty, load = ADRC(base=control.ConstantDuty()), 0.7, 3.0
     push = load + float(adrc.input_gain) * duty
-    state, position, velocity = adrc.initial_state(measured(0.0), PERIOD), 0.0, 0.0
+    state, position, velocity = adrc.initial_state(measured(0.0)), 0.0, 0.0
     nothing = jnp.zeros(())
     update = jax.jit(lambda state, at, wanted: adrc.update(state, at, wanted, PERIOD)[0])
     reference = Reference(nothing, nothing, nothing, nothing)

@@ -121,7 +121,7 @@ class AdaptiveBackstepping(AbstractController):
             )
         }
 
-    def initial_state(self, measurement: Measurement, period: float) -> AdaptiveState:
+    def initial_state(self, measurement: Measurement) -> AdaptiveState:
         """Relaxed bristles, at rest, coefficients of the design model times the observer's `start`."""
         nothing = jnp.zeros_like(measurement.position)
         estimate = AdaptiveEstimate(self.observer.initial_state(self.model), nothing, nothing)

@@ -60,10 +60,10 @@ class ADRC(AbstractController):
             )
         }
 
-    def initial_state(self, measurement: Measurement, period: float) -> ExtendedState:
+    def initial_state(self, measurement: Measurement) -> ExtendedState:
         """At rest where it is measured."""
         none = jnp.zeros_like(measurement.position)
-        return ExtendedState(measurement.position, none, none, none, self.base.initial_state(measurement, period))
+        return ExtendedState(measurement.position, none, none, none, self.base.initial_state(measurement))
 
     def update(
         self, state: ExtendedState, measurement: Measurement, reference: Reference, period: float

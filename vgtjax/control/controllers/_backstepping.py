@@ -59,7 +59,7 @@ class Backstepping(AbstractController):
         """Any positive gains; what the observer asks for is its own."""
         return positive(self, "position_gain", "velocity_gain", "pressure_gain", "pressure_weight")
 
-    def initial_state(self, measurement: Measurement, period: float) -> BacksteppingState:
+    def initial_state(self, measurement: Measurement) -> BacksteppingState:
         """At rest, with the chamber at atmosphere."""
         observed = self.observer.initial_state(measurement.ambient)
         memory = self.differentiator.initial_state(measurement.position)

@@ -26,7 +26,7 @@ class ConstantDuty(AbstractController):
 
     duty: Scalar = parameter(0.0, symbol="u_0", unit="%", source="chapter 5", positive=False)
 
-    def initial_state(self, measurement: Measurement, period: float) -> None:
+    def initial_state(self, measurement: Measurement) -> None:
         """Nothing."""
 
     def update(
@@ -51,7 +51,7 @@ class StaticBalance(AbstractController):
         believed = {"converter": require_converter(plant, cls.__name__), "diaphragm": plant.diaphragm}
         return cls(**believed | settings)
 
-    def initial_state(self, measurement: Measurement, period: float) -> None:
+    def initial_state(self, measurement: Measurement) -> None:
         """Nothing."""
 
     def update(

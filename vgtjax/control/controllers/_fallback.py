@@ -61,11 +61,11 @@ class WithFallback(AbstractController):
         """It is by what is no number that it knows a sensor that is lost."""
         return True
 
-    def initial_state(self, measurement: Measurement, period: float) -> FallbackState:
+    def initial_state(self, measurement: Measurement) -> FallbackState:
         """As if all had been good."""
         good = numbers(measurement, nominal(measurement))
-        first = self.controller.initial_state(good, period)
-        return FallbackState(first, self.fallback.initial_state(good, period), good, jnp.zeros_like(good.position))
+        first = self.controller.initial_state(good)
+        return FallbackState(first, self.fallback.initial_state(good), good, jnp.zeros_like(good.position))
 
     def update(
         self, state: FallbackState, measurement: Measurement, reference: Reference, period: float
@@ -80,7 +80,7 @@ class WithFallback(AbstractController):
         plain = jnp.where(jnp.isfinite(plain), plain, 0.0)
         onward, command, log = self.controller.update(state.controller, good, reference, period)
         sound = jnp.isfinite(command) & _finite(onward)
-        fresh = self.controller.initial_state(good, period)
+        fresh = self.controller.initial_state(good)
         kept = _choose(believed, _choose(sound, onward, fresh), state.controller)
         trusted = believed & sound
         log = {**_choose(sound, log, jax.tree.map(jnp.zeros_like, log)), "fallback": jnp.where(trusted, 0.0, 1.0)}

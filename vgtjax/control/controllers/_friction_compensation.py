@@ -80,7 +80,7 @@ class FrictionCompensation(AbstractController):
             ),
         }
 
-    def initial_state(self, measurement: Measurement, period: float) -> ObserverState:
+    def initial_state(self, measurement: Measurement) -> ObserverState:
         """Relaxed bristles, at rest."""
         position = measurement.position
         vanes = self.vane_force.initial_state()

@@ -61,10 +61,10 @@ class Knocker(AbstractController):
             )
         }
 
-    def initial_state(self, measurement: Measurement, period: float) -> KnockerState:
+    def initial_state(self, measurement: Measurement) -> KnockerState:
         """As if a pulse had just ended."""
         none = jnp.zeros_like(measurement.position)
-        return KnockerState(self.controller.initial_state(measurement, period), none + self.width, none, none)
+        return KnockerState(self.controller.initial_state(measurement), none + self.width, none, none)
 
     def update(
         self, state: KnockerState, measurement: Measurement, reference: Reference, period: float

@@ -79,7 +79,7 @@ class LoadBackstepping(AbstractController):
             )
         }
 
-    def initial_state(self, measurement: Measurement, period: float) -> LoadState:
+    def initial_state(self, measurement: Measurement) -> LoadState:
         """At rest, with the chamber at atmosphere."""
         estimate = self.observer.initial_state(measurement.position, measurement.ambient)
         memory = self.differentiator.initial_state(measurement.position)

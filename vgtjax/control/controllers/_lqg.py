@@ -90,7 +90,7 @@ class LQG(AbstractController):
         feedback, correction = design(model)
         return cls(**{"feedback": feedback, "correction": correction, "model": model} | settings)
 
-    def initial_state(self, measurement: Measurement, period: float) -> LQGState:
+    def initial_state(self, measurement: Measurement) -> LQGState:
         """At rest where it is measured, with the chamber at the pressure that holds it there."""
         none = jnp.zeros_like(measurement.position)
         here = Reference(measurement.position, none, none, none)

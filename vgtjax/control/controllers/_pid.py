@@ -38,9 +38,9 @@ class PI(AbstractController):
         """Around the plant's [`StaticBalance`][]."""
         return cls(**{"base": StaticBalance.for_plant(plant)} | settings)
 
-    def initial_state(self, measurement: Measurement, period: float) -> PIState:
+    def initial_state(self, measurement: Measurement) -> PIState:
         """Nothing integrated."""
-        return PIState(jnp.zeros_like(measurement.position), self.base.initial_state(measurement, period))
+        return PIState(jnp.zeros_like(measurement.position), self.base.initial_state(measurement))
 
     def update(
         self, state: PIState, measurement: Measurement, reference: Reference, period: float
@@ -80,11 +80,9 @@ class PID(AbstractController):
         """With the [`PI`][] for the plant."""
         return cls(**{"pi": PI.for_plant(plant)} | settings)
 
-    def initial_state(self, measurement: Measurement, period: float) -> PIDState:
+    def initial_state(self, measurement: Measurement) -> PIDState:
         """Nothing integrated, and at rest."""
-        return PIDState(
-            self.pi.initial_state(measurement, period), self.differentiator.initial_state(measurement.position)
-        )
+        return PIDState(self.pi.initial_state(measurement), self.differentiator.initial_state(measurement.position))
 
     def update(
         self, state: PIDState, measurement: Measurement, reference: Reference, period: float

@@ -57,9 +57,9 @@ class ScheduledPI(AbstractController):
             design["knots"] = plant.diaphragm.travel * jnp.asarray(KNOTS)
         return cls(**design | settings)
 
-    def initial_state(self, measurement: Measurement, period: float) -> PIState:
+    def initial_state(self, measurement: Measurement) -> PIState:
         """Nothing integrated."""
-        return self._pi(measurement.position).initial_state(measurement, period)
+        return self._pi(measurement.position).initial_state(measurement)
 
     def update(
         self, state: PIState, measurement: Measurement, reference: Reference, period: float

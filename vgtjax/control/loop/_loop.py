@@ -187,7 +187,7 @@ def _close_loop(
     measured = measure(state, first, deviates)
     memories = disturbed.start(measured, scenario.duty_before, period)
     _, shown = disturbed.shown(memories[0], start, measured)
-    carry = (state, begin(controller, shown, period), memories, jnp.asarray(True))
+    carry = (state, begin(controller, shown), memories, jnp.asarray(True))
     (*_, solved), run = scan_in_blocks(sample, carry, inputs, adjoint)
 
     signals = jax.vmap(plant.signals)(run.state, dataclasses.replace(felt, pwm=run.duty))

@@ -43,7 +43,7 @@ def step_through(
         return after, look(before, after, command, log)
 
     first = jax.tree.map(lambda leaf: leaf[0], measured)
-    return jax.lax.scan(sample, begin(controller, first, period), (measured, reference))[1]
+    return jax.lax.scan(sample, begin(controller, first), (measured, reference))[1]
 
 
 def channels_used(
