@@ -10,7 +10,7 @@ from .components import Components, FullComponents, MechanicalComponents, Plunge
 from .control import ControlTable
 from .disturbances import Disturbance, PulsationTable
 
-Sensor = Literal["x_d", "p_act", "p_res", "p_trb", "f_vane", "f_drive"]
+BenchSensor = Literal["x_d", "p_act", "p_res", "p_trb", "f_vane", "f_drive"]
 Fitted = Literal["x_d", "p_act", "p_res", "p_trb", "f_drive"]
 """Sensors whose gain or offset a fit can find."""
 
@@ -34,7 +34,7 @@ class TraceEntry(Table):
     """s by which the duty is known to reach the valve later than the file says; then it is not looked for."""
     duty_hold: Literal["zero-order", "linear"] | None = None
     """How the duty is known to be between the file's samples; then it is not looked for, and `zero-order` otherwise."""
-    gain: dict[Sensor, Annotated[float, pydantic.Field(gt=0.5, lt=2.0)]] = {}
+    gain: dict[BenchSensor, Annotated[float, pydantic.Field(gt=0.5, lt=2.0)]] = {}
     """Known gains of sensors: what was measured is the gain times what was there, and an offset."""
     channels: Channels = {}
     """Where its signals are, where that is not as `[channels]` of the study says."""
@@ -211,7 +211,7 @@ class SensitivityTable(Table):
 class ReportSensor(Table):
     """A sensor as its certificate has it: standard uncertainties of its offset in m or Pa, and of its gain."""
 
-    channel: Sensor
+    channel: BenchSensor
     """The signal that it measures."""
     serial: str | None = None
     """Its number, as on its certificate."""

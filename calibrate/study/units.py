@@ -29,7 +29,7 @@ from .models import (
 from .places import StudyError, of_study
 from .read import EXAMPLE, TraceSource, expand_traces, fingerprint, hash_file, load_study
 from .start_file import FoundDuty, load_beginning, load_duties, load_values
-from .tables import Sensor, Study
+from .tables import BenchSensor, Study
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -208,7 +208,7 @@ def _disturbed(units: list[Unit], disturbances: Sequence[Disturbance]) -> list[U
     return units
 
 
-def _without_gains(trace: vgtjax.Trace, gains: Mapping[Sensor, float]) -> vgtjax.Trace:
+def _without_gains(trace: vgtjax.Trace, gains: Mapping[BenchSensor, float]) -> vgtjax.Trace:
     """What was there, where sensors are known to have shown more or less of it."""
     for name, gain in gains.items():
         if name not in trace.channels:

@@ -6,10 +6,10 @@ from jaxtyping import Float
 from ._moments import Result, Weights, reciprocal, variance, weighted_mean, weights_or_equal
 
 Outputs = Float[np.ndarray, "base outputs"]
-Steps = Float[np.ndarray, "base inputs outputs"]
+Radial = Float[np.ndarray, "base inputs outputs"]
 
 
-def first_order(a: Outputs, ab: Steps, b: Outputs, weights: Weights | None = None) -> Result:
+def first_order(a: Outputs, ab: Radial, b: Outputs, weights: Weights | None = None) -> Result:
     """First-order index `Var(E(y | x_i)) / Var(y)` by Saltelli et al. (2010), table 2 (b).
 
     Outputs are centred with the mean over `a` and `b`, whose pooled variance (4.2) is also the denominator. The
@@ -26,7 +26,7 @@ def first_order(a: Outputs, ab: Steps, b: Outputs, weights: Weights | None = Non
     return _share(together - shift[..., None, :] * weighted_mean(weights, gap), a, b, weights)
 
 
-def total_order(a: Outputs, ab: Steps, b: Outputs, weights: Weights | None = None) -> Result:
+def total_order(a: Outputs, ab: Radial, b: Outputs, weights: Weights | None = None) -> Result:
     """Total index `E(Var(y | all but x_i)) / Var(y)` by Jansen (1999); arguments as those of [`first_order`][].
 
     It is never negative, and exactly zero for an input that does nothing.

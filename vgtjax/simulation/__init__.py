@@ -7,8 +7,8 @@ from ._results import (
     blame as blame,
     check_result as check_result,
     choose as choose,
+    end_of as end_of,
     first_failure as first_failure,
-    judge as judge,
 )
 from ._simulate import Solution as Solution, march as march, model_dtype as model_dtype, simulate as simulate
 from ._stepping import (

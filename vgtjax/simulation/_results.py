@@ -34,7 +34,7 @@ def choose(condition: Any, one: Any, other: Any) -> RESULTS:
     return RESULTS.where(condition, one, other)
 
 
-def judge(states: State, result: RESULTS, model: Any = None) -> RESULTS:
+def end_of(states: State, result: RESULTS, model: Any = None) -> RESULTS:
     """`result`, or that the states of a solve without other fault have left the finite numbers; of a model, why."""
     finite = jnp.all(jnp.stack([jnp.all(jnp.isfinite(leaf)) for leaf in jax.tree.leaves(states)]))
     return blame(model, choose((result == RESULTS.successful) & ~finite, RESULTS.diverged, result))

@@ -17,7 +17,7 @@ from .._errors import InputError, require_positive
 from ..plants import AbstractModel, State
 from ..traces import Drive, Trace
 from ._heun import StabilisedHeun
-from ._results import RESULTS, choose, from_diffrax, judge
+from ._results import RESULTS, choose, end_of, from_diffrax
 
 
 class AbstractMarch(eqx.Module):
@@ -107,7 +107,7 @@ class AbstractFixedMarch(AbstractMarch):
             return (onward, solved & found), y
 
         (_, solved), states = scan_in_blocks(interval, (state, jnp.asarray(True)), drive, adjoint)
-        return states, judge(states, choose(solved, RESULTS.successful, RESULTS.root_not_found), model)
+        return states, end_of(states, choose(solved, RESULTS.successful, RESULTS.root_not_found), model)
 
 
 class FixedMarch(AbstractFixedMarch):
@@ -277,7 +277,7 @@ class AdaptiveMarch(AbstractMarch):
             throw=False,
         )
         states = jax.tree.map(jnp.multiply, solution.ys, size)
-        return states, judge(states, from_diffrax(solution.result), model)
+        return states, end_of(states, from_diffrax(solution.result), model)
 
 
 FEWEST_JUMPS = 64

@@ -15,7 +15,7 @@ from .._lanes import map_rows
 from .._printing import Cells, Printed
 from ..control import AbstractController, StepAnswer, step_answers
 from ._cases import Case, Cases
-from ._loops import LANES, Figures, Row, Timing, judge_loop, rows_of, run_loop
+from ._loops import LANES, Figures, Row, Timing, figures_of, rows_of, run_loop
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -106,6 +106,6 @@ def _close(timing: Timing, settled: float, rows: Row) -> tuple[tuple[Array | Non
     def lane(*row: Any) -> tuple[tuple[Array | None, ...], dict[str, Any]]:
         run = run_loop(row, timing)
         signals = (run.reference.position, run.position, run.pressure, run.duty, run.log.get("pressure"))
-        return signals, judge_loop(run, settled)
+        return signals, figures_of(run, settled)
 
     return jax.vmap(lane)(*rows)

@@ -83,7 +83,7 @@ def run_loop(row: Row, timing: Timing, memory: float | Scalar = math.inf) -> Clo
     return close_loop(plant, controller, scenario, duration, period=period, derivative_memory=memory, throw=False)
 
 
-def judge_loop(run: ClosedLoop, settled: float) -> dict[str, Any]:
+def figures_of(run: ClosedLoop, settled: float) -> dict[str, Any]:
     """Its [`Figures`][] by name, from `settled` seconds on."""
     figures = {name: _unless_failed(run, measure(run, settled)) for name, measure in MEASURES.items()}
     return figures | {"result": run.result}
@@ -173,5 +173,5 @@ def _outcome(shared: Shared, lane: Lane) -> tuple[Array, dict[str, Any]]:
     """Residuals of one lane in one array, and its figures."""
     tuned = shared.selection.unpack(shared.controller, shared.transform.to_physical(lane.coordinates))
     run = run_loop((tuned, lane.plant, lane.scenario), shared.timing, lane.memory)
-    residuals, figures = shared.objective.residuals(run), judge_loop(run, shared.objective.settled)
+    residuals, figures = shared.objective.residuals(run), figures_of(run, shared.objective.settled)
     return residuals.ravel(), figures | {"terms": _unless_failed(run, jnp.sum(residuals**2, 1))}

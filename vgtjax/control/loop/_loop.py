@@ -21,7 +21,7 @@ from ...simulation import (
     Solution,
     check_result,
     choose,
-    judge,
+    end_of,
     model_dtype,
     scan_in_blocks,
 )
@@ -191,7 +191,7 @@ def _close_loop(
     (*_, solved), run = scan_in_blocks(sample, carry, inputs, adjoint)
 
     signals = jax.vmap(plant.signals)(run.state, dataclasses.replace(felt, pwm=run.duty))
-    result = judge((run.state, run.command), choose(solved, RESULTS.successful, RESULTS.root_not_found), plant)
+    result = end_of((run.state, run.command), choose(solved, RESULTS.successful, RESULTS.root_not_found), plant)
     solution = Solution(time, run.state, signals, result)
     return ClosedLoop(solution, run.measured, reference, run.command, run.duty, run.log)
 

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ...plants import AbstractModel, State, tabulated_along
-from ...simulation import RESULTS, AbstractFixedMarch, choose, judge
+from ...simulation import RESULTS, AbstractFixedMarch, choose, end_of
 from ._bundle import Bundle
 from ._layout import SEGMENT
 
@@ -64,5 +64,5 @@ def _march(
     nothing = ((begin, jnp.asarray(True)), first, observed)
     (last, solved), first, observed = jax.lax.fori_loop(0, count, segment, nothing)
     # What has left the finite numbers never comes back to them.
-    ended = judge((first, last), choose(solved, RESULTS.successful, RESULTS.root_not_found), model)
+    ended = end_of((first, last), choose(solved, RESULTS.successful, RESULTS.root_not_found), model)
     return first, observed, ended

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..._errors import InputError
-from ...plants import Actuator, FlowMapFit, fit_polynomial_flow, judge
+from ...plants import Actuator, FlowMapFit, assess_flow_map, fit_polynomial_flow
 from ...traces import ASSUMED_RESERVOIR, Trace, noise_level
 from .. import _limits as limits
 from .._filters import smooth
@@ -70,4 +70,4 @@ def fit_measured_flow(model: Actuator, traces: Sequence[Trace]) -> FlowMapFit:
     )
     known = [float(np.mean(trace.p_res)) for trace in traces if trace.p_res is not None]
     reservoir = float(np.mean(known)) if known else ASSUMED_RESERVOIR
-    return judge(model, flow_map, duty, pressure, flow, (float(duty.min()), float(duty.max())), reservoir)
+    return assess_flow_map(model, flow_map, duty, pressure, flow, (float(duty.min()), float(duty.max())), reservoir)

@@ -3,8 +3,8 @@
 from ._fitting import (
     FLOW_MAPS as FLOW_MAPS,
     FlowMapFit as FlowMapFit,
+    assess_flow_map as assess_flow_map,
     fit_flow_map as fit_flow_map,
-    judge as judge,
     steady_flow as steady_flow,
 )
 from ._plunger_map import (

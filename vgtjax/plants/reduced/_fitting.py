@@ -139,7 +139,7 @@ def fit_flow_map(
     samples = _sample(model, duty, pressure, reservoir)
     flow_map = FLOW_MAPS[kind](samples)
     at = samples.position if isinstance(flow_map, AbstractLiftMap) else duty
-    return judge(model, flow_map, at, pressure, samples.flow, (0.0, FULL_DUTY), reservoir)
+    return assess_flow_map(model, flow_map, at, pressure, samples.flow, (0.0, FULL_DUTY), reservoir)
 
 
 def _pressures(model: Actuator, reservoir: float, wanted: tuple[float, float] | None) -> tuple[float, float]:
@@ -163,7 +163,7 @@ def _pressures(model: Actuator, reservoir: float, wanted: tuple[float, float] | 
     return low, high
 
 
-def judge(
+def assess_flow_map(
     model: Actuator,
     flow_map: FlowMap,
     at: Float[np.ndarray, "..."],
