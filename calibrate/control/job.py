@@ -16,7 +16,7 @@ from ..study.references import build_references, cycle
 from ..study.tables import Study
 from ..study.units import StudyJob
 from ..tune.fallback import fallback_of, with_fallback
-from ..tune.gains_file import note_on_plant, read_gains
+from ..tune.gains_file import note_on_period, note_on_plant, read_gains
 from ..tune.job import EXAMPLE, cases_of, gas_notes, reference_files, start_controller
 from ..tune.plants import BELIEFS, Plants, all_plants, belief_of, believed_model, is_alone
 
@@ -50,7 +50,7 @@ def prepare_control(
     with stated(OF_A_CONTROLLER):
         controllers, chosen, given = _controllers(study, actuators, plants, gains)
     groups = _groups(study, plants, path.parent)  # reads the references, and says which one is missing
-    hashed = actuators.hashed | reference_files(study.control, path.parent) | {"gains": given}
+    hashed = actuators.hashed | reference_files(study.control.reference, path.parent) | {"gains": given}
     belief = BELIEFS[belief_of(study, actuators)]
     of_population = () if is_alone(study, actuators) else actuators.notes
     said = (*of_population, *notes, *gas_notes(study.control, actuators.first), *_on_gains(study, actuators, gains))
@@ -78,11 +78,13 @@ def _controllers(
 
 
 def _on_gains(study: Study, actuators: Actuators, gains: pathlib.Path | None) -> list[str]:
-    """What is to be said of a file of gains, unless every controller knows its own plant."""
-    knows_each = belief_of(study, actuators) == "plant" and not is_alone(study, actuators)
-    if gains is None or knows_each:
+    """What is to be said of a file of gains: of its period, and of its actuator unless every controller knows its own
+    plant."""
+    if gains is None:
         return []
-    return list(filter(None, [note_on_plant(gains, study, believed_model(study, actuators))]))
+    knows_each = belief_of(study, actuators) == "plant" and not is_alone(study, actuators)
+    on_plant = None if knows_each else note_on_plant(gains, study, believed_model(study, actuators))
+    return [note for note in (on_plant, note_on_period(gains, study)) if note is not None]
 
 
 def _guarded(study: Study, actuators: Actuators, plant: Any, controller: AbstractController) -> AbstractController:

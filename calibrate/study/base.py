@@ -1,7 +1,8 @@
 """What all tables of a study share, and the numbers that stand in them."""
 
 import datetime
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import Annotated, Literal, TypeVar
 
 import pydantic
 
@@ -10,6 +11,19 @@ class Table(pydantic.BaseModel):
     """What all tables share: no unknown keys, no conversions, no changes."""
 
     model_config = pydantic.ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+Key = TypeVar("Key", bound=str)
+SomeTable = TypeVar("SomeTable", bound=Table)
+
+
+def override(general: Mapping[Key, SomeTable], own: Mapping[Key, SomeTable]) -> dict[Key, SomeTable]:
+    """Tables by name, those in general key by key overridden by others."""
+    merged = dict(general)
+    for name, table in own.items():
+        stated = table.model_dump(exclude_unset=True)
+        merged[name] = merged[name].model_copy(update=stated) if name in merged else table
+    return merged
 
 
 Text = Annotated[

@@ -38,15 +38,6 @@ class ChannelTable(Table):
 Channels = dict[ChannelName, ChannelTable]
 
 
-def override(general: Channels, own: Channels) -> Channels:
-    """The channels of one trace: those of the study, key by key overridden by its own."""
-    merged = dict(general)
-    for name, table in own.items():
-        stated = table.model_dump(exclude_unset=True)
-        merged[name] = merged[name].model_copy(update=stated) if name in merged else table
-    return merged
-
-
 def sources_of(channels: Channels) -> dict[str, Source]:
     """The same for the library."""
     return {name: Source(**dict(table)) for name, table in channels.items()}

@@ -70,28 +70,33 @@ class PulsationAt(AbstractLoopDisturbance):
     """Hz"""
 
 
-class StuckSensorTable(AbstractLoopDisturbance):
+class SensorFaultTable(AbstractLoopDisturbance):
+    """What is wrong with a sensor from `begin` to `end` in s."""
+
+    sensor: LoopSensor = "position"
+    """The one that has it."""
+    begin: NotNegative
+    """s from which on it has it."""
+    end: Annotated[float, pydantic.Field(gt=0)] = np.inf
+    """s until which it has it."""
+
+    @pydantic.model_validator(mode="after")
+    def _begins_first(self) -> "SensorFaultTable":
+        if not self.end > self.begin:
+            raise ValueError(f"the end of a {self.kind} must be after its begin, but it is {self.end:g} s; correct it")
+        return self
+
+
+class StuckSensorTable(SensorFaultTable):
     """A sensor that shows its last value from `begin` to `end` in s."""
 
     kind: Literal["stuck-sensor"]
-    sensor: LoopSensor = "position"
-    """The one that is stuck."""
-    begin: NotNegative
-    """s from which on it is."""
-    end: float = np.inf
-    """s until which it is."""
 
 
-class LostSensorTable(AbstractLoopDisturbance):
+class LostSensorTable(SensorFaultTable):
     """A sensor that shows nothing, or a `value`, from `begin` to `end` in s."""
 
     kind: Literal["lost-sensor"]
-    sensor: LoopSensor = "position"
-    """The one that is lost."""
-    begin: NotNegative
-    """s from which on it is."""
-    end: float = np.inf
-    """s until which it is."""
     value: float = np.nan
     """What it shows meanwhile, in m or Pa; by default no number."""
 

@@ -120,6 +120,8 @@ def start_values(model: eqx.Module, stated: Mapping[str, StartValue]) -> tuple[d
             check_length(name, key, getattr(given, key), entries)
         for position, entry in enumerate(entries):
             low, high = _bound(given.lower, position), _bound(given.upper, position)
+            before = bounds.get(entry, (None, None))  # a vector's, where one of its entries is stated by itself
+            low, high = before[0] if low is None else low, before[1] if high is None else high
             if low is not None and high is not None and not low < high:
                 raise StudyError(
                     f"the bounds of '{entry}' must rise, but they are {low:g} and {high:g}; swap them", "bounds"

@@ -15,7 +15,7 @@ from vgtjax import InputError
 from vgtjax.traces import trace_suffixes
 
 from ..output.files import REPORT, SUMMARY
-from .channels import override
+from .base import override
 from .places import StudyError
 from .sentences import sentence
 from .tables import AnyStudy, Study, TraceEntry

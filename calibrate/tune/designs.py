@@ -1,5 +1,7 @@
 """Controllers by the names that a study gives them."""
 
+from typing import Any
+
 from vgtjax import control
 
 DESIGNS: dict[str, type[control.AbstractController]] = {
@@ -14,3 +16,11 @@ DESIGNS: dict[str, type[control.AbstractController]] = {
     "adaptive-backstepping": control.AdaptiveBackstepping,
     "adaptive-position": control.LoadBackstepping,
 }
+SAMPLED = ("lqg",)
+"""Those that are designed for samples of one period."""
+
+
+def design_for(design: str, plant: Any, period: float) -> control.AbstractController:
+    """A controller of a design for a plant, in a loop whose samples are `period` s apart."""
+    sampled = {"period": period} if design in SAMPLED else {}
+    return DESIGNS[design].for_plant(plant, **sampled)

@@ -16,7 +16,7 @@ from ..study.models import check_length
 from ..study.parameter_file import Entry, tabulate, to_json
 from ..study.start_file import NAMED, load_model, value_in
 from ..study.tables import Study
-from .designs import DESIGNS
+from .designs import DESIGNS, design_for
 from .fallback import FALLBACK, fallback_of, with_fallback
 
 NAME = "gains.json"
@@ -60,6 +60,18 @@ def note_on_plant(path: pathlib.Path, study: Study, believed: vgtjax.AbstractMod
     )
 
 
+def note_on_period(path: pathlib.Path, study: Study) -> str | None:
+    """A sentence where gains were tuned for samples of another period than the study's."""
+    path = path / NAME if path.is_dir() else path
+    period = read_json(path).get("period")
+    if not isinstance(period, float) or math.isclose(period, study.control.period):
+        return None
+    return (
+        f"{path.name} was tuned for samples every {1e3 * period:g} ms, but the study's are "
+        f"{1e3 * study.control.period:g} ms apart; tune again, or state that period under [control]"
+    )
+
+
 def find_gains(place: pathlib.Path) -> pathlib.Path | None:
     """The file of gains that this is, or that lies in this folder of `tune`; `None` for results of another kind."""
     path = place / NAME if place.is_dir() else place
@@ -85,7 +97,7 @@ def load_controller(path: pathlib.Path) -> TunedController:
             f"{path.name}: it does not state the plant that its controller believes in and its period; tune again"
         )
     believed: Any = load_model(path, {**content, "parameters": plant})[1]
-    controller: Any = DESIGNS[design].for_plant(believed)
+    controller = design_for(design, believed, period)
     values = {name: value_in(path, name, fields) for name, fields in dict(content.get("parameters") or {}).items()}
     controller = vgtjax.replace_parameters(controller, values)
     check(controller)

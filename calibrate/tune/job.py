@@ -4,7 +4,7 @@ import dataclasses
 import hashlib
 import itertools
 import pathlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import jax
@@ -26,15 +26,16 @@ from vgtjax.tuning import (
 )
 
 from ..population import read_actuators
+from ..study.base import override
 from ..study.control import ControlTable
 from ..study.loop_disturbances import build_delays, build_disturbances, build_sensors
 from ..study.models import start_values
 from ..study.places import OF_A_CONTROLLER, StudyError, of_study, stated
 from ..study.read import expand_traces, fingerprint, load_study
-from ..study.references import TraceReference, build_references
+from ..study.references import Reference, TraceReference, build_references
 from ..study.tables import Study
 from ..study.units import StudyJob
-from .designs import DESIGNS
+from .designs import design_for
 from .plants import believed_model, choose_plants
 
 EXAMPLE = pathlib.Path(__file__).parents[1] / "example" / "control" / "study.toml"
@@ -78,10 +79,11 @@ def prepare_tuning(path: pathlib.Path | None, parameters: pathlib.Path | None) -
     notes += gas_notes(table, actuators.first)
     if table.fallback != "none":
         notes += ("gains are tuned without the fallback",)
+    followed = [*table.reference, *table.unseen.reference]
     return TuneJob(
         study,
         path.read_text(encoding="utf-8-sig"),
-        fingerprint(study, expand_traces(study, folder), actuators.hashed | reference_files(table, folder)),
+        fingerprint(study, expand_traces(study, folder), actuators.hashed | reference_files(followed, folder)),
         bounds,
         believed,
         smooth,
@@ -97,9 +99,8 @@ def gas_notes(table: ControlTable, plant: Any) -> tuple[str, ...]:
     return () if acts else ("turbine pressure acts on nothing, as the study's vane_force is 'none'",)
 
 
-def reference_files(table: ControlTable, folder: pathlib.Path) -> dict[str | None, dict[str, str]]:
+def reference_files(entries: Iterable[Reference], folder: pathlib.Path) -> dict[str | None, dict[str, str]]:
     """What the traces hold that are references, for the fingerprint."""
-    entries = [*table.reference, *table.unseen.reference]
     files = [entry.file for entry in entries if isinstance(entry, TraceReference)]
     digests = {file: hashlib.sha256((folder / file).read_bytes()).hexdigest() for file in files}
     return {"[[control.reference]]": digests} if digests else {}
@@ -110,7 +111,7 @@ def start_controller(table: ControlTable, believed: Any) -> tuple[AbstractContro
 
     **Raises:** `InputError` for gains that the design does not have or allow.
     """
-    controller = DESIGNS[table.design].for_plant(believed)
+    controller = design_for(table.design, believed, table.period)
     values, bounds = start_values(controller, table.gains)
     controller = vgtjax.replace_parameters(controller, values)
     check_bounds(controller, bounds)
@@ -144,7 +145,7 @@ def variants_of(study: Study) -> dict[str, Variant]:
     table = study.control
     engines = (TurbinePulsation.of(engine.build()) for engine in (study.pulsation,) if engine is not None)
     shared = (*engines, *build_disturbances(table.disturbance))
-    sensors = {"": table.sensor} | {each.name: table.sensor | each.sensor for each in table.variant}
+    sensors = {"": table.sensor} | {each.name: override(table.sensor, each.sensor) for each in table.variant}
     stated = {each.name: each.duty_delay for each in table.variant if each.duty_delay is not None}
     delays = build_delays(dict.fromkeys(sensors, table.duty_delay) | stated)
     return {name: Variant(build_sensors(table.sensors, sensors[name]), (*shared, *delays[name])) for name in sensors}

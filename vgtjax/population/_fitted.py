@@ -31,10 +31,15 @@ def fitted_population(
     **Arguments:** `models`: the units, alike but for their values; `entries`: what was fitted, entry by entry;
     `covariances`: of each unit's errors in the units of the table, NaN for what its traces do not determine.
 
-    **Raises:** `InputError` for fewer than three units.
+    **Raises:** `InputError` for fewer than three units, nothing that was fitted in all of them, or nothing that
+    spreads.
     """
     if len(models) < 3:
         raise InputError(f"a population needs three fitted units or more, but there are {len(models)}; fit more")
+    if not entries:
+        raise InputError(
+            "a population needs a quantity that was fitted in all of its units, but there is none; fit them alike"
+        )
     selection = Selection(tuple(entries))
     units = np.stack([selection.values(model) for model in models])
     ends = [domain(models[0], entry) for entry in entries]
@@ -45,6 +50,11 @@ def fitted_population(
     else:
         mean, deviation, correlation = _without_errors(units, positive, np.stack(covariances))
     chosen = np.flatnonzero(deviation > SMALLEST * np.where(positive, 1.0, np.abs(mean))).tolist()
+    if not chosen:
+        raise InputError(
+            "a population needs a quantity that its units determine and that spreads between them, but there is none; "
+            "give other units, or tolerances under [population]"
+        )
     correlation = correlation[np.ix_(chosen, chosen)]
     np.fill_diagonal(correlation, 1.0)
     return Population(

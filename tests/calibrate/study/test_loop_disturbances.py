@@ -164,6 +164,10 @@ def test_a_sensor_without_noise_may_stand_still(tmp_path):
             "the key 'control.disturbance.begin' is missing, which kind = 'stuck-sensor' needs; add it",
         ),
         (
+            'kind = "stuck-sensor"\nbegin = 1.0\nend = 0.5',
+            "the end of a stuck-sensor must be after its begin, but it is 0.5 s; correct it",
+        ),
+        (
             'kind = "stuck-sensor"\nbegin = 1.0\nvalue = 2.0',
             "the key 'control.disturbance.value' belongs to kind = 'lost-sensor', but it is 'stuck-sensor'; remove the "
             "key",

@@ -55,6 +55,19 @@ def test_units_and_their_traces(whole):
     assert seen == {"unit_a": [("fit", "first")], "unit_b": [("validate", "unit_b_10"), ("validate", "unit_b_2")]}
 
 
+@pytest.mark.parametrize("first", ["vector", "entry"])
+def test_an_entry_that_is_stated_by_itself_leaves_the_bounds_of_its_vector(folder, first):
+    stated = {
+        "vector": '"converter.atmosphere_orifice" = {lower = [0, -1, 0], upper = [1, 1, 2]}\n',
+        "entry": '"converter.atmosphere_orifice[2]" = {value = 0.4, upper = 1.5}\n',
+    }
+    order = ["vector", "entry"] if first == "vector" else ["entry", "vector"]
+    study = f'{HEAD}\n[[trace]]\nfile = "bench.csv"\n[parameters]\n' + "".join(stated[each] for each in order)
+    bounds = prepared(folder, study).units[0].bounds
+    assert bounds["converter.atmosphere_orifice[1]"] == (-1.0, 1.0)
+    assert bounds["converter.atmosphere_orifice[2]"] == (0.0, 1.5 if first == "vector" else 2.0)
+
+
 def test_window_and_atmosphere_belong_to_their_trace(whole):
     (_, first), (_, other) = (unit.traces[0] for unit in whole.units)
     np.testing.assert_allclose(first.time, np.arange(2, 9) / 1000)

@@ -146,6 +146,16 @@ def test_two_units_are_no_population(fleet):
         fitted_population(fleet[:2], ENTRIES)
 
 
+def test_units_with_nothing_in_common_or_nothing_that_spreads_are_refused(fleet):
+    with pytest.raises(InputError, match="fitted in all of its units, but there is none"):
+        fitted_population(fleet[:3], ())
+    nothing = [np.full((4, 4), np.nan)] * 3
+    with pytest.raises(InputError, match="spreads between them, but there is none"):
+        fitted_population(fleet[:3], ENTRIES, nothing)
+    with pytest.raises(InputError, match="spreads between them, but there is none"):
+        fitted_population([fleet[0]] * 3, ENTRIES)
+
+
 def test_no_member_has_friction_that_gives_out_energy():
     """Viscous damping is raised to the least of passive friction, and nothing else is touched."""
     wide = spread_population(ACTUATOR, 0.5, vary=["friction.*"])

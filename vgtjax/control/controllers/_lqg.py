@@ -1,5 +1,6 @@
 """Linear quadratic Gaussian control on the reduced model, linear about the middle of its travel."""
 
+import math
 from typing import Any
 
 import equinox as eqx
@@ -8,6 +9,7 @@ import numpy as np
 import scipy
 from jaxtyping import Array, Float
 
+from ..._errors import InputError
 from ..._types import Scalar
 from ...parameters import parameter
 from ...plants import Actuator
@@ -16,7 +18,7 @@ from .._design_model import DesignModel, lugre_of
 from ..surroundings import POSITION_NOISE
 
 PERIOD = 1e-3
-"""s; of the samples that the default gains are designed for."""
+"""s between samples, where no other is asked for."""
 WEIGHTS = (1e-4, 0.02, 5e3)
 """m, m/s and Pa that are worth as much as `DUTY_WEIGHT`."""
 DUTY_WEIGHT = 10.0
@@ -24,7 +26,7 @@ DUTY_WEIGHT = 10.0
 DUTY_SPAN, PRESSURE_SPAN = 10.0, 1e4
 """% and Pa to either side, over which the flow is taken for linear."""
 PROCESS_NOISE = (1e-7, 1e-3, 30.0, 0.3)
-"""Standard deviations of what each sample adds to position in m, velocity in m/s, pressure in Pa and load in N."""
+"""Standard deviations of what a millisecond adds to position in m, velocity in m/s, pressure in Pa and load in N."""
 
 
 class LQGState(eqx.Module):
@@ -52,6 +54,8 @@ class LinearModel(eqx.Module):
     area: Scalar
     inflow: Float[Array, " 3"]
     """Slopes of the pressure's rate with respect to velocity, pressure and duty."""
+    period: float = eqx.field(static=True)
+    """s between its samples."""
 
     def target(self, reference: Reference, load: Scalar) -> tuple[Float[Array, " 4"], Scalar]:
         """Deviations of the state and of the duty in percent that follow a reference under a load in N."""
@@ -84,9 +88,9 @@ class LQG(AbstractController):
     model: LinearModel = eqx.field(kw_only=True)
 
     @classmethod
-    def for_plant(cls, plant: Actuator, **settings: Any) -> "LQG":
-        """Designed for the plant's [`DesignModel`][], for samples of a millisecond and noise of an assumed sensor."""
-        model = linearise(DesignModel.for_plant(plant), plant)
+    def for_plant(cls, plant: Actuator, *, period: float = PERIOD, **settings: Any) -> "LQG":
+        """Designed for the plant's [`DesignModel`][], for samples of `period` s and noise of an assumed sensor."""
+        model = linearise(DesignModel.for_plant(plant), plant, period)
         feedback, correction = design(model)
         return cls(**{"feedback": feedback, "correction": correction, "model": model} | settings)
 
@@ -99,8 +103,16 @@ class LQG(AbstractController):
     def update(
         self, state: LQGState, measurement: Measurement, reference: Reference, period: float
     ) -> tuple[LQGState, Scalar, Log]:
-        """See the base class; logs `velocity` in m/s, the observed `pressure` in Pa absolute and the `load` in N."""
+        """See the base class; logs `velocity` in m/s, the observed `pressure` in Pa absolute and the `load` in N.
+
+        **Raises:** `InputError` for another period than that of its design.
+        """
         model = self.model
+        if not math.isclose(period, model.period):
+            raise InputError(
+                f"this LQG is designed for samples every {1e3 * model.period:g} ms, but the loop has them every "
+                f"{1e3 * period:g} ms; use LQG.for_plant(plant, period={period:g})"
+            )
         expected = model.transition @ state.estimate + model.input * state.duty
         estimate = expected + self.correction * (measurement.position - model.position - expected[0])
         wanted, duty = model.target(reference, estimate[3])
@@ -109,8 +121,8 @@ class LQG(AbstractController):
         return LQGState(estimate, saturate(command) - model.duty), command, log
 
 
-def linearise(model: DesignModel, plant: Actuator) -> LinearModel:
-    """A design model about the middle of its travel, sliding: its dry friction is a load."""
+def linearise(model: DesignModel, plant: Actuator, period: float) -> LinearModel:
+    """A design model about the middle of its travel, sliding: its dry friction is a load. One sample is `period` s."""
     body, ambient = model.diaphragm, plant.air.pressure
     position = body.middle
     pressure = body.balance_pressure(ambient, position)
@@ -129,7 +141,7 @@ def linearise(model: DesignModel, plant: Actuator) -> LinearModel:
     continuous[0, 1] = 1.0
     continuous[1, :4] = -np.array([body.stiffness, damping, body.area, 1.0]) / float(body.mass)
     continuous[2, 1:3], continuous[2, 4] = inflow[:2], inflow[2]
-    onward = scipy.linalg.expm(continuous * PERIOD)
+    onward = scipy.linalg.expm(continuous * period)
     return LinearModel(
         transition=jnp.asarray(onward[:4, :4]),
         input=jnp.asarray(onward[:4, 4]),
@@ -141,6 +153,7 @@ def linearise(model: DesignModel, plant: Actuator) -> LinearModel:
         mass=body.mass,
         area=body.area,
         inflow=inflow,
+        period=period,
     )
 
 
@@ -150,6 +163,6 @@ def design(model: LinearModel) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarra
     inner, input_ = transition[:3, :3], push[:3, None]
     cost = scipy.linalg.solve_discrete_are(inner, input_, np.diag(1 / np.square(WEIGHTS)), [[DUTY_WEIGHT**-2]])
     feedback = np.linalg.solve(DUTY_WEIGHT**-2 + input_.T @ cost @ input_, input_.T @ cost @ inner)[0]
-    seen, noise = np.eye(4)[:, :1], np.diag(np.square(PROCESS_NOISE))
+    seen, noise = np.eye(4)[:, :1], np.diag(np.square(PROCESS_NOISE)) * model.period / PERIOD
     spread = scipy.linalg.solve_discrete_are(transition.T, seen, noise, [[POSITION_NOISE**2]])
     return feedback, spread[:, 0] / (spread[0, 0] + POSITION_NOISE**2)
