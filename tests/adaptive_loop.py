@@ -16,9 +16,9 @@ from vgtjax.control import (
     DualFrictionObserver,
     FrictionEstimate,
     Motion,
-    nominal_coefficients,
-    slide,
 )
+from vgtjax.control.controllers._adaptive_backstepping import Moment
+from vgtjax.control.observers._friction_observer import nominal_coefficients, slide
 
 AMBIENT = jnp.asarray(101_013.0)
 WAVE = control.Sine(amplitude=0.003, rate=2.0, offset=0.005)
@@ -72,7 +72,7 @@ def motion(plant):
 
 
 def moment(plant, time):
-    return control.Moment(motion(plant), plant.pressure, control.reference_at(WAVE, time))
+    return Moment(motion(plant), plant.pressure, control.reference_at(WAVE, time))
 
 
 def corrected(controller, where, errors, estimate):

@@ -26,7 +26,6 @@ from .controllers import (
     FrictionCompensation as FrictionCompensation,
     Knocker as Knocker,
     LoadBackstepping as LoadBackstepping,
-    Moment as Moment,
     ScheduledPI as ScheduledPI,
     StaticBalance as StaticBalance,
     WithFallback as WithFallback,
@@ -43,8 +42,6 @@ from .loop import (
     chatter as chatter,
     close_loop as close_loop,
     effort as effort,
-    estimates as estimates,
-    fade as fade,
     linearise_loop as linearise_loop,
     margins as margins,
     observability as observability,
@@ -67,8 +64,6 @@ from .observers import (
     LoadObserver as LoadObserver,
     ObservedState as ObservedState,
     PressureObserver as PressureObserver,
-    nominal_coefficients as nominal_coefficients,
-    slide as slide,
 )
 from .surroundings import (
     SIGNAL_1_PERIOD as SIGNAL_1_PERIOD,
@@ -98,7 +93,6 @@ from .surroundings import (
     at_rest as at_rest,
     balanced_at as balanced_at,
     number as number,
-    quantise as quantise,
     reference_at as reference_at,
     signal_1 as signal_1,
     signal_2 as signal_2,

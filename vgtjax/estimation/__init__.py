@@ -15,13 +15,7 @@ from ._calibrator import (
     start_calibration as start_calibration,
     starting as starting,
 )
-from ._found import (
-    MEETS as MEETS,
-    delay_found as delay_found,
-    found_besides as found_besides,
-    starts_sentence as starts_sentence,
-    traces_met as traces_met,
-)
+from ._found import MEETS as MEETS, found_besides as found_besides, traces_met as traces_met
 from ._least_squares import (
     NORMAL_95 as NORMAL_95,
     NULL as NULL,
@@ -35,9 +29,8 @@ from ._least_squares import (
     huber_weights as huber_weights,
     least_squares as least_squares,
     robust_deviation as robust_deviation,
-    windowed_gram as windowed_gram,
 )
-from ._task import RUNAWAY as RUNAWAY, Task as Task, plan_task as plan_task
+from ._task import Task as Task, plan_task as plan_task
 from .derivatives import (
     CHANNELS as CHANNELS,
     SEGMENT as SEGMENT,
@@ -51,8 +44,6 @@ from .derivatives import (
     compiling_ahead as compiling_ahead,
     jacobian as jacobian,
     observe as observe,
-    observe_backwards as observe_backwards,
-    observe_with_jacobian as observe_with_jacobian,
     run_alone as run_alone,
     run_together as run_together,
     side_by_side as side_by_side,
@@ -60,7 +51,6 @@ from .derivatives import (
 from .diagnostics import (
     BLOCKS as BLOCKS,
     VERDICTS as VERDICTS,
-    WORDS as WORDS,
     Around as Around,
     ConfidenceInterval as ConfidenceInterval,
     End as End,
@@ -80,7 +70,6 @@ from .diagnostics import (
 from .errors import (
     Budget as Budget,
     by_gains as by_gains,
-    spread_along as spread_along,
     taken_for_exact as taken_for_exact,
     uncertain_gains as uncertain_gains,
 )
@@ -93,7 +82,6 @@ from .measurements import (
     Unknown as Unknown,
     build_fit_problem as build_fit_problem,
     learn_sensors as learn_sensors,
-    noise_to_meet as noise_to_meet,
     observe_traces as observe_traces,
     sharp_bundles as sharp_bundles,
     white_sensors as white_sensors,
@@ -104,12 +92,9 @@ from .search import (
     LevenbergMarquardt as LevenbergMarquardt,
     Point as Point,
     Progress as Progress,
-    Reduced as Reduced,
     Report as Report,
-    Secant as Secant,
     Slopes as Slopes,
     first_progress as first_progress,
     misfit_at as misfit_at,
     quiet as quiet,
-    trusted as trusted,
 )

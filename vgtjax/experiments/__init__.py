@@ -3,11 +3,9 @@
 from ._base import (
     AbstractExperiment as AbstractExperiment,
     Output as Output,
-    first_reach as first_reach,
     stack_runs as stack_runs,
 )
 from ._loops import (
-    LIFT as LIFT,
     POSITIONS as POSITIONS,
     HysteresisLoop as HysteresisLoop,
     find_ends as find_ends,

@@ -1,25 +1,11 @@
 """Identification of each part by its own bench test, as in chapters 2 and 3."""
 
-from ._filters import (
-    has_gas as has_gas,
-    holds as holds,
-    sensor_offset as sensor_offset,
-    slow_blocks as slow_blocks,
-    smooth as smooth,
-)
+from ._filters import has_gas as has_gas
 from ._fit import fit as fit, plan_fit as plan_fit, start_fit as start_fit, starting_fit as starting_fit
 from ._limits import LIMITS as LIMITS, Limit as Limit
 from ._pipeline import apply as apply, identify as identify, plan as plan
 from ._result import Curve as Curve, Identified as Identified, NotPossible as NotPossible
 from .mechanical import (
-    NO_DERIVATIVES as NO_DERIVATIVES,
-    MotionRecord as MotionRecord,
-    ResponseFit as ResponseFit,
-    TraceEquations as TraceEquations,
-    better_start as better_start,
-    bristle_force as bristle_force,
-    filter_motion as filter_motion,
-    fit_response as fit_response,
     identify_axis as identify_axis,
     identify_dahl as identify_dahl,
     identify_lugre as identify_lugre,
@@ -27,22 +13,11 @@ from .mechanical import (
     identify_spring as identify_spring,
     identify_vane_map as identify_vane_map,
     identify_vane_polynomial as identify_vane_polynomial,
-    mechanical_fit as mechanical_fit,
-    mechanical_half as mechanical_half,
-    moves_at_start as moves_at_start,
-    read_motion as read_motion,
-    read_motions as read_motions,
-    regress_axis as regress_axis,
-    regress_traces as regress_traces,
 )
 from .pneumatic import (
-    fit_measured_flow as fit_measured_flow,
     identify_flow_areas as identify_flow_areas,
     identify_magnetic_force as identify_magnetic_force,
     identify_plunger as identify_plunger,
-    measured_flow as measured_flow,
-    plunger_lift as plunger_lift,
-    read_chamber as read_chamber,
 )
 from .structures import (
     Ahead as Ahead,
@@ -55,6 +30,5 @@ from .structures import (
     compare_structures as compare_structures,
     comparing_structures as comparing_structures,
     nothing_ahead as nothing_ahead,
-    rank as rank,
     worst_verdict as worst_verdict,
 )

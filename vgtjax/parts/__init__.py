@@ -9,7 +9,6 @@ from ._air import (
     orifice_flow as orifice_flow,
 )
 from ._converter import (
-    GENTLE_OPENING as GENTLE_OPENING,
     Converter as Converter,
     ConverterState as ConverterState,
     Flow as Flow,
@@ -19,7 +18,7 @@ from ._converter import (
 )
 from ._diaphragm import Body as Body, Diaphragm as Diaphragm
 from ._gas_effect import feels_gas as feels_gas
-from ._gas_table import AbstractGasTables as AbstractGasTables, bilinear as bilinear
+from ._gas_table import AbstractGasTables as AbstractGasTables
 from ._stateless import Stateless as Stateless
 from ._tabulated import (
     AbstractTabulated as AbstractTabulated,

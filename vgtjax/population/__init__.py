@@ -1,12 +1,11 @@
 """Populations of actuators: who varies how, samples of them, and experiments on many at once."""
 
-from ._evaluate import LANES as LANES, Evaluator as Evaluator, run as run
+from ._evaluate import Evaluator as Evaluator, run as run
 from ._factors import Factors as Factors, choose_factors as choose_factors
 from ._fitted import fitted_levels as fitted_levels, fitted_population as fitted_population
 from ._population import (
     Margin as Margin,
     Population as Population,
-    domain as domain,
     lognormal as lognormal,
     normal as normal,
     triangular as triangular,
@@ -22,7 +21,6 @@ from ._results import (
 )
 from ._sampling import (
     MOST_ROWS as MOST_ROWS,
-    SAMPLERS as SAMPLERS,
     LatinHypercubeSample as LatinHypercubeSample,
     Sample as Sample,
     SobolSample as SobolSample,

@@ -1,6 +1,5 @@
 """Sensitivity analysis: samples, indices with intervals from one set of simulations, and what they say together."""
 
-from ..population import LatinHypercubeSample as LatinHypercubeSample, Sample as Sample, SobolSample as SobolSample
 from ._correlation import correlations as correlations, squared_correlation as squared_correlation
 from ._design import RadialDesign as RadialDesign
 from ._indices import (
@@ -19,15 +18,10 @@ from ._ranking import (
     Ranking as Ranking,
     Verdict as Verdict,
     explain as explain,
-    judge as judge,
     rank_inputs as rank_inputs,
 )
 from ._regression import Regression as Regression, regress as regress
-from ._resampling import (
-    BootstrapInterval as BootstrapInterval,
-    bootstrap as bootstrap,
-    resampled_weights as resampled_weights,
-)
+from ._resampling import BootstrapInterval as BootstrapInterval, bootstrap as bootstrap
 from ._second_order import (
     damping_ratio as damping_ratio,
     frictionless_diaphragm as frictionless_diaphragm,

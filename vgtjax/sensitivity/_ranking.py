@@ -85,7 +85,7 @@ def rank_inputs(
     """Ranks the inputs of every output; equal ones and those without an index stay in the order given.
 
     An index says that an input matters when its whole interval lies above `threshold`, and that it does not when the
-    whole interval lies below; else it says nothing. The verdicts are those that [`judge`][] comes to.
+    whole interval lies below; else it says nothing. Each [`Verdict`][] says when it is given.
 
     **Arguments:** `inputs`, `outputs`: names in the order of the columns; `local`: shares by
     [`gradient_share`][vgtjax.sensitivity.gradient_share].

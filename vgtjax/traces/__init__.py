@@ -19,7 +19,6 @@ from ._trace import (
 )
 from ._units import UNITS as UNITS
 from .files import (
-    SUFFIXES as SUFFIXES,
     Entry as Entry,
     Record as Record,
     Recording as Recording,

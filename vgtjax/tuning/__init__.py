@@ -8,7 +8,7 @@ from ._admissible import (
 from ._cases import Case as Case, Cases as Cases, Variant as Variant, cross_cases as cross_cases
 from ._closed import ClosedLoops as ClosedLoops, Runs as Runs, close_loops as close_loops
 from ._loops import Figures as Figures
-from ._objective import TERMS as TERMS, Objective as Objective, mean_beyond as mean_beyond
+from ._objective import TERMS as TERMS, Objective as Objective
 from ._problem import (
     MEMORIES as MEMORIES,
     CaseCosts as CaseCosts,
@@ -16,17 +16,9 @@ from ._problem import (
     TuningProblem as TuningProblem,
     plan_tuning as plan_tuning,
 )
-from ._quadratic import STEEPEST as STEEPEST, QuadraticModel as QuadraticModel, model_at as model_at
-from ._remembered import APART as APART, WILD as WILD, linearise_remembered as linearise_remembered, shaking as shaking
+from ._quadratic import STEEPEST as STEEPEST
 from ._sliding_margins import sliding_margins as sliding_margins
 from ._sliding_mode import Sliding as Sliding, sliding as sliding
 from ._smoothing import soften as soften, soften_cases as soften_cases, wanted_widths as wanted_widths
 from ._tune import TunedGain as TunedGain, Tuning as Tuning, tune as tune
-from ._tuner import (
-    BATCHES as BATCHES,
-    LENGTHS as LENGTHS,
-    SLACK as SLACK,
-    STALL as STALL,
-    Tuner as Tuner,
-    TuningProgress as TuningProgress,
-)
+from ._tuner import Tuner as Tuner, TuningProgress as TuningProgress

@@ -35,7 +35,7 @@ class Objective(eqx.Module):
 
     The power mean tends to the worst case as `power` grows; with 8, the worst of sixty counts within a factor of 1.7.
     With a `quantile` below one the mean of the costs beyond that quantile stands in its place, which chance in a
-    single loop moves less ([`mean_beyond`][]).
+    single loop moves less (expected shortfall).
 
     **Raises:** `InputError` for a scale that is not positive, a share outside 0 to 1, or a power below one.
     """

@@ -9,7 +9,6 @@ from ._losses import (
     GivenLoss as GivenLoss,
     Range as Range,
     Soderberg as Soderberg,
-    energy_loss as energy_loss,
 )
 from ._march import march as march
 from ._newton import Ending as Ending

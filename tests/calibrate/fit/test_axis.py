@@ -9,7 +9,9 @@ from commands import NOTHING_ELSE, read, run_command
 
 import vgtjax
 from vgtjax.estimation import plan_task, start_calibration
-from vgtjax.identification import better_start, read_motions, regress_axis
+from vgtjax.identification.mechanical._axis import better_start
+from vgtjax.identification.mechanical._axis_regression import regress_axis
+from vgtjax.identification.mechanical._motion import read_motions
 
 MASS, DAMPING, COULOMB, CONSTANT = 1.8, 14.0, 5.5, -1.2
 TRUTH = {

@@ -13,7 +13,8 @@ from calibrate.fit.report import render, waterfall_figure
 from calibrate.study.parameter_file import calibrated
 from calibrate.study.units import prepare
 from vgtjax.assurance import Certificate
-from vgtjax.estimation import Around, found_besides, starts_sentence
+from vgtjax.estimation import Around, found_besides
+from vgtjax.estimation._found import starts_sentence
 from vgtjax.estimation.diagnostics._profiles import Profiles
 from vgtjax.estimation.diagnostics._slices import Slice, Slices
 

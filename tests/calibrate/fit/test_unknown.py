@@ -7,7 +7,7 @@ import pytest
 from commands import read, run_command
 
 import vgtjax
-from vgtjax.estimation import delay_found
+from vgtjax.estimation._found import delay_found
 
 FREE = ["diaphragm.stiffness", "diaphragm.preload", "chamber.volume"]
 LATE = 4

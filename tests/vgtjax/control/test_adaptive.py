@@ -35,13 +35,13 @@ from vgtjax.control import (
     DesignState,
     DualFrictionObserver,
     Measurement,
-    Moment,
     Motion,
     Reference,
     Scenario,
     Sensors,
-    nominal_coefficients,
 )
+from vgtjax.control.controllers._adaptive_backstepping import Moment
+from vgtjax.control.observers._friction_observer import nominal_coefficients
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)

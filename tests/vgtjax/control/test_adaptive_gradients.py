@@ -6,7 +6,8 @@ import pytest
 
 import vgtjax
 from vgtjax import control
-from vgtjax.control import AdaptiveBackstepping, DesignModel, Scenario, Sensor, Sensors, nominal_coefficients
+from vgtjax.control import AdaptiveBackstepping, DesignModel, Scenario, Sensor, Sensors
+from vgtjax.control.observers._friction_observer import nominal_coefficients
 from vgtjax.tuning import gain_names, soften
 
 SECONDS = 10.0

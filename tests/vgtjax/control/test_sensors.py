@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import vgtjax
-from vgtjax.control import Measurement, Sensor, Sensors, quantise
+from vgtjax.control import Measurement, Sensor, Sensors
+from vgtjax.control.surroundings._sensors import quantise
 
 TRUTH = Measurement(*(jnp.asarray(value) for value in (5e-3, 6e4, 2e4, 1.01e5, 1.5e5)))
 SAMPLES = 20_000

@@ -5,7 +5,8 @@ import pytest
 from known_truth import FREE, bench
 
 import vgtjax
-from vgtjax.estimation import calibrate, plan_task, spread_along
+from vgtjax.estimation import calibrate, plan_task
+from vgtjax.estimation.errors._bands import spread_along
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from known_problem import Known, driven
 
-from vgtjax.estimation import Evaluated, Point, side_by_side, trusted
+from vgtjax.estimation import Evaluated, Point, side_by_side
+from vgtjax.estimation.search._corrections import trusted
 from vgtjax.parameters import Transform
 
 HERE = np.array([1.0, 0.5])

@@ -11,11 +11,9 @@ from known_truth import FREE, TRUTH, bench
 import vgtjax
 from vgtjax.estimation import (
     CHI2_TOLERANCE,
-    RUNAWAY,
     VERDICTS,
     LevenbergMarquardt,
     Progress,
-    Reduced,
     calibrate,
     estimate_uncertainty,
     find_remains,
@@ -24,6 +22,8 @@ from vgtjax.estimation import (
     run_alone,
     start_calibration,
 )
+from vgtjax.estimation._task import RUNAWAY
+from vgtjax.estimation.search._point import Reduced
 from vgtjax.parameters import build_transform
 from vgtjax.traces import noise_level
 

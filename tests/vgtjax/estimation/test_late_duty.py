@@ -8,7 +8,8 @@ from support import duty_trace
 
 import vgtjax
 from vgtjax import FixedStep
-from vgtjax.estimation import bundle_traces, observe, observe_backwards, observe_with_jacobian
+from vgtjax.estimation import bundle_traces, observe
+from vgtjax.estimation.derivatives._sensitivities import observe_backwards, observe_with_jacobian
 from vgtjax.parameters import select
 from vgtjax.parts import with_sharp_seat
 from vgtjax.traces import Drive, Ramp, delay_duty

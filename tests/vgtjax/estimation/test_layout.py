@@ -12,13 +12,12 @@ from vgtjax.estimation import (
     bundle_traces,
     foreseen,
     observe,
-    observe_backwards,
-    observe_with_jacobian,
     plan_task,
     run_alone,
     run_together,
 )
 from vgtjax.estimation.derivatives import _layout
+from vgtjax.estimation.derivatives._sensitivities import observe_backwards, observe_with_jacobian
 from vgtjax.parameters import select
 
 FREE = ["diaphragm.stiffness", "chamber.volume", "converter.plunger_mass"]

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from vgtjax.estimation import Point, Secant
+from vgtjax.estimation import Point
+from vgtjax.estimation.search._point import Secant
 
 RNG = np.random.default_rng(11)
 ROWS, COUNT = 40, 4

@@ -8,7 +8,8 @@ from known_truth import TRUTH, bench
 
 import vgtjax
 from vgtjax import estimation
-from vgtjax.estimation import LevenbergMarquardt, Progress, Reduced, plan_task, run_alone, start_calibration
+from vgtjax.estimation import LevenbergMarquardt, Progress, plan_task, run_alone, start_calibration
+from vgtjax.estimation.search._point import Reduced
 from vgtjax.estimation.search._progress import LENGTHS
 from vgtjax.estimation.search._search import MOST_MOVES
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import scipy.signal
 
-from vgtjax.estimation import Sensor, noise_to_meet
-from vgtjax.estimation.measurements._sensors import innovations, learn_sensor
+from vgtjax.estimation import Sensor
+from vgtjax.estimation.measurements._sensors import innovations, learn_sensor, noise_to_meet
 from vgtjax.traces import Channel
 
 COUNT, SIZE = 20_000, 8e-6

@@ -12,7 +12,6 @@ import vgtjax
 from vgtjax.estimation import (
     LevenbergMarquardt,
     Progress,
-    Reduced,
     calibrate,
     estimate_uncertainty,
     plan_task,
@@ -23,6 +22,7 @@ from vgtjax.estimation import (
 from vgtjax.estimation.search import _searches, _telling
 from vgtjax.estimation.search._beginning import first_progress
 from vgtjax.estimation.search._many_starts import _with_all_traces
+from vgtjax.estimation.search._point import Reduced
 from vgtjax.estimation.search._progress import quiet
 from vgtjax.estimation.search._searches import FAR_OFF
 from vgtjax.estimation.search._starts import (

@@ -8,8 +8,9 @@ import scipy.signal
 from known_truth import FREE, bench
 
 import vgtjax
-from vgtjax.estimation import least_squares, plan_task, start_calibration, windowed_gram
+from vgtjax.estimation import least_squares, plan_task, start_calibration
 from vgtjax.estimation._finish import _by_windows
+from vgtjax.estimation._least_squares import windowed_gram
 
 COUNT, TRACES, WINDOW = 1500, 3, 60
 OWNER = np.repeat(np.arange(TRACES), COUNT)

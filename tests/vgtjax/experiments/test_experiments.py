@@ -9,17 +9,17 @@ import pytest
 import vgtjax
 from vgtjax import InputError, replace_parameters, simulate
 from vgtjax.experiments import (
-    LIFT,
     POSITIONS,
     SlowLoop,
     StepResponse,
     find_ends,
     find_loop,
-    first_reach,
     label,
     measure_loops,
     nominal_target,
 )
+from vgtjax.experiments._base import first_reach
+from vgtjax.experiments._loops import LIFT
 
 AMBIENT = 1.0e5
 PRESSURES = (0.0, 1.5e5)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import vgtjax
-from vgtjax.experiments import LIFT, POSITIONS, find_ends, find_loop, measure_loops
+from vgtjax.experiments import POSITIONS, find_ends, find_loop, measure_loops
+from vgtjax.experiments._loops import LIFT
 
 
 def run(width=2000.0, seconds=10.0, peak=10e-3, noise=0.0, samples=1000):

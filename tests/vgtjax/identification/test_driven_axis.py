@@ -6,7 +6,8 @@ from axis import axis
 from support import assert_recovered
 
 import vgtjax
-from vgtjax.identification import identify_axis, moves_at_start
+from vgtjax.identification import identify_axis
+from vgtjax.identification.mechanical._axis import moves_at_start
 
 AXIS = {
     "diaphragm.mass": 1.8,

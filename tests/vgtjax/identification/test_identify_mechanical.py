@@ -10,18 +10,15 @@ from support import duty_trace, rms
 
 import vgtjax
 from vgtjax.identification import (
-    NO_DERIVATIVES,
     apply,
-    fit_response,
     identify_axis,
     identify_dahl,
     identify_lugre,
     identify_mass_and_damping,
     identify_spring,
-    mechanical_fit,
-    mechanical_half,
-    read_motions,
 )
+from vgtjax.identification.mechanical._mechanical_fit import NO_DERIVATIVES, fit_response, mechanical_fit
+from vgtjax.identification.mechanical._motion import mechanical_half, read_motions
 
 TRUTH = {
     "diaphragm.mass": 0.55,

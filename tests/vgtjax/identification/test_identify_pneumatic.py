@@ -9,18 +9,10 @@ from support import duty_trace, rms
 import vgtjax
 from vgtjax import PneumaticActuator, replace_parameters, simulate
 from vgtjax.estimation import clustered_errors, determined_within
-from vgtjax.identification import (
-    _pipeline,
-    holds,
-    identify_flow_areas,
-    identify_magnetic_force,
-    identify_plunger,
-    plunger_lift,
-    read_chamber,
-    sensor_offset,
-    slow_blocks,
-    smooth,
-)
+from vgtjax.identification import _pipeline, identify_flow_areas, identify_magnetic_force, identify_plunger
+from vgtjax.identification._filters import holds, sensor_offset, slow_blocks, smooth
+from vgtjax.identification.pneumatic._chamber_flow import read_chamber
+from vgtjax.identification.pneumatic._flow_areas import plunger_lift
 from vgtjax.plants import AirPath, Plant, Rod
 
 TRUTH = {

@@ -8,9 +8,10 @@ from python_blocks import python_block
 from support import duty_trace
 
 import vgtjax
-from vgtjax.identification import identify, identify_axis, mechanical_half, read_motions
+from vgtjax.identification import identify, identify_axis
 from vgtjax.identification.mechanical._bristles import fit_bristles, read_paths
 from vgtjax.identification.mechanical._lugre import start_from_bristles
+from vgtjax.identification.mechanical._motion import mechanical_half, read_motions
 
 TRUTH = {
     "diaphragm.mass": 0.55,

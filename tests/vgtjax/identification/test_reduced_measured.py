@@ -5,7 +5,7 @@ import pytest
 
 import vgtjax
 from vgtjax.experiments import deviation, validation_traces
-from vgtjax.identification import fit_measured_flow, measured_flow
+from vgtjax.identification.pneumatic._flow_map import fit_measured_flow, measured_flow
 from vgtjax.parts import PolynomialFlow
 
 FULL = vgtjax.Actuator()

@@ -9,14 +9,10 @@ from axis import axis
 from support import rms
 
 import vgtjax
-from vgtjax.identification import (
-    TraceEquations,
-    bristle_force,
-    filter_motion,
-    read_motion,
-    regress_traces,
-)
+from vgtjax.identification.mechanical._bristles import bristle_force
 from vgtjax.identification.mechanical._clean_signals import clean_signals
+from vgtjax.identification.mechanical._motion import read_motion
+from vgtjax.identification.mechanical._weak_form import TraceEquations, filter_motion, regress_traces
 from vgtjax.traces import remove_noise
 
 

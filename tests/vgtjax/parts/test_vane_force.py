@@ -22,7 +22,8 @@ from vgtjax import (
     simulate,
 )
 from vgtjax.experiments import find_loop
-from vgtjax.parts import Direction, Vanes, bilinear
+from vgtjax.parts import Direction, Vanes
+from vgtjax.parts._gas_table import bilinear
 
 PRESSURES, ANGLES = np.array([1.5e5, 3.0e5]), np.array([4.0, 10.0, 16.0, 22.0, 28.0, 34.0])
 CLOSING = np.outer([1.0, 2.0], np.linspace(2.6, 1.3, 6)).ravel()

@@ -8,8 +8,10 @@ import pytest
 
 import vgtjax
 from vgtjax import fit_flow_map
-from vgtjax.parts import LiftTable, PolynomialFlow, PrintedFlow, duty_by_bisection
-from vgtjax.plants import FLOW_MAPS, steady_flow
+from vgtjax.parts import LiftTable, PolynomialFlow, PrintedFlow
+from vgtjax.parts.flow_map._base import duty_by_bisection
+from vgtjax.plants import steady_flow
+from vgtjax.plants.reduced._fitting import FLOW_MAPS
 
 ACTUATOR = vgtjax.Actuator()
 OVER_DUTY = ("steady-plunger", "polynomial", "printed")

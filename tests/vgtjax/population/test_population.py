@@ -14,13 +14,13 @@ from vgtjax.population import (
     Population,
     Spread,
     choose_factors,
-    domain,
     lognormal,
     normal,
     spread_population,
     triangular,
     uniform,
 )
+from vgtjax.population._population import domain
 
 ACTUATOR = vgtjax.Actuator()
 MAGNET = "converter.magnetic_force"

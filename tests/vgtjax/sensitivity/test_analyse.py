@@ -7,8 +7,8 @@ import pytest
 from sensitivity_systems import Ishigami
 
 from vgtjax import InputError
+from vgtjax.population import LatinHypercubeSample
 from vgtjax.sensitivity import (
-    LatinHypercubeSample,
     RadialDesign,
     analyse,
     analyse_linear,

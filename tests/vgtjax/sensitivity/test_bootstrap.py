@@ -9,12 +9,12 @@ from vgtjax.sensitivity import (
     elementary_effects,
     first_order,
     regress,
-    resampled_weights,
     squared_correlation,
     total_bound,
     total_order,
     variance,
 )
+from vgtjax.sensitivity._resampling import resampled_weights
 
 
 def covered(estimate, truth):

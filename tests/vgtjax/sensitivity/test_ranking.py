@@ -13,9 +13,9 @@ from vgtjax.sensitivity import (
     analyse,
     explain,
     gradient_share,
-    judge,
     rank_inputs,
 )
+from vgtjax.sensitivity._ranking import judge
 
 LOW, AT, HIGH = Interval(0.01, 0.0, 0.03), Interval(0.05, 0.02, 0.08), Interval(0.4, 0.35, 0.45)
 UNKNOWN = Interval(np.nan, np.nan, np.nan)

@@ -5,8 +5,14 @@ import pytest
 from scipy.stats import chi2, qmc
 
 from vgtjax import InputError
-from vgtjax.population import _permutation as permutation, _sampling as sampling, make_sample
-from vgtjax.sensitivity import LatinHypercubeSample, RadialDesign, SobolSample
+from vgtjax.population import (
+    LatinHypercubeSample,
+    SobolSample,
+    _permutation as permutation,
+    _sampling as sampling,
+    make_sample,
+)
+from vgtjax.sensitivity import RadialDesign
 
 SAMPLES = [
     RadialDesign(dimensions=3, base=13, seed=5),

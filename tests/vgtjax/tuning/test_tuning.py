@@ -13,26 +13,19 @@ from vgtjax import RESULTS, control
 from vgtjax.control import PI, PID, Constant, FrictionCompensation, Knocker, Sine
 from vgtjax.simulation import choose
 from vgtjax.tuning import (
-    APART,
-    BATCHES,
-    LENGTHS,
-    SLACK,
-    STALL,
     STEEPEST,
-    WILD,
     Objective,
-    QuadraticModel,
     Tuner,
     cross_cases,
     gain_names,
-    linearise_remembered,
-    model_at,
     plan_tuning,
-    shaking,
     soften,
     soften_cases,
     tune,
 )
+from vgtjax.tuning._quadratic import QuadraticModel, model_at
+from vgtjax.tuning._remembered import APART, WILD, linearise_remembered, shaking
+from vgtjax.tuning._tuner import BATCHES, LENGTHS, SLACK, STALL
 
 SECONDS, SETTLED = 0.6, 0.2
 """Long enough for a controller to matter, short enough for many tests."""

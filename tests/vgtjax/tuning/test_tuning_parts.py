@@ -20,21 +20,20 @@ from vgtjax.control import (
     Knocker,
     PressureObserver,
     Sine,
-    fade,
 )
-from vgtjax.parts import GENTLE_OPENING
+from vgtjax.control.loop._loop import fade
+from vgtjax.parts._converter import GENTLE_OPENING
 from vgtjax.tuning import (
     Objective,
     Variant,
     conditions,
     cross_cases,
     gain_names,
-    mean_beyond,
     plan_tuning,
     soften,
     soften_cases,
 )
-from vgtjax.tuning._objective import SHARPNESS
+from vgtjax.tuning._objective import SHARPNESS, mean_beyond
 
 REFERENCES = {"sine": Sine(0.003, 15.0, 0.005), "hold": Constant(0.004)}
 OBJECTIVE = Objective(tracking=1e-4, effort=200.0, chatter=1.0, largest_error=2e-4)

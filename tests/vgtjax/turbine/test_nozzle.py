@@ -16,9 +16,9 @@ from vgtjax.turbine import (
     Nozzle,
     Rotor,
     Soderberg,
-    energy_loss,
     steady,
 )
+from vgtjax.turbine._losses import energy_loss
 
 from .ducts import solve
 

@@ -3,7 +3,6 @@
 from ._adaptive_backstepping import (
     AdaptiveBackstepping as AdaptiveBackstepping,
     AdaptiveEstimate as AdaptiveEstimate,
-    Moment as Moment,
 )
 from ._adrc import ADRC as ADRC
 from ._backstepping import Backstepping as Backstepping

@@ -1,7 +1,7 @@
 """A controller on its plant: the closed loop, what it was worth, and how far it is from its limit of stability."""
 
 from ._linear_loop import LinearLoop as LinearLoop, linearise_loop as linearise_loop
-from ._loop import ClosedLoop as ClosedLoop, close_loop as close_loop, fade as fade
+from ._loop import ClosedLoop as ClosedLoop, close_loop as close_loop
 from ._margins import Margins as Margins, margins as margins
 from ._measures import (
     BAND as BAND,
@@ -15,5 +15,5 @@ from ._measures import (
     tracking_peak as tracking_peak,
     tracking_rms as tracking_rms,
 )
-from ._observability import estimates as estimates, observability as observability
+from ._observability import observability as observability
 from ._replay import PROBES as PROBES, channels_used as channels_used, replay as replay

@@ -20,7 +20,6 @@ from ._programs import (
 from ._sensitivities import (
     jacobian as jacobian,
     observe as observe,
-    observe_backwards as observe_backwards,
     observe_with_jacobian as observe_with_jacobian,
 )
 from ._steps import StepsOfFit as StepsOfFit, lengthens as lengthens

@@ -8,5 +8,5 @@ from ._around import (
 )
 from ._profiles import Profile as Profile, Profiles as Profiles, profiling as profiling
 from ._remains import VERDICTS as VERDICTS, Remains as Remains, find_remains as find_remains
-from ._slices import WORDS as WORDS, End as End, Slice as Slice, Slices as Slices, slicing as slicing
+from ._slices import End as End, Slice as Slice, Slices as Slices, slicing as slicing
 from ._weighed import BLOCKS as BLOCKS, Linearised as Linearised, Weighed as Weighed

@@ -2,10 +2,10 @@
 
 from ._abstract_calibrator import AbstractCalibrator as AbstractCalibrator, C as C
 from ._beginning import first_progress as first_progress, problem_of as problem_of, transform_of as transform_of
-from ._corrections import correcting as correcting, trusted as trusted
+from ._corrections import correcting as correcting
 from ._many_starts import from_many_starts as from_many_starts
 from ._noise_met import meets_noise as meets_noise, most_left as most_left
-from ._point import Point as Point, Reduced as Reduced, Secant as Secant, misfit_at as misfit_at
+from ._point import Point as Point, misfit_at as misfit_at
 from ._progress import CHI2_TOLERANCE as CHI2_TOLERANCE, Progress as Progress, Report as Report, quiet as quiet
 from ._search import SPREAD as SPREAD, LevenbergMarquardt as LevenbergMarquardt
 from ._searches import (

@@ -4,7 +4,6 @@ from ._base import (
     FULL_DUTY as FULL_DUTY,
     AbstractFlowMap as AbstractFlowMap,
     AbstractLiftMap as AbstractLiftMap,
-    duty_by_bisection as duty_by_bisection,
 )
 from ._lift_table import LiftTable as LiftTable
 from ._polynomial import PolynomialFlow as PolynomialFlow

@@ -1,7 +1,6 @@
 """Models for control: fewer states, and the flow into the chamber as a map [5.2, 5.4]."""
 
 from ._fitting import (
-    FLOW_MAPS as FLOW_MAPS,
     FlowMapFit as FlowMapFit,
     assess_flow_map as assess_flow_map,
     fit_flow_map as fit_flow_map,

@@ -1,7 +1,6 @@
 """Files of loggers: a reader for each kind, which turns a file into channels by name."""
 
 from ._open import (
-    SUFFIXES as SUFFIXES,
     open_recording as open_recording,
     register_reader as register_reader,
     trace_suffixes as trace_suffixes,
