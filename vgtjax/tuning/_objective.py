@@ -1,7 +1,6 @@
 """What good control costs: tracking, effort, chatter and limits in one number, over many closed loops."""
 
 import math
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -12,14 +11,13 @@ from jaxtyping import Array, Float
 from .._errors import InputError, is_traced
 from .._types import Scalar
 from ..control import ClosedLoop, number
+from ..parts import falling_root
 
 TERMS = ("tracking", "effort", "chatter", "limit")
 """Parts of the cost of one closed loop, in the order of every array of them."""
 
 SHARPNESS = 0.02
 """Of the mean cost: over it, a cost gradually counts as beyond a quantile."""
-HALVINGS = 60
-"""Of an interval, to rounding."""
 
 
 class Objective(eqx.Module):
@@ -107,21 +105,13 @@ def mean_beyond(costs: Float[Array | np.ndarray, " cases"], quantile: float) -> 
 
 
 def _level(scaled: Float[Array, " cases"], quantile: float) -> Scalar:
-    """The `t/w` beyond which a share of the costs lies, by bisection; one step of Newton's method gives it the
-    derivatives of the level that solves the equation."""
+    """The `t/w` beyond which a share of the costs lies, with the derivatives of what solves the equation."""
 
-    def missing(level: Scalar, scaled: Float[Array, " cases"]) -> Scalar:
+    def missing(level: Scalar) -> Scalar:
         return jnp.mean(jax.nn.sigmoid(scaled - level)) - (1 - quantile)
 
-    def halve(_: Any, ends: tuple[Scalar, Scalar]) -> tuple[Scalar, Scalar]:
-        middle = 0.5 * (ends[0] + ends[1])
-        above = missing(middle, still) > 0
-        return jnp.where(above, middle, ends[0]), jnp.where(above, ends[1], middle)
-
     still, reach = jax.lax.stop_gradient(scaled), abs(math.log(1 / quantile - 1)) + 1
-    low, high = jax.lax.fori_loop(0, HALVINGS, halve, (jnp.min(still) - reach, jnp.max(still) + reach))
-    level = 0.5 * (low + high)
-    return level - missing(level, scaled) / jax.lax.stop_gradient(jax.grad(missing)(level, still))
+    return falling_root(missing, jnp.min(still) - reach, jnp.max(still) + reach)
 
 
 @eqx.filter_jit
