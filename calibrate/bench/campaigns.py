@@ -10,7 +10,9 @@ import scipy.signal
 from jaxtyping import Float
 
 import vgtjax
+from vgtjax.control import POSITION_NOISE, PRESSURE_NOISE
 from vgtjax.experiments import StandardRun
+from vgtjax.parts import OPERATING_POINTS
 
 from . import numba_plant, structured_plant
 from .structured_plant import Gas, Hold, Structure
@@ -40,7 +42,7 @@ SPREAD = {
     "friction.stribeck_velocity": 0.20,
 }
 """Of the logarithm of what differs from unit to unit; uniform over 1.7 of it on either side."""
-NOISE = {"x_d": 8e-6, "p_act": 60.0}
+NOISE = {"x_d": POSITION_NOISE, "p_act": PRESSURE_NOISE}
 """m and Pa."""
 RATE = 1e-3
 """s between samples."""
@@ -91,13 +93,11 @@ class Fleet:
     duty_hold: Hold = "zero-order"
 
 
-WITH_GAS = (0.0, 1.5e5, 3.0e5)
-"""Pa gauge, of the loops of the thesis's twenty turbochargers."""
 FLEETS = (
     Fleet("a slow loop", False),
     Fleet("a slow loop and a lively run", True),
-    Fleet("three slow loops with exhaust gas, duty held", False, WITH_GAS),
-    Fleet("three slow loops with exhaust gas, duty linear", False, WITH_GAS, "linear"),
+    Fleet("three slow loops with exhaust gas, duty held", False, OPERATING_POINTS),
+    Fleet("three slow loops with exhaust gas, duty linear", False, OPERATING_POINTS, "linear"),
 )
 
 

@@ -17,13 +17,11 @@ import numpy as np
 from jaxtyping import Float
 
 from vgtjax.control import AbstractController, LevantDifferentiator, LoadObserver, Measurement, Reference, saturate
-from vgtjax.parts import PolynomialFlow
+from vgtjax.parts import FULL_DUTY, PolynomialFlow
 from vgtjax.plants import fit_flow_map
 
 from .solves import Solves
 
-FULL_DUTY = 100.0
-"""%"""
 NODES, STEP = 15, 6e-3
 """Of the horizon, and s from one to the next."""
 TRACKING, CHATTER = 1e-5, 4.0

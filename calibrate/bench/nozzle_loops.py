@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 import vgtjax
+from vgtjax.control import POSITION_NOISE
 
 from ..output.files import columns_csv, write_text
 
@@ -23,8 +24,6 @@ GAUGE = (1e5, 2e5, 3e5)
 SECONDS, RATE = 10.0, 100.0
 DEEPEST = 60e3
 """Pa below the atmosphere, in the chamber, where a loop turns."""
-NOISE = 8e-6
-"""m of the position's sensor."""
 SEED = 16
 UNITS = {"p_act": "Pa absolute", "p_trb": "Pa gauge", "x_d": "m"}
 """Of the columns that a loop is written with."""
@@ -52,7 +51,7 @@ def record(values: dict[str, float], gauge: Sequence[float] = GAUGE, length: flo
     for each in gauge:
         inputs = {"p_act": pressure, "p_trb": np.full_like(clock, each)}
         true = vgtjax.simulate(model, vgtjax.Trace(clock, x_d=np.zeros_like(clock), **inputs)).x_d
-        seen = np.asarray(true) + NOISE * rng.normal(size=clock.size)
+        seen = np.asarray(true) + POSITION_NOISE * rng.normal(size=clock.size)
         traces.append(vgtjax.Trace(clock, x_d=seen, name=f"{each / 1e2:.0f} mbar", **inputs))
     return traces
 

@@ -9,8 +9,8 @@ from plotly.subplots import make_subplots
 from vgtjax.traces import STANDARD_ATMOSPHERE
 from vgtjax.tuning import ClosedLoops
 
-from ..output.closed_loops import REFERENCE, spread_figure, worst_of_each
-from ..output.figures import DUTY, MEASURED, SIMULATED, curve, styled
+from ..output.closed_loops import spread_figure, worst_of_each
+from ..output.figures import DUTY, MEASURED, REFERENCE, SIMULATED, curve, styled
 from ..output.page import render_page
 from .job import ControlJob
 from .outcome import Outcome

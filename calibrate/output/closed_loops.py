@@ -12,8 +12,6 @@ from vgtjax.tuning import Case, Figures
 from .figures import numbered, points, styled
 from .files import finite
 
-REFERENCE = "#475569"
-"""The colour of where the rod should be."""
 Summaries = Mapping[str, tuple[str, Callable[[np.ndarray], float]]]
 """By its name in a row, a figure and what is made of those of all plants."""
 ERRORS: Summaries = {"rms_median": ("rms", np.median), "rms_worst": ("rms", np.max), "peak": ("peak", np.max)}

@@ -9,7 +9,7 @@ from plotly.subplots import make_subplots
 
 from vgtjax.estimation import NORMAL_95, Comparison, TraceResult
 
-MEASURED, SIMULATED, DUTY = "#9aa5b1", "#c2410c", "#64748b"
+MEASURED, SIMULATED, DUTY, REFERENCE = "#9aa5b1", "#c2410c", "#64748b", "#475569"
 PALETTE = ("#c2410c", "#1d4ed8", "#15803d", "#7c3aed", "#0e7490", "#b45309", "#be185d", "#4d7c0f", "#334155", "#a16207")
 """Where several curves share a picture."""
 POINTS = 1500
@@ -163,7 +163,8 @@ def autocorrelation_figure(results: list[TraceResult]) -> go.Figure:
                 line = curve(lags, rho, result.trace.name, color, width=2, showlegend=column == 1)
                 figure.add_trace(line, row=1, col=column)
     for column in (1, 2):
-        bound = 1.96 / np.sqrt(min(len(channel.time) for result in results for channel in result.channels.values()))
+        shortest = min(len(channel.time) for result in results for channel in result.channels.values())
+        bound = NORMAL_95 / np.sqrt(shortest)
         figure.add_hrect(-bound, bound, fillcolor="#94a3b8", opacity=0.2, line_width=0, row=1, col=column)
     figure.update_yaxes(title_text="autocorrelation", row=1, col=1)
     return styled(figure, 340, "lag, samples", margin={"t": 70})

@@ -16,7 +16,7 @@ from vgtjax.experiments import (
     measure_loops,
     nominal_target,
 )
-from vgtjax.parts import AbstractVaneMap, feels_gas
+from vgtjax.parts import OPERATING_POINTS, AbstractVaneMap, feels_gas
 from vgtjax.population import Population
 
 from ..study.models import start_values
@@ -28,8 +28,6 @@ from .actuators import read_actuators
 
 FLEET = pathlib.Path(__file__).parents[1] / "example" / "fleet" / "study.toml"
 """The study that runs when none is named."""
-POINTS = (0.0, 1.5e5, 3.0e5)
-"""Pa gauge; the thesis's turbine pressures (section 4.2)."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -93,7 +91,7 @@ def _more_notes(
 def _measured(study: Study, sources: list[TraceSource], model: vgtjax.AbstractModel) -> dict[str, MeasuredLoops]:
     """Loops by unit of all traces that are such."""
     bounds = start_values(model, study.parameters)[1]
-    points = POINTS if study.experiments.turbine_pressure is None else study.experiments.turbine_pressure
+    points = OPERATING_POINTS if study.experiments.turbine_pressure is None else study.experiments.turbine_pressure
     found = {}
     for unit in sorted({source.unit for source in sources}, key=str):
         traces = [load_source(source, model, bounds, ()) for source in sources if source.unit == unit]
@@ -111,7 +109,7 @@ def _experiments(
     if pressures is None:
         measured_at = {at for loops in measured.values() for at in loops.turbine_pressures}
         # Gas that acts on nothing gives the same loop at every pressure.
-        pressures = sorted(measured_at or set(POINTS)) if feels_gas(model) else [0.0]
+        pressures = sorted(measured_at or set(OPERATING_POINTS)) if feels_gas(model) else [0.0]
     loop = SlowLoop(tuple(pressures), table.loop_seconds, table.loop_duty)
     if not table.steps:
         return (loop,)

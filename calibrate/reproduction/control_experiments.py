@@ -19,6 +19,7 @@ from jaxtyping import Array, Float
 import vgtjax
 from vgtjax import control
 from vgtjax.control import AbstractController, AbstractSignal, Scenario
+from vgtjax.parts import OPERATING_POINTS
 from vgtjax.plants import assemble
 
 from ..population.actuators import read_actuators
@@ -160,8 +161,8 @@ def _follow(
 
 def _scenarios(course: Course) -> Scenario:
     """One for each turbine pressure of [`loops`][], with noise of its own."""
-    keys = jax.random.split(jax.random.key(SEED), len(loops.PRESSURES))
-    return jax.vmap(course.scenario)(jnp.asarray(loops.PRESSURES), keys)
+    keys = jax.random.split(jax.random.key(SEED), len(OPERATING_POINTS))
+    return jax.vmap(course.scenario)(jnp.asarray(OPERATING_POINTS), keys)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from vgtjax.exhaust import Engine, OperatingPoint, pulsation
-from vgtjax.turbine import Gas, Nozzle, steady
+from vgtjax.turbine import CELLS, Gas, Nozzle, steady
 
 from .rows import Between, Found, Kind, Near, Row
 
@@ -21,7 +21,6 @@ VANE_ANGLES = np.array([4.0, 12.0, 20.0, 36.0, 52.0])
 """deg from the tangent, closed to open."""
 LEVER = np.radians(48.0) / 10.13e-3
 """rad of the vanes a metre of the rod (section 3.6)."""
-CELLS = 224
 SPEED_RATIO = 0.6
 """Of the wheel's blades over the spouting velocity."""
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 import vgtjax
+from vgtjax.control import POSITION_NOISE, PRESSURE_NOISE
 from vgtjax.identification import (
     Identified,
     identify_dahl,
@@ -22,8 +23,6 @@ from vgtjax.identification import (
 from . import experiments, solenoid
 from .rows import Found, Kind, Near, Row
 
-POSITION_NOISE, PRESSURE_NOISE = 8e-6, 60.0
-"""m and Pa; white noise of the simulated sensors."""
 RATE = 1000
 """Samples a second."""
 SECONDS = 16.0

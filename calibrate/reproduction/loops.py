@@ -7,18 +7,16 @@ import numpy as np
 import vgtjax
 from vgtjax.experiments import HysteresisLoop
 from vgtjax.identification import identify_vane_map
+from vgtjax.parts import OPERATING_POINTS
 
 from ..study.read import EXAMPLE
 from . import experiments
 from .rows import Found, Kind, Rising, Row
 
-PRESSURES = (0.0, 1.5e5, 3.0e5)
-"""Pa gauge at the turbine's inlet."""
-
 
 @functools.cache
 def example_traces() -> tuple[vgtjax.Trace, ...]:
-    """Slow loops of an actuator of the fleet, simulated by an independent plant, at each of `PRESSURES`."""
+    """Slow loops of an actuator of the fleet, simulated by an independent plant, at each of `OPERATING_POINTS`."""
     folder = EXAMPLE.parent / "loops"
     return tuple(vgtjax.load_trace(path) for path in sorted(folder.glob("*.csv")))
 
@@ -36,7 +34,7 @@ def borrowed_map() -> vgtjax.HysteresisMap:
 def runs() -> dict[float, vgtjax.Solution]:
     """The printed actuator with that vane force, closed and opened slowly at each turbine pressure."""
     model = experiments.mechanical(vane_force=borrowed_map())
-    return {pressure: experiments.pressure_ramp(model, experiments.TOP, pressure) for pressure in PRESSURES}
+    return {pressure: experiments.pressure_ramp(model, experiments.TOP, pressure) for pressure in OPERATING_POINTS}
 
 
 def _loops() -> list[HysteresisLoop]:

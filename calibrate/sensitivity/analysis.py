@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
+from vgtjax.control import POSITION_NOISE, PRESSURE_NOISE
 from vgtjax.experiments import Output
 from vgtjax.population import OutputTable, column_names
 from vgtjax.sensitivity import (
@@ -22,7 +23,7 @@ from vgtjax.sensitivity import (
 
 from ..population import ChunkStore, PopulationJob
 
-NOISE = {"m": 8e-6, "Pa": 60.0}
+NOISE = {"m": POSITION_NOISE, "Pa": PRESSURE_NOISE}
 """Of the sensors of position and pressure; shares of a smaller spread, as of a rod at rest, are of no use."""
 BLOCK = 2**22
 """Numbers of results that are read at a time, 32 MiB."""

@@ -10,8 +10,8 @@ import vgtjax
 from vgtjax.control import ClosedLoop
 from vgtjax.tuning import TuningProblem, wanted_widths
 
-from ..output.closed_loops import ERRORS, REFERENCE, Summaries, along_each, of_plants, spread_figure
-from ..output.figures import convergence_figure, curve, styled
+from ..output.closed_loops import ERRORS, Summaries, along_each, of_plants, spread_figure
+from ..output.figures import REFERENCE, convergence_figure, curve, styled
 from ..output.page import render_page
 from ..study.parameter_file import Entry
 from .job import TuneJob

@@ -11,6 +11,7 @@ from .._errors import SimulationError
 from ..estimation import CHANNELS, Evaluation, Steps, Task, ask, bundle_traces, by_gains, run_alone
 from ..experiments import STANDARD_RUNS, StandardRun
 from ..parameters import select
+from ..parts import OPERATING_POINTS
 from ..traces import ASSUMED_RESERVOIR, noise_level
 from ._information import Information
 
@@ -62,7 +63,7 @@ def _sensible(task: Task) -> list[StandardRun]:
     """Runs without gas, and loops with it where the model feels that."""
     pressures = [float(np.max(trace.p_trb)) for trace in task.fit if trace.p_trb is not None]
     feels = any(entry.startswith("vane_force.") for entry in task.selection.entries)
-    gas = sorted({round(each, -2) for each in pressures if each > 0.0}) or [1.5e5, 3.0e5]
+    gas = sorted({round(each, -2) for each in pressures if each > 0.0}) or OPERATING_POINTS[1:]
     return [*STANDARD_RUNS, *(StandardRun("slow loop", 30.0, 100.0, each) for each in gas if feels)]
 
 

@@ -66,6 +66,8 @@ from .observers import (
     PressureObserver as PressureObserver,
 )
 from .surroundings import (
+    POSITION_NOISE as POSITION_NOISE,
+    PRESSURE_NOISE as PRESSURE_NOISE,
     SIGNAL_1_PERIOD as SIGNAL_1_PERIOD,
     AbstractAlteration as AbstractAlteration,
     AbstractDisturbance as AbstractDisturbance,

@@ -8,11 +8,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
 from .._types import Scalar, Values
+from ..parts import FULL_DUTY
 from ..plants import Actuator
 from ._design import AbstractDesign
-
-FULL_DUTY = 100.0
-"""Percent; the duty lies between zero and this."""
 
 Memory = PyTree[Array]
 Log = dict[str, Values]

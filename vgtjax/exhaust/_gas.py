@@ -7,6 +7,7 @@ import equinox as eqx
 from .._types import Scalar
 from ..parameters import parameter
 from ..parts import AbstractIdealGas
+from ..turbine import GAS_CONSTANT, GAS_GAMMA
 
 
 class ExhaustGas(AbstractIdealGas):
@@ -14,8 +15,8 @@ class ExhaustGas(AbstractIdealGas):
 
     place: ClassVar[str] = "gas"
 
-    gas_constant: Scalar = parameter(287.0, symbol="R", unit="J/(kg K)", source="assumed", held=True)
-    heat_capacity_ratio: Scalar = parameter(1.34, symbol="gamma", unit="1", source="assumed", held=True)
+    gas_constant: Scalar = parameter(GAS_CONSTANT, symbol="R", unit="J/(kg K)", source="assumed", held=True)
+    heat_capacity_ratio: Scalar = parameter(GAS_GAMMA, symbol="gamma", unit="1", source="assumed", held=True)
     linear_above: float = eqx.field(static=True, default=0.9999)
     """Pressure ratio above which the flow function is a straight line to zero; a numerical setting. The nearer to one,
     the faster a cylinder and the manifold become equal, and the shorter the steps must be."""

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..parts import OPERATING_POINTS
 from ..traces import Trace
 from ._base import Readings
 from ._loops import POSITIONS, HysteresisLoop, find_ends, find_loop
@@ -31,7 +32,7 @@ class MeasuredLoops:
         return {at: loop.mean_width for at, loop in zip(self.turbine_pressures, self.loops, strict=True)}
 
 
-def measure_loops(traces: Sequence[Trace], points: Sequence[float] = (0.0, 1.5e5, 3.0e5)) -> MeasuredLoops | None:
+def measure_loops(traces: Sequence[Trace], points: Sequence[float] = OPERATING_POINTS) -> MeasuredLoops | None:
     """The slow loops among a unit's traces.
 
     **Arguments:** `points`: operating points in Pa gauge; a trace whose mean turbine pressure lies within `SAME_POINT`

@@ -8,6 +8,7 @@ from jaxtyping import Array, Float
 
 from .._errors import InputError
 from .._types import Scalar, Values
+from ..parts import OPERATING_POINTS
 from ..traces import Trace
 from ._base import LONGEST, AbstractExperiment, Output, Readings, first_reach
 from ._loops import LIFT, POSITIONS, PRESSED
@@ -28,7 +29,7 @@ class SlowLoop(AbstractExperiment):
     same quantities are read off recorded loops by [`measure_loops`][]. Pressures are gauge.
     """
 
-    turbine_pressures: tuple[float, ...] = eqx.field(static=True, default=(0.0, 1.5e5, 3.0e5))
+    turbine_pressures: tuple[float, ...] = eqx.field(static=True, default=OPERATING_POINTS)
     seconds: float = eqx.field(static=True, default=30.0)
     duty: float = eqx.field(static=True, default=100.0)
 

@@ -18,7 +18,7 @@ from ._converter import (
 )
 from ._diaphragm import Body as Body, Diaphragm as Diaphragm
 from ._gas_effect import feels_gas as feels_gas
-from ._gas_table import AbstractGasTables as AbstractGasTables
+from ._gas_table import OPERATING_POINTS as OPERATING_POINTS, AbstractGasTables as AbstractGasTables
 from ._stateless import Stateless as Stateless
 from ._tabulated import (
     AbstractTabulated as AbstractTabulated,

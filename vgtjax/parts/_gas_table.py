@@ -15,6 +15,9 @@ from .._errors import InputError, is_traced
 from .._types import Knots, Values
 from ._vanes import Crank, Vanes
 
+OPERATING_POINTS = (0.0, 1.5e5, 3.0e5)
+"""Pa gauge at the turbine's inlet; those of the thesis (sections 3.4.2 and 4.2)."""
+
 Table = Float[Array, " knots"]
 """A row of crank angles for every turbine pressure, one row after the other."""
 GasTables = TypeVar("GasTables", bound="AbstractGasTables")

@@ -1,6 +1,6 @@
 """Quasi-one-dimensional flow of exhaust gas through a turbine's variable nozzle, and its moment on the vanes (3.5)."""
 
-from ._gas import Gas as Gas
+from ._gas import GAS_CONSTANT as GAS_CONSTANT, GAS_GAMMA as GAS_GAMMA, Gas as Gas
 from ._losses import (
     AbstractLoss as AbstractLoss,
     AinleyMathieson as AinleyMathieson,
@@ -12,7 +12,7 @@ from ._losses import (
 )
 from ._march import march as march
 from ._newton import Ending as Ending
-from ._nozzle import VANES as VANES, WHEEL as WHEEL, Losses as Losses, Nozzle as Nozzle
+from ._nozzle import CELLS as CELLS, VANES as VANES, WHEEL as WHEEL, Losses as Losses, Nozzle as Nozzle
 from ._passage import Inlet as Inlet, Passage as Passage
 from ._riemann import States as States
 from ._rotor import Rotor as Rotor

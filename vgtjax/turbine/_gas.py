@@ -8,6 +8,9 @@ from .._errors import InputError, is_traced, require_positive
 from .._types import Scalar, Values
 from ..parameters import Part, parameter
 
+GAS_CONSTANT, GAS_GAMMA = 287.0, 1.34
+"""J/(kg K), and the ratio of the heat capacities: of a Diesel engine's burnt gas at some 900 K, assumed."""
+
 
 class Gas(Part):
     """A calorically perfect gas [3.38-3.41].
@@ -15,9 +18,9 @@ class Gas(Part):
     **Raises:** `InputError` for a gas without a constant, or with a ratio of heat capacities that is not above 1.
     """
 
-    gamma: Scalar = parameter(1.34, symbol="gamma", unit="-", source="exhaust gas at 900 K, assumed", held=True)
+    gamma: Scalar = parameter(GAS_GAMMA, symbol="gamma", unit="-", source="exhaust gas at 900 K, assumed", held=True)
     """Ratio of the heat capacities."""
-    constant: Scalar = parameter(287.0, symbol="r", unit="J/(kg K)", source="3.40, value assumed", held=True)
+    constant: Scalar = parameter(GAS_CONSTANT, symbol="r", unit="J/(kg K)", source="3.40, value assumed", held=True)
     """Specific gas constant; the print calls it the universal one (erratum E6)."""
 
     def __check_init__(self) -> None:

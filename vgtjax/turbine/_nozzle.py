@@ -18,6 +18,8 @@ from ._rotor import Rotor, smooth_step
 from ._steady import Flow
 
 Yes = Bool[Array, "..."]
+CELLS = 224
+"""Of a passage: the moment on a vane needs 64 in its row."""
 SHARES = (16, 32, 12, 44, 8)
 """Of the cells in volute, vanes, gap, wheel and duct."""
 VANES = 1
@@ -174,7 +176,7 @@ class Nozzle(Part):
             ),
         }
 
-    def passage(self, vane_angle: Values, speed: Values, cells: int = 224, gas: Gas | None = None) -> Passage:
+    def passage(self, vane_angle: Values, speed: Values, cells: int = CELLS, gas: Gas | None = None) -> Passage:
         """The passage from the volute to the duct behind the wheel.
 
         **Arguments:** `vane_angle` in rad; `speed` of the wheel in rad/s; `cells` are shared out over volute, vanes,

@@ -4,6 +4,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from vgtjax.assurance import Recovery
+from vgtjax.estimation import NORMAL_95
 
 from ...output import figures
 from ...output.page import render_page
@@ -46,7 +47,7 @@ def errors_figure(recovery: Recovery) -> go.Figure:
     for number, name in enumerate(recovery.entries):
         points = recovery.scores[:, number]
         figure.add_trace(figures.points(np.full(len(points), number), points, name, figures.MEASURED, 4, opacity=0.5))
-    for edge in (-1.96, 1.96):
+    for edge in (-NORMAL_95, NORMAL_95):
         figure.add_hline(y=edge, line_dash="dash", line_color=figures.SIMULATED)
     figures.styled(figure, 460, "", "error / claimed standard error", hovermode="closest", margin={"b": 200})
     figure.update_xaxes(tickvals=list(range(len(recovery.entries))), ticktext=list(recovery.entries), tickangle=60)

@@ -10,6 +10,7 @@ import numpy as np
 
 import vgtjax
 from vgtjax.control import AbstractController, AdaptiveBackstepping, Sine, Steps
+from vgtjax.parts import OPERATING_POINTS
 from vgtjax.tuning import Objective, Tuning, cross_cases, gain_names, tune
 
 from ..kept import KeptRows
@@ -21,7 +22,6 @@ PLANTS = 25
 TUNED_ON = 4
 SEEDS = (181, 182)
 """Of the plants that gains are tuned on, and of those on which they are judged."""
-PRESSURES = (0.0, 1.5e5, 3e5)
 REFERENCES = {
     "sine": Sine(0.003, 1.5, 0.005),
     "steps": Steps(np.array([1.0, 2.5, 4.0]), np.array([0.003, 0.008, 0.005]), initial=0.002, rise=0.5),
@@ -55,7 +55,7 @@ FORMER_HELD: dict[str, float | tuple[float, ...]] = {
 }
 """What was not tuned: among it where coefficients of friction began and were held for these fits."""
 COURSES = (
-    *(Course("Signal 1", pressure) for pressure in PRESSURES),
+    *(Course("Signal 1", pressure) for pressure in OPERATING_POINTS),
     Course("Signal 1", 3e5, 33.0),
     Course("Signal 1", 3e5, late=True),
     *(Course("Signal 2", pressure) for pressure in (0.0, 3e5)),
@@ -101,7 +101,7 @@ def find() -> Tuning:
     drawn = draw(TUNED_ON, SEEDS[0])
     plants = {f"plant {i}": jax.tree.map(lambda leaf, i=i: leaf[i], drawn) for i in range(TUNED_ON)}
     return tune(
-        start, cross_cases(plants, REFERENCES, PRESSURES, duration=SECONDS), OBJECTIVE, fixed=SLOW, bounds=BOUNDS
+        start, cross_cases(plants, REFERENCES, OPERATING_POINTS, duration=SECONDS), OBJECTIVE, fixed=SLOW, bounds=BOUNDS
     )
 
 

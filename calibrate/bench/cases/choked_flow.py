@@ -5,11 +5,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from vgtjax.parts import Stage
-from vgtjax.turbine import VANES, Nozzle, steady
+from vgtjax.turbine import CELLS, VANES, Nozzle, steady
 
 from ..table import Section
 
-BEFORE, CELLS = 3e5, 224
+BEFORE = 3e5
 """Pa absolute."""
 SLOW = 12000.0
 """rad/s of the wheel; beside the design speed, 0.6 of the spouting velocity to 1.05 bar."""

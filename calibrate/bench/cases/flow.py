@@ -10,7 +10,7 @@ import numpy as np
 
 import vgtjax
 from vgtjax.parts import Stage, solve_table
-from vgtjax.turbine import Gas, Nozzle, steady
+from vgtjax.turbine import CELLS, Gas, Nozzle, steady
 
 from ..bvp_nozzle import BoundaryValueNozzle
 from ..data import lengthened, reference
@@ -18,7 +18,6 @@ from ..table import Section, seconds, times
 from ..timing import interleave
 
 ROUNDS, TABLE_ROUNDS, TRACE_ROUNDS = 5, 3, 15
-CELLS = 224
 VANE_ANGLE, SPEED, PRESSURE, OUTLET = float(np.radians(30.0)), 12000.0, 2e5, 1.05e5
 BATCH = 16
 TOLERANCE = 1e-2

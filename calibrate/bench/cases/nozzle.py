@@ -10,10 +10,11 @@ import jax.numpy as jnp
 import numpy as np
 
 import vgtjax
+from vgtjax.control import POSITION_NOISE
 from vgtjax.parts import solve_table
 
 from ..commands import run_command
-from ..nozzle_loops import GAUGE, NOISE, RATE, SECONDS, TRUE, record, write_study
+from ..nozzle_loops import GAUGE, RATE, SECONDS, TRUE, record, write_study
 from ..table import Section, seconds
 from ..timing import interleave
 
@@ -28,7 +29,7 @@ def measure() -> Section:
         "Pivot and linkage of the vanes from loops",
         f"{len(GAUGE)} loops of {SECONDS:g} s at {RATE:g} Hz with {', '.join(f'{each / 1e5:g}' for each in GAUGE)} bar "
         f"gauge before the turbine and LuGre friction, simulated by this package's own simulator, with noise of "
-        f"{NOISE * 1e6:g} um.",
+        f"{POSITION_NOISE * 1e6:g} um.",
         ("parameter", "true", "start", "found", "standard error", "off by, in errors"),
     )
     traces = record(TRUE)

@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
 
 from vgtjax.parts import Stage
-from vgtjax.turbine import Flow, Passage, march, steady
+from vgtjax.turbine import CELLS, Flow, Passage, march, steady
 
 from ..table import Section
 
@@ -21,7 +21,6 @@ SLOW = 9000.0
 """rad/s, half of what the wheel does at 0.6 of the spouting velocity of the mean pressure."""
 LATEST = 0.3e-3
 """s by which a force is looked for before or behind."""
-CELLS = 224
 REFINED = ((5, 112), (5, 448))
 """Angles in deg that are repeated with other cells, at the slower speed."""
 ANGLES = (5, 12, 30, 45)

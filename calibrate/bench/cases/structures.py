@@ -12,6 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from vgtjax.parts import OPERATING_POINTS
+
 from ..campaigns import draw_unit, record_structure, write_csv
 from ..commands import run_command
 from ..kept import Cells, KeptRows
@@ -46,7 +48,7 @@ class Campaign:
         return f"{made.duty_hold}, {made.stribeck_exponent}, {law}; {loops} mbar, {1000 // self.every} Hz"
 
 
-ONE, TWO, THREE = (3e5,), (0.0, 3e5), (0.0, 1.5e5, 3e5)
+ONE, TWO, THREE = (3e5,), (0.0, 3e5), OPERATING_POINTS
 CAMPAIGNS = (
     Campaign(Structure("zero-order", 1, "speed-map"), THREE, 2),
     Campaign(Structure("linear", 2, "map"), TWO, 2),

@@ -21,7 +21,7 @@ from vgtjax.control import (
     Sensors,
     Sine,
 )
-from vgtjax.parts import SpeedMap
+from vgtjax.parts import OPERATING_POINTS, SpeedMap
 from vgtjax.plants import assemble
 from vgtjax.population import Spread, make_sample, spread_population
 
@@ -119,13 +119,12 @@ class Course:
         return f"{self.name}{', a jump' if self.rise == JUMP else ''}, {self.pressure / 100:g} mbar{shaken}{late}"
 
 
-PRESSURES = (0.0, 1.5e5, 3e5)
 COURSES = (
-    *(Course("Signal 1", pressure) for pressure in PRESSURES),
+    *(Course("Signal 1", pressure) for pressure in OPERATING_POINTS),
     *(Course("Signal 1", 3e5, frequency) for frequency in (33.0, 67.0)),
     *(Course("Signal 1", pressure, late=True) for pressure in (0.0, 3e5)),
     Course("Signal 1", 3e5, 33.0, late=True),
-    *(Course("Signal 2", pressure) for pressure in PRESSURES),
+    *(Course("Signal 2", pressure) for pressure in OPERATING_POINTS),
     *(Course("Signal 2", 3e5, frequency) for frequency in (33.0, 67.0)),
     *(Course("Signal 2", pressure, late=True) for pressure in (0.0, 3e5)),
     *(Course("Signal 2", pressure, rise=JUMP) for pressure in (0.0, 3e5)),

@@ -12,6 +12,7 @@ import numpy as np
 
 import vgtjax
 from vgtjax import control
+from vgtjax.parts import OPERATING_POINTS
 from vgtjax.population import make_sample
 
 from ..kept import KeptRows
@@ -52,10 +53,9 @@ RMS, PEAK = 50e-6, 150e-6
 """m; what is wanted along Signal 1."""
 NEAR, OVER = 100e-6, 100e-6
 """m; what is wanted from half a second after the step of Signal 2 on, and its overshoot."""
-PRESSURES = (0.0, 1.5e5, 3e5)
 ALL_COURSES = (
-    *(Course(name, pressure) for name in ("Signal 1", "Signal 2") for pressure in PRESSURES),
-    *(Course("Signal 2", pressure, rise=JUMP) for pressure in PRESSURES),
+    *(Course(name, pressure) for name in ("Signal 1", "Signal 2") for pressure in OPERATING_POINTS),
+    *(Course("Signal 2", pressure, rise=JUMP) for pressure in OPERATING_POINTS),
 )
 ONE_CAUSE = (*(Course(name, 3e5) for name in ("Signal 1", "Signal 2")), Course("Signal 2", 3e5, rise=JUMP))
 

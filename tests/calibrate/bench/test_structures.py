@@ -8,11 +8,11 @@ import pytest
 
 import vgtjax
 from calibrate.bench import structured_plant
-from calibrate.bench.campaigns import FLEETS, WITH_GAS, record_fleet, record_structure, write_csv
+from calibrate.bench.campaigns import FLEETS, record_fleet, record_structure, write_csv
 from calibrate.bench.cases import structures
 from calibrate.bench.cases.structures import CAMPAIGNS, OPEN, RIGHT, WRONG, Campaign, measure, outcomes, tabulate
 from calibrate.bench.structured_plant import BAR, DECAY, FAR, Gas, Structure
-from vgtjax.parts import with_sharp_seat
+from vgtjax.parts import OPERATING_POINTS, with_sharp_seat
 from vgtjax.simulation import FixedStep
 
 GAS = Gas(closing=2.9, opening=1.3, side_speed=4e-4, reversal_distance=5e-5)
@@ -163,7 +163,7 @@ def test_finished_campaigns_are_not_compared_again(tmp_path, monkeypatch):
 def test_a_fleet_with_exhaust_gas_has_loops_of_one_gas_and_of_either_hold():
     held, linear = FLEETS[2:]
     loops = {each.duty_hold: record_fleet(vgtjax.Actuator(), np.random.default_rng(0), each) for each in (held, linear)}
-    assert [float(loop.p_trb[0]) for loop in loops["linear"]] == list(WITH_GAS)
+    assert [float(loop.p_trb[0]) for loop in loops["linear"]] == list(OPERATING_POINTS)
     assert [loop.duty_hold for loop in loops["linear"]] == ["zero-order"] * 3  # which the record does not say
     for one, other in zip(loops["zero-order"], loops["linear"], strict=True):
         np.testing.assert_array_equal(one.pwm, other.pwm)

@@ -8,9 +8,9 @@ import jax.numpy as jnp
 
 from ..._types import Scalar
 from ...parameters import parameter
-from ...parts import Converter, Diaphragm
+from ...parts import FULL_DUTY, Converter, Diaphragm
 from ...plants import Actuator, require_converter
-from .._base import FULL_DUTY, AbstractController, Log, Measurement, Reference, saturate
+from .._base import AbstractController, Log, Measurement, Reference, saturate
 
 HALVINGS = 12
 """Bring the duty to within 0.02 %, from where Newton's method converges."""

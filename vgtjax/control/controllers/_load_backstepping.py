@@ -7,8 +7,9 @@ import jax.numpy as jnp
 
 from ..._types import Scalar
 from ...parameters import parameter
+from ...parts import FULL_DUTY
 from ...plants import Actuator
-from .._base import FULL_DUTY, AbstractController, Log, Measurement, Memory, Reference, saturate
+from .._base import AbstractController, Log, Measurement, Memory, Reference, saturate
 from .._design import Condition, positive
 from .._design_model import DesignModel, lighter
 from ..observers import AbstractDifferentiator, LevantDifferentiator, LoadEstimate, LoadObserver

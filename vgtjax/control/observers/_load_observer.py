@@ -12,6 +12,7 @@ from ...parameters import parameter
 from ...plants import Actuator, require_converter
 from .._design import AbstractDesign, Condition, positive
 from .._design_model import DesignModel
+from ..surroundings import POSITION_NOISE
 from ._pressure_observer import SECANT
 
 Mean = Float[Array, " 5"]
@@ -80,7 +81,7 @@ class LoadObserver(AbstractDesign):
     """
 
     model: DesignModel = eqx.field(default_factory=DesignModel)
-    position_noise: Scalar = parameter(8e-6, symbol="s_x", unit="m", source="assumed", held=True)
+    position_noise: Scalar = parameter(POSITION_NOISE, symbol="s_x", unit="m", source="assumed", held=True)
     velocity_drift: Scalar = parameter(5e-3, symbol="q_v", unit="m/s^1.5", source="assumed", lower=0.0)
     pressure_drift: Scalar = parameter(50.0, symbol="q_p", unit="Pa/s^0.5", source="assumed", lower=0.0)
     flow_error: Scalar = parameter(0.2, symbol="q_f", unit="s^0.5", source="assumed", lower=0.0)

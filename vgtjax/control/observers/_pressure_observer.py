@@ -10,9 +10,8 @@ from jaxtyping import Array, Float, PyTree
 from ..._errors import InputError
 from ..._types import Scalar
 from ...parameters import parameter
-from ...parts import AbstractFlowMap
+from ...parts import FULL_DUTY, AbstractFlowMap
 from ...plants import Actuator
-from .._base import FULL_DUTY
 from .._design import AbstractDesign, Condition, positive
 from .._design_model import DesignModel, Motion
 

@@ -27,4 +27,9 @@ from ._reference import (
 )
 from ._scenario import Scenario as Scenario, at_rest as at_rest, balanced_at as balanced_at
 from ._sensor_faults import LostSensor as LostSensor, StuckSensor as StuckSensor
-from ._sensors import POSITION_NOISE as POSITION_NOISE, Sensor as Sensor, Sensors as Sensors
+from ._sensors import (
+    POSITION_NOISE as POSITION_NOISE,
+    PRESSURE_NOISE as PRESSURE_NOISE,
+    Sensor as Sensor,
+    Sensors as Sensors,
+)

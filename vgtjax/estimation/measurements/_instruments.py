@@ -11,6 +11,7 @@ from ..._errors import InputError
 from ...parameters import Selection, select
 from ...plants import AbstractModel, Initial, Instrumented, air_path_of
 from ...traces import START_WINDOW, Trace
+from ..derivatives import CHANNELS
 from ._evidence import Unknown
 
 SETTLING = 0.03
@@ -50,12 +51,12 @@ def instrumented(
     """
     inputs = _inputs(model, traces)
     # The offset of what is fitted is eliminated in every trace: there is nothing more to find.
-    shifted = [channel for channel in unknown.offset if channel in inputs or channel not in ("x_d", "p_act")]
+    shifted = [channel for channel in unknown.offset if channel in inputs or channel not in CHANNELS]
     starting = _starting(model, traces, unknown)
     if not (unknown.gain or shifted or starting):
         return Bench(model, selection, {}, traces)
     for channel in unknown.gain:
-        _require(channel, "gain", ("x_d", "p_act", *inputs), traces)
+        _require(channel, "gain", (*CHANNELS, *inputs), traces)
     for channel in shifted:
         _require(channel, "offset", inputs, traces)
     later = {id(trace): _numbered(model, trace, number) for number, trace in enumerate(starting, 1)}

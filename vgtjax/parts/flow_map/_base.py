@@ -12,7 +12,7 @@ from ...parameters import Part, parameter
 from ._roots import falling_root
 
 FULL_DUTY = 100.0
-"""Percent."""
+"""Percent; a duty lies between zero and this."""
 
 
 def equilibrium_pressure() -> Any:

@@ -8,13 +8,12 @@ from jaxtyping import Array, Float
 
 from ..._types import Scalar, Values
 from ...parameters import parameter
-from .._gas_table import AbstractGasTables, Table
+from .._gas_table import OPERATING_POINTS, AbstractGasTables, Table
 from .._vanes import Crank, Vanes
 from ._bristles import SMALLEST_FORCE, AbstractLuGre
 from ._lugre import warn_unless_passive
 
-PRESSURES = (1.5e5, 3.0e5)
-"""Pa gauge; the thesis's two operating points besides none (section 3.4.2)."""
+PRESSURES = OPERATING_POINTS[1:]
 ANGLES = (4.0, 12.0, 20.0, 28.0, 36.0)
 """deg; from the closed stop to the open one of a travel of about 10 mm."""
 

@@ -10,11 +10,9 @@ from jaxtyping import Array, Bool, Float
 from ..._errors import InputError, SimulationError, require_finite, require_positive
 from ..._types import Scalar, Values
 from ...parameters import Part, as_float_array, parameter
-from ...turbine import Flow, Gas, Inlet, Nozzle, Passage, States, steady_near
+from ...turbine import CELLS, Flow, Gas, Inlet, Nozzle, Passage, States, steady_near
 from .._vanes import Crank
 
-CELLS = 224
-"""Of a passage: the moment on a vane needs 64 in its row."""
 CRANK_RANGE = (4.0, 37.0)
 """Degrees of the crank in which forces are known; those at the ends are held beyond."""
 CHECKED_ANGLES = np.linspace(*CRANK_RANGE, 25)

@@ -6,12 +6,11 @@ from jaxtyping import Array, Float
 
 from ..._types import Values
 from ...parameters import parameter
-from .._gas_table import AbstractGasTables, Table
+from .._gas_table import OPERATING_POINTS, AbstractGasTables, Table
 from .._vanes import Vanes
 from ._base import AbstractVaneForce
 
-PRESSURES = (1.5e5, 3.0e5)
-"""Pa gauge; the thesis's two operating points besides none (section 3.4.2)."""
+PRESSURES = OPERATING_POINTS[1:]
 ANGLES = (4.0, 10.0, 16.0, 22.0, 28.0, 34.0)
 """deg; from the closed stop to the open one of a travel of about 10 mm."""
 EMPTY = (0.0,) * (len(PRESSURES) * len(ANGLES))

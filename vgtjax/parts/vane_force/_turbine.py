@@ -9,12 +9,11 @@ from ..._errors import is_traced, require_finite, require_positive
 from ..._types import Scalar, Values
 from ...parameters import Part, as_float_array, parameter
 from ...traces import Drive
-from ...turbine import Flow, Gas, Nozzle
+from ...turbine import CELLS, Flow, Gas, Nozzle
 from .._tabulated import AbstractTabulated, Rows
 from .._vanes import Crank, Vanes
 from ._base import AbstractVaneForce
 from ._stage import (
-    CELLS,
     OUTLET_PRESSURE,
     SPEED_RATIO,
     TOTAL_TEMPERATURE,
