@@ -5,7 +5,6 @@ its bits.
 """
 
 from collections.abc import Callable
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -13,6 +12,8 @@ import numpy as np
 from jax.experimental import multihost_utils
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 from jaxtyping import Array, Int, PyTree
+
+from ._types import Tree
 
 Places = Int[np.ndarray, " lanes"]
 
@@ -26,7 +27,7 @@ def spread(tree: PyTree[Array]) -> PyTree[Array]:
     return jax.tree.map(lambda leaf: eqx.filter_shard(leaf, _sharding(*[None] * (leaf.ndim - 1), "lane")), tree)
 
 
-def replicate(tree: Any) -> Any:
+def replicate(tree: Tree) -> Tree:
     """Arrays of any PyTree whole on every device, so that a compiled function always meets the same layout."""
     return eqx.filter_shard(tree, _sharding())
 

@@ -3,11 +3,17 @@
 An array is NumPy's or a number of Python outside of `jit`, and JAX's inside: annotations say shapes.
 """
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
+import equinox as eqx
 import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Float
+
+Tree = TypeVar("Tree")
+"""Any tree of arrays, which comes back with other leaves."""
+Module = TypeVar("Module", bound=eqx.Module)
+"""A model, a controller or a part of one, which comes back with other values."""
 
 if TYPE_CHECKING:  # mypy knows no shapes, and would complain of sums and products of three kinds of numbers
     Scalar = Any

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import equinox as eqx
 import numpy as np
 
 import vgtjax
@@ -46,7 +47,7 @@ def _derived(results: Results) -> list[Characteristic]:
     ]
 
 
-def table_axes(model: Any) -> dict[str, tuple[str, str]]:
+def table_axes(model: eqx.Module) -> dict[str, tuple[str, str]]:
     """The parameters of a model that are maps, each with those that are the knots of its rows and of its columns."""
     found: dict[str, tuple[str, str]] = {}
     for part in ("vane_force", "friction", "flow_map", "flow_map.table"):

@@ -3,6 +3,7 @@
 import re
 from typing import Any
 
+import equinox as eqx
 import jax
 import numpy as np
 from jaxtyping import Array, Float
@@ -13,17 +14,17 @@ from vgtjax.parameters import entry_names
 Vector = Float[Array, " entries"]
 
 
-def entries_of(model: Any) -> list[str]:
+def entries_of(model: eqx.Module) -> list[str]:
     """Names of all entries."""
     return entry_names(vgtjax.parameter_table(model))
 
 
-def values_of(model: Any) -> Float[np.ndarray, " entries"]:
+def values_of(model: eqx.Module) -> Float[np.ndarray, " entries"]:
     """The model's own values."""
     return vgtjax.Selection(tuple(entries_of(model))).values(model)
 
 
-def with_values(model: Any, values: Vector) -> Any:
+def with_values(model: eqx.Module, values: Vector) -> Any:
     """The model with others."""
     place, found = 0, {}
     for name, row in vgtjax.parameter_table(model).items():

@@ -1,7 +1,9 @@
 """The variables of an FMU: each with its place in the array of all, which is its value reference."""
 
 import dataclasses
-from typing import Any, Literal
+from typing import Literal
+
+import equinox as eqx
 
 import vgtjax
 from vgtjax.parameters import table_row
@@ -27,7 +29,7 @@ class Variable:
     """The place of the state whose derivative it is."""
 
 
-def parameter_variables(model: Any) -> list[Variable]:
+def parameter_variables(model: eqx.Module) -> list[Variable]:
     """Every entry of the parameters of a model or a controller, in the order of `p`."""
     table, found = vgtjax.parameter_table(model), []
     for name, value in zip(entries_of(model), values_of(model).tolist(), strict=True):

@@ -48,7 +48,7 @@ def start_model(model: Any, study: Study, earlier: dict[str, Any]) -> tuple[Any,
     return start, bounds
 
 
-def _stated_before(start: Any, study: Study, earlier: Mapping[str, Any]) -> dict[str, ParameterValue]:
+def _stated_before(start: eqx.Module, study: Study, earlier: Mapping[str, Any]) -> dict[str, ParameterValue]:
     """What a study states, with the values of free entries as the start has them where an earlier fit has these."""
     if not earlier:
         return parameters_of(study)
@@ -67,7 +67,7 @@ def _behind(start: Any, name: str, given: ParameterValue, free: set[str], earlie
     return given.model_copy(update={"value": value if isinstance(given.value, list) else value[0]})
 
 
-def say_not_as_stated(start: Any, study: Study, began: Mapping[str, Any]) -> None:
+def say_not_as_stated(start: eqx.Module, study: Study, began: Mapping[str, Any]) -> None:
     """Says of which parameters a start has not the value that the study states, as an earlier fit has another.
 
     **Arguments:** `began`: where that fit began, by name: of what is stated as that nothing needs to be said.

@@ -6,6 +6,7 @@ import pathlib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import equinox as eqx
 import numpy as np
 from jaxtyping import Float
 
@@ -50,7 +51,7 @@ class Estimate:
 
 
 def tabulate(
-    start: Any, model: Any, estimates: dict[str, Estimate], bounds: Bounds, names: Sequence[str] = ("*",)
+    start: eqx.Module, model: eqx.Module, estimates: dict[str, Estimate], bounds: Bounds, names: Sequence[str] = ("*",)
 ) -> list[Entry]:
     """Every entry of a model or a controller beside its start, the estimated ones and the others, or of `names`.
 

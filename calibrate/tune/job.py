@@ -93,7 +93,7 @@ def prepare_tuning(path: pathlib.Path | None, parameters: pathlib.Path | None) -
     )
 
 
-def gas_notes(table: ControlTable, plant: Any) -> tuple[str, ...]:
+def gas_notes(table: ControlTable, plant: vgtjax.AbstractModel) -> tuple[str, ...]:
     """What is to be said of a turbine pressure that the plants do not feel."""
     acts = max(table.turbine_pressure) == 0 or feels_gas(plant)
     return () if acts else ("turbine pressure acts on nothing, as the study's vane_force is 'none'",)

@@ -77,7 +77,7 @@ def belief_of(study: Study, actuators: Actuators) -> str:
     return study.control.belief or ("plant" if is_alone(study, actuators) else "population")
 
 
-def believed_model(study: Study, actuators: Actuators) -> Any:
+def believed_model(study: Study, actuators: Actuators) -> vgtjax.AbstractModel:
     """The one actuator that a controller for all plants believes in.
 
     **Raises:** `InputError` where the study wants it to know each of several plants.

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from ..estimation import bundle_traces, observe
 from ..parameters import parameter_table, replace_parameters
 from ..parts import AbstractVaneMap, ForcePolynomial
-from ..plants import Actuator, AirPath, MechanicalActuator, Plant
+from ..plants import AbstractModel, AbstractRodModel, Actuator, AirPath, MechanicalActuator, Plant
 from ..simulation import first_failure
 from ..traces import Trace
 from ._filters import has_gas
@@ -33,7 +33,7 @@ MECHANICAL = (identify_mass_and_damping, identify_dahl, identify_lugre, mechanic
 
 
 @bench_test("pneumatic half", "2.58", "None.")
-def own_air_path(model: Any, traces: Sequence[Trace]) -> Identified:
+def own_air_path(model: Plant, traces: Sequence[Trace]) -> Identified:
     """Says that an air path of one's own has no bench test."""
     raise NotPossible(
         "the tests of magnetic force, orifices and plunger read an AirPath, and that of this plant is "
@@ -41,7 +41,7 @@ def own_air_path(model: Any, traces: Sequence[Trace]) -> Identified:
     )
 
 
-def plan(model: Any, traces: Sequence[Trace]) -> list[tuple[Test, list[Trace]]]:
+def plan(model: AbstractRodModel, traces: Sequence[Trace]) -> list[tuple[Test, list[Trace]]]:
     """The tests that make sense for a model, in an order in which each finds what it builds on, with their traces.
 
     Springs and friction are identified from traces without exhaust gas, where there are any. An axis that a force
@@ -94,7 +94,7 @@ def apply(model: Any, found: Identified) -> Any:
     return replace_parameters(model, {name: value for name, value in found.values.items() if name in known})
 
 
-def _simulates(model: Any, traces: Sequence[Trace]) -> bool:
+def _simulates(model: AbstractModel, traces: Sequence[Trace]) -> bool:
     needs = [need.split("|") for need in model.needs]
     driven = [t for t in traces if all(any(getattr(t, name) is not None for name in need) for need in needs)]
     ends = [observe(model, bundle)[1] for bundle in bundle_traces(model, driven)]

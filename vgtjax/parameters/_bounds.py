@@ -3,13 +3,12 @@
 A bound is a pair `(lower, upper)` in the unit of the table; either end may be `None`.
 """
 
-from typing import Any
-
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
 from .._errors import InputError
+from .._types import Module
 from ._selection import entry_names, match_entries, select
 from ._table import parameter_table
 
@@ -40,7 +39,7 @@ def check_bounds(model: eqx.Module, bounds: Bounds) -> None:
             raise InputError(f"'{entry}' must be at most {high:g}, but it is {value:g}; change one", "bounds")
 
 
-def move_inside(model: eqx.Module, bounds: Bounds) -> Any:
+def move_inside(model: Module, bounds: Bounds) -> Module:
     """`model` moved to the nearest values inside bounds by entry; bounds of entries that it lacks don't count."""
     known = set(entry_names(parameter_table(model)))
     selection = select(model, free=[entry for entry in bounds if entry in known])

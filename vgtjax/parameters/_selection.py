@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from .._types import Vector
+from .._types import Module, Vector
 from ._table import Parameter, get_parameter, parameter_table, replace_parameters, unknown_name
 
 
@@ -80,7 +80,7 @@ class Selection(eqx.Module):
             values.append(found[name][() if index is None else index])
         return np.array(values) if values else np.zeros(0)
 
-    def unpack(self, model: eqx.Module, vector: Vector) -> Any:
+    def unpack(self, model: Module, vector: Vector) -> Module:
         """`model` with its free values replaced by `vector`."""
         # Once for every parameter, not for every entry: outside of a compiled function each is a program of its own.
         places: dict[str, list[tuple[int | None, int]]] = {}

@@ -23,6 +23,7 @@ import numpy as np
 from jaxtyping import Array
 
 from .._errors import InputError, is_traced
+from .._types import Module
 
 
 @dataclasses.dataclass(frozen=True)
@@ -115,7 +116,7 @@ class AbstractDerived(Part):
         traced."""
 
 
-def _renew_moved(old: Any, new: Any) -> Any:
+def _renew_moved(old: Module, new: Module) -> Module:
     """`new` with each part renewed of which a value is not that of `old`."""
 
     def derived(node: Any) -> bool:
@@ -200,7 +201,7 @@ def get_parameter(model: eqx.Module, name: str) -> Array:
     raise unknown_name("parameter", name, parameter_table(model))
 
 
-def replace_parameters(model: eqx.Module, values: dict[str, Any]) -> Any:
+def replace_parameters(model: Module, values: dict[str, Any]) -> Module:
     """A copy of `model` with the named parameters replaced; values in the units of the table, precision as it was.
 
     **Raises:** `InputError` for a name that is none, or a value outside its domain.

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from .._errors import require_positive
-from .._types import Scalar, StateLeaf, Values
+from .._types import Scalar, StateLeaf, Tree, Values
 from ..parameters import Part, parameter
 from ._air import Air, orifice_flow
 from .magnetic_force._base import AbstractMagneticForce
@@ -183,13 +183,13 @@ class Converter(Part):
         return Flow(*orifice_flow(air, area, source, pressure, temperature, conductance))
 
 
-def without_chatter(model: Any) -> Any:
+def without_chatter(model: Tree) -> Tree:
     """A model whose converter opens its atmosphere orifice over ten micrometres of lift: at the default of one, some
     actuators chatter as they release, so finely that a derivative sees nothing else."""
     return _with_opening(model, lambda width: max(width, GENTLE_OPENING))
 
 
-def with_sharp_seat(model: Any) -> Any:
+def with_sharp_seat(model: Tree) -> Tree:
     """A model whose converter opens its atmosphere orifice over ten nanometres of lift, nearly the jump that it is.
 
     For values only: derivatives of what chatters there are no use.
@@ -197,7 +197,7 @@ def with_sharp_seat(model: Any) -> Any:
     return _with_opening(model, lambda width: min(width, SHARP_OPENING))
 
 
-def _with_opening(model: Any, change: Callable[[float], float]) -> Any:
+def _with_opening(model: Tree, change: Callable[[float], float]) -> Tree:
     def changed(node: Any) -> Any:
         if not isinstance(node, Converter):
             return node

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool
 
+from .._types import Tree
 from ..parameters import AbstractDerived
 from ..traces import Drive
 
@@ -57,7 +58,7 @@ def tables_of(model: Any, rows: tuple[Rows, ...] | None = None) -> tuple[Array, 
     return tuple(part.table(each) for part, each in zip(parts, rows or [None] * len(parts), strict=True))
 
 
-def with_tables(model: Any, tables: tuple[Array, ...]) -> Any:
+def with_tables(model: Tree, tables: tuple[Array, ...]) -> Tree:
     """A model whose such parts are read off these tables."""
     left = iter(tables)
     return jax.tree.map(
@@ -65,7 +66,7 @@ def with_tables(model: Any, tables: tuple[Array, ...]) -> Any:
     )
 
 
-def tabulated(model: Any) -> Any:
+def tabulated(model: Tree) -> Tree:
     """A model ready to be simulated: what would be computed at every step is read off tables."""
     return with_tables(model, tables_of(model))
 

@@ -7,7 +7,7 @@ from typing import Any, Generic, TypeVar
 import equinox as eqx
 from jaxtyping import Array, Float, PyTree
 
-from .._types import Values
+from .._types import Module, Values
 from ..parts import Air
 from ..traces import Drive, Start
 
@@ -79,6 +79,6 @@ class Inner(Generic[T]):
         return self if model is None else getattr(getattr(model, self._module), self._name)  # type: ignore[return-value]
 
 
-def assemble(whole: Any, **parts: Any) -> Any:
+def assemble(whole: Module, **parts: Any) -> Module:
     """`whole` with those of its parts replaced that are given."""
     return dataclasses.replace(whole, **{name: part for name, part in parts.items() if part is not None})

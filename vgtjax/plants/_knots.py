@@ -2,9 +2,9 @@
 
 from typing import Any
 
-import equinox as eqx
 import numpy as np
 
+from .._types import Module
 from ..parameters import as_float_array
 from ..parts import AbstractGasTables
 from ._base import assemble
@@ -12,7 +12,7 @@ from ._base import assemble
 KNOTS = ("turbine_pressure", "crank_angle")
 
 
-def on_given_knots(model: eqx.Module, values: dict[str, Any]) -> Any:
+def on_given_knots(model: Module, values: dict[str, Any]) -> Module:
     """`model` with its tables at the knots that `values` names, if it does, so that tables of that size fit in.
 
     **Arguments:** `model`: or a controller, which has no such tables and stays what it is; `values`: of parameters by

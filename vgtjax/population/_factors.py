@@ -1,7 +1,6 @@
 """What varies from actuator to actuator: single values, and the level of a whole curve."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -9,6 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
+from .._types import Module
 from ..parameters import (
     Selection,
     entry_names,
@@ -37,7 +37,7 @@ class Factors(eqx.Module):
         values = [one if is_curve(table, entry) else Selection((entry,)).pack(model)[0] for entry in self.entries]
         return jnp.stack(values) if values else jnp.zeros(0)
 
-    def unpack(self, model: AbstractModel, vector: Float[Array | np.ndarray, " factors"]) -> Any:
+    def unpack(self, model: Module, vector: Float[Array | np.ndarray, " factors"]) -> Module:
         """`model` with these values."""
         table = parameter_table(model)
         for position, entry in enumerate(self.entries):

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Bool
 
 from .._errors import SimulationError, is_traced
+from .._types import Tree
 from ..parts import lost_points
 from ..plants import AbstractModel, State, least_volume
 
@@ -90,7 +91,7 @@ class HasEnds:
         return first_failure(self.result)
 
 
-def check_result(answer: Any, result: RESULTS, what: str = "the simulation") -> Any:
+def check_result(answer: Tree, result: RESULTS, what: str = "the simulation") -> Tree:
     """`answer`, if it may be used.
 
     **Raises:** `SimulationError` otherwise; inside of `jit`, where the result is not known yet, a `RuntimeError` of

@@ -1,7 +1,5 @@
 """Simulation of a model along a trace."""
 
-from typing import Any
-
 import diffrax
 import equinox as eqx
 import jax
@@ -38,7 +36,7 @@ class Solution(eqx.Module):
         return self.signals[name]
 
 
-def model_dtype(model: AbstractModel) -> Any:
+def model_dtype(model: AbstractModel) -> np.dtype:
     """Precision in which a model computes: that of its parameters."""
     return np.result_type(*[leaf.dtype for leaf in jax.tree.leaves(model) if eqx.is_inexact_array(leaf)])
 

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
-from .._types import Scalar
+from .._types import Scalar, Tree
 from ..control import (
     AbstractDisturbance,
     AbstractSignal,
@@ -157,7 +157,7 @@ def _duty_at(plant: AbstractRodModel, converter: Converter, position: float, res
     return holding_duty(converter, Measurement(jnp.asarray(position), pressure, reservoir, ambient), pressure)
 
 
-def stack_trees(trees: Sequence[Any], what: str = "plants") -> Any:
+def stack_trees(trees: Sequence[Tree], what: str = "plants") -> Tree:
     """Trees side by side; all that is no array must be equal."""
     if len({jax.tree.structure(tree) for tree in trees}) > 1:
         raise InputError(f"{what} must be models of one structure, but their components or settings differ; align them")

@@ -1,18 +1,18 @@
 """What is made smoother while gains are tuned, so that derivatives say where the cost falls."""
 
 import dataclasses
-from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
 
+from .._types import Module
 from ..control import Scenario, Sensor
 from ..parameters import get_parameter, parameter_table, replace_parameters
 from ..parts import without_chatter
 from ._cases import Cases
 
 
-def soften(module: Any) -> Any:
+def soften(module: Module) -> Module:
     """A controller or a plant with its switching laws widened to their `tuning_width`, none made narrower."""
     for name, width in wanted_widths(module).items():
         module = replace_parameters(module, {name: jnp.maximum(get_parameter(module, name), width)})

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from .._errors import require_positive
-from .._types import Scalar, Values
+from .._types import Scalar, Tree, Values
 from ._balance import Balance, balance_from
 from ._gas import Gas
 from ._newton import AbstractProblem, Ending, solve
@@ -89,7 +89,7 @@ def _steady_from(
     return flow, jax.lax.stop_gradient(states)
 
 
-def as_plain_arrays(tree: Any) -> Any:
+def as_plain_arrays(tree: Tree) -> Tree:
     """The same with arrays for numbers; those of Python, and JAX's of weak type, would make programs of their own."""
     return jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.result_type(leaf)), tree)
 

@@ -193,7 +193,7 @@ def draw(count: int, seed: int = SEED, widths: Mapping[str, float] = HALF_WIDTHS
     def one(row: Array, magnet: Array) -> vgtjax.Actuator:
         plant = population.factors.unpack(nominal, row)
         size, bend = magnet
-        force = plant.converter.magnetic_force.coefficients * size * bend ** jnp.arange(5)
+        force = vgtjax.get_parameter(plant, "converter.magnetic_force") * size * bend ** jnp.arange(5)
         return eqx.tree_at(lambda p: p.converter.magnetic_force.coefficients, plant, force)
 
     return jax.vmap(one)(rows, magnets)

@@ -7,9 +7,9 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool
+from jaxtyping import Array, Bool, PyTree
 
-from ..._types import Scalar
+from ..._types import Scalar, Tree
 from ...parameters import parameter
 from ...plants import Actuator
 from .._base import AbstractController, Log, Measurement, Memory, Reference
@@ -91,10 +91,10 @@ class WithFallback(AbstractController):
         return inside & (unchanged <= self.patience)
 
 
-def _finite(tree: Any) -> Bool[Array, ""]:
+def _finite(tree: PyTree) -> Bool[Array, ""]:
     leaves = [jnp.all(jnp.isfinite(leaf)) for leaf in jax.tree.leaves(tree)]
     return jnp.all(jnp.stack(leaves)) if leaves else jnp.asarray(True)
 
 
-def _choose(condition: Bool[Array, ""], one: Any, other: Any) -> Any:
+def _choose(condition: Bool[Array, ""], one: Tree, other: Tree) -> Tree:
     return jax.tree.map(lambda a, b: jnp.where(condition, a, b), one, other)

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..._errors import InputError, is_traced
-from ..._types import Scalar
+from ..._types import Scalar, Tree
 from ...parts import tabulated
 from ...plants import AbstractModel, State
 from ...simulation import (
@@ -196,11 +196,11 @@ def _close_loop(
     return ClosedLoop(solution, run.measured, reference, run.command, run.duty, run.log)
 
 
-def _cast(tree: Any, dtype: Any) -> Any:
+def _cast(tree: Tree, dtype: Any) -> Tree:
     return jax.tree.map(lambda leaf: leaf.astype(dtype) if eqx.is_inexact_array(leaf) else leaf, tree)
 
 
-def fade(tree: Any, kept: Scalar) -> Any:
+def fade(tree: Tree, kept: Scalar) -> Tree:
     """The same tree; the derivatives of its floating leaves are multiplied by `kept`."""
     return jax.tree.map(lambda leaf: _fade(leaf, kept) if eqx.is_inexact_array(leaf) else leaf, tree)
 

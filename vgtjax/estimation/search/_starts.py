@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float
 
 from ..._errors import SimulationError
 from ..._types import Coordinates
+from ...parameters import Transform
 from .._task import Task
 from ..derivatives import Steps, side_by_side
 from ._point import Reduced
@@ -96,7 +97,7 @@ class _Shared:
         return next((each for each in self.optima if each.is_ahead_of(search)), None)
 
 
-def starts_of(task: Task, transform: Any, count: int) -> Float[np.ndarray, "starts coordinates"]:
+def starts_of(task: Task, transform: Transform, count: int) -> Float[np.ndarray, "starts coordinates"]:
     """The start values, and a Sobol' sequence around them inside the bounds, `(count, coordinates)`."""
     centre = np.asarray(transform.to_coordinates(task.first_guess))
     entries = len(task.selection.entries)
