@@ -5,6 +5,7 @@ import math
 import jax
 import numpy as np
 import pytest
+import scipy.special
 import scipy.stats
 
 import vgtjax
@@ -20,7 +21,7 @@ from vgtjax.population import (
     triangular,
     uniform,
 )
-from vgtjax.population._population import domain
+from vgtjax.population._population import _factor, domain
 
 ACTUATOR = vgtjax.Actuator()
 MAGNET = "converter.magnetic_force"
@@ -120,7 +121,9 @@ def test_a_truncated_quantity_never_leaves_its_domain():
     for mean, low in ((0.1, 0.0), (-1.0, 0.0), (5.0, 2.0)):
         values = population(None, (normal(mean, 1.0, (low, math.inf)),), Factors(NAMES[:1])).values(edge)
         assert np.all(values >= low)
-        assert np.all(np.isfinite(values))
+        above = mean - scipy.special.ndtri((1 - edge) * scipy.special.ndtr(mean - low))
+        # Seven deviations out, 1e-16 of a probability is 1e-4 of what is left of it.
+        np.testing.assert_allclose(values, above, rtol=1e-5, atol=1e-12)
         assert np.all(np.diff(values[:, 0]) >= 0)
 
 
@@ -188,9 +191,15 @@ def test_a_row_is_the_same_to_the_bit_in_every_slice(coupled):
         np.testing.assert_array_equal(np.concatenate(parts), whole)
 
 
-def test_the_corners_of_the_cube_are_finite():
+def test_the_corners_of_the_cube_are_where_their_quantiles_lead():
+    """Normal deviates of up to 38, mixed as the correlation says, as far as doubles tell probabilities."""
     corners = np.array([[5e-324] * 3, [np.nextafter(1, 0)] * 3, [5e-324, 0.5, np.nextafter(1, 0)]])
-    assert np.all(np.isfinite(population(COUPLED).values(corners)))
+    ends = scipy.special.ndtri([np.finfo(float).tiny, 1 - np.finfo(float).epsneg])
+    deviates = np.clip(scipy.special.ndtri(corners) @ _factor(COUPLED).T, *ends)
+    expected = np.stack([2.9e-3 * np.exp(0.1 * deviates[:, 0]), 49.0 + 2.0 * deviates[:, 1]], axis=1)
+    values = population(COUPLED).values(corners)
+    np.testing.assert_allclose(values[:, :2], expected, rtol=1e-6)
+    np.testing.assert_allclose(values[:, 2], 1.1e4 + 2e3 * scipy.special.ndtr(deviates[:, 2]), rtol=1e-12)
 
 
 @pytest.mark.parametrize(
