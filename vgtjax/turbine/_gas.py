@@ -8,8 +8,10 @@ from .._errors import InputError, is_traced, require_positive
 from .._types import Scalar, Values
 from ..parameters import Part, parameter
 
-GAS_CONSTANT, GAS_GAMMA = 287.0, 1.34
-"""J/(kg K), and the ratio of the heat capacities: of a Diesel engine's burnt gas at some 900 K, assumed."""
+GAS_CONSTANT = 287.0
+"""J/(kg K), of a Diesel engine's burnt gas: assumed."""
+GAS_GAMMA = 1.34
+"""Ratio of its heat capacities at some 900 K: assumed."""
 
 
 class Gas(Part):

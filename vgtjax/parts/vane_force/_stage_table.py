@@ -13,11 +13,11 @@ from jaxtyping import Array, Bool, Float
 from ..._kept import keep_compiled
 from ..._types import Scalar, Values
 from ...traces import Drive
-from ...turbine import States, first_guess
+from ...turbine import CELLS, States, first_guess
 from .._tabulated import AbstractTable, Rows
 from .._vanes import Crank, Vanes
 from ._base import AbstractVaneForce
-from ._stage import CELLS, CRANK_RANGE, HIGHEST_PRESSURE, Stage, flow_at, no_steady_flow
+from ._stage import CRANK_RANGE, HIGHEST_PRESSURE, Stage, flow_at, no_steady_flow
 
 PRESSURES, ANGLES = 25, 25
 """Knots of the table, from the outlet's pressure, where nothing flows: linear between them, the force is within 0.03 N
