@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..estimation import (
+    FAINT,
     Calibrator,
     LeastSquares,
     Steps,
@@ -57,8 +58,10 @@ class Information:
 
     @staticmethod
     def by(entries: Sequence[str], values: Float[np.ndarray, " entries"], rows: np.ndarray) -> "Information":
-        """By rows that have `moving` behind the columns; one that is no number tells nothing."""
+        """By rows that have `moving` behind the columns; one that is no number, or no more than rounding, tells
+        nothing."""
         usable = np.where(np.all(np.isfinite(rows), axis=0), rows, 0.0)
+        usable[:, np.linalg.norm(usable, axis=0) < FAINT] = 0.0
         triangle = np.asarray(np.linalg.qr(usable, mode="r"))
         return Information(entries, values, triangle[:, : len(entries)], triangle[:, len(entries) :])
 

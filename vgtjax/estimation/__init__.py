@@ -17,6 +17,7 @@ from ._calibrator import (
 )
 from ._found import MEETS as MEETS, found_besides as found_besides, traces_met as traces_met
 from ._least_squares import (
+    FAINT as FAINT,
     NORMAL_95 as NORMAL_95,
     NULL as NULL,
     VAGUE as VAGUE,

@@ -13,6 +13,9 @@ Columns = Float[np.ndarray, "rows unknowns"]
 NULL = 1e-9
 """Singular values below this part of the largest are no information: an exact Jacobian in double precision computes
 a true null direction to about 1e-13, and the weakest real direction of our simulated traces lies near 1e-4."""
+FAINT = 1e-6
+"""Deviations of the noise, all samples together, by which a unit of a coordinate (its logarithm, or a usual size) must
+move signals to be information: less is rounding, and an error of a million says nothing."""
 IN_NULL = 1e-6
 """Part of a null direction, for columns of unit length, from which an unknown belongs to it and is not determined. Of
 our actuators the smallest real part is 7e-5 (the mass, where the area is free as well), rounding leaves 1e-12."""
@@ -140,8 +143,8 @@ def estimate_uncertainty(
     at the end that measure nothing, as they are known beforehand: their noise is one, whatever remains of the others.
     """
     lengths = np.linalg.norm(columns, axis=0)
-    # A column this much shorter than the longest moves nothing that a sensor could see.
-    columns = np.where(lengths > NULL * np.max(lengths, initial=0.0), columns, 0.0)
+    # A column this short, or so much shorter than the longest, moves nothing that a sensor could see.
+    columns = np.where(lengths > max(FAINT, NULL * np.max(lengths, initial=0.0)), columns, 0.0)
     found = least_squares(columns, residuals)
     measured = slice(len(residuals) - known)
     scale = float(residuals[measured] @ residuals[measured]) / max(count - found.rank, 1)

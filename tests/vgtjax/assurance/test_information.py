@@ -6,7 +6,7 @@ from known_truth import FREE, NOISE, TRUTH, bench, sharp_bench
 
 import vgtjax
 from vgtjax.assurance import Gain, Information, examine, next_runs, remedies
-from vgtjax.estimation import calibrate, plan_task
+from vgtjax.estimation import calibrate, estimate_uncertainty, plan_task
 from vgtjax.experiments import STANDARD_RUNS, StandardRun
 from vgtjax.identification import plan_fit
 
@@ -50,6 +50,15 @@ def test_what_no_trace_feels_is_no_group():
     assert (known.unseen, known.null) == (["b"], [])
     assert known.summary()["null"] == [["b"]]
     assert known.sentences == ["no trace feels b: excite what depends on it, or hold it"]
+
+
+def test_what_moves_nothing_but_by_rounding_is_not_told():
+    known = Information.by("ab", np.ones(2), np.column_stack([ROWS[:, 0], 1e-12 * ROWS[:, 1]]))
+    assert (known.unseen, known.tells) == (["b"], True)
+    nothing = Information.by("a", np.ones(1), 1e-12 * ROWS[:, :1])
+    assert (nothing.unseen, nothing.tells) == (["a"], False)
+    for columns, determined in ((ROWS[:, :1], True), (1e-12 * ROWS[:, :1], False)):
+        assert estimate_uncertainty(ROWS[:, 1], columns, 50).determined.tolist() == [determined]
 
 
 def test_what_hardly_shows_is_named_with_its_error():

@@ -53,6 +53,14 @@ def test_rows_that_explode_at_one_place_are_left_out_there():
     assert np.all(believed[1])
 
 
+def test_rows_that_explode_are_left_out_where_but_one_other_place_can_be_simulated():
+    wild = drawn(1)
+    wild[0][0, 7, 1] *= 1e6
+    columns, believed = mean_of(drawn(0), place(wild), unsimulated, place(drawn(2), failed=True))
+    np.testing.assert_array_equal(columns[0][0, 7, 1], drawn(0)[0][0, 7, 1])
+    assert np.argwhere(~believed[0][:2]).tolist() == [[1, 0, 7, 1]]
+
+
 @pytest.mark.parametrize("explodes", [np.inf, np.nan, 1e200])
 def test_an_end_that_explodes_is_left_out_as_well(explodes):
     own = drawn(0)
