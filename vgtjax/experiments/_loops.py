@@ -79,10 +79,10 @@ def _crossing(x_d: Float[np.ndarray, " time"], span: tuple[float, float]) -> np.
     if not np.all(np.isfinite(x_d)) or x_d.min() > begin or x_d.max() < end:
         return None
     inside = np.flatnonzero((x_d > begin) & (x_d < end))
+    if len(inside) < 2 * (end - begin) / SPACING:
+        return None
     # Sensor noise re-enters the ends by a few samples; a second visit would be farther away than the crossing is long.
     if inside[-1] - inside[0] > 1.5 * len(inside):
-        return None
-    if len(inside) < 2 * (end - begin) / SPACING:
         return None
     return inside
 

@@ -42,6 +42,8 @@ def measure_loops(traces: Sequence[Trace], points: Sequence[float] = OPERATING_P
     """
     pairs = [trace.on_one_clock() for trace in traces if trace.has_pairs]
     runs = [(trace, np.asarray(trace.x_d), np.asarray(trace.p_act)) for trace in pairs]
+    # Others may move when a loop still rests, and have no say in where that is.
+    runs = [run for run in runs if find_loop(run[0].time, *run[1:]) is not None]
     rests = [_at_rest(trace, x_d) for trace, x_d, _ in runs]
     common = float(np.mean([rest for rest in rests if rest is not None] or [0.0]))
     found: dict[float, tuple[HysteresisLoop, tuple[float, float]]] = {}

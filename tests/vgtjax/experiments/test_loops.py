@@ -129,6 +129,16 @@ def test_offsets_of_the_sensors_do_not_count_as_effects_of_the_gas():
     assert found.readings["start_pressure_3000mbar"] == pytest.approx(-1.6e4 - 4e6 * LIFT, rel=1e-9)
 
 
+def test_a_step_beside_a_loop_has_no_say_in_where_the_rod_rests():
+    alone = measure_loops([loop_trace(0.0)])
+    time = np.linspace(0, 40, 4001)
+    stepped = time > 0.2  # half of what counts as the rest of a loop as long as that
+    step = vgtjax.Trace(time, x_d=np.where(stepped, 8.5e-3, 0.0), p_act=101013.0 - 5e4 * stepped)
+    beside = measure_loops([step, loop_trace(0.0)])
+    assert beside.hysteresis == alone.hysteresis
+    np.testing.assert_array_equal(beside.readings["closing_pressure_0mbar"], alone.readings["closing_pressure_0mbar"])
+
+
 def test_loops_are_read_from_channels_with_clocks_of_their_own():
     """Position at 200 Hz with a gap, pressure at 100 Hz and 3 ms late, the turbine once a second."""
     time, x_d, p_act = rested(samples=6001)
