@@ -97,9 +97,10 @@ def _check_names(sources: list[TraceSource]) -> None:
             raise StudyError(f"the unit '{source.unit}' has the name of a file of results; give it another one")
         key = (source.unit, source.name)
         if key in named:
+            apart = named[key].name != source.path.name or named[key] == source.path
+            first, second = (path.name if apart else str(path) for path in (named[key], source.path))
             raise StudyError(
-                f"the trace name '{source.name}' occurs twice ({named[key].name} and {source.path.name}); give one of "
-                "them another name"
+                f"the trace name '{source.name}' occurs twice ({first} and {second}); give one of them another name"
             )
         named[key] = source.path
 

@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses
+import math
 import pathlib
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -12,6 +13,7 @@ from vgtjax.estimation import Unknown
 from vgtjax.parameters import Bounds, Scale
 from vgtjax.traces import STANDARD_ATMOSPHERE, TRAVEL
 
+from ..output.console import console
 from ..output.software import software
 from .channels import sources_of
 from .disturbances import Disturbance
@@ -134,6 +136,7 @@ def prepare(
         say_not_as_stated(start, study, {} if parameters is None else load_beginning(parameters, name))
         needs = (*start.needs, *(("x_d|p_act",) if to_fit else ()))
         traces = [(source.use, load_source(source, start, bounds, needs)) for source in mine]
+        _say_fitted_too(mine)
         stated_values = parameters_of(study)
         known, scales = known_beforehand(start, stated_values), scales_of(start, stated_values)
         hashes = {source.name: hash_file(source.path) for source in mine}
@@ -154,6 +157,19 @@ def _stated(sources: Sequence[TraceSource]) -> dict[str, list[Any]]:
         if any(value is not None for value in values):
             found[key] = [value for value in values if value is not None]
     return found
+
+
+def _say_fitted_too(sources: Sequence[TraceSource]) -> None:
+    """Says of which samples to validate the fit knows."""
+    fitted = [source for source in sources if source.use == "fit"]
+    for source in sources:
+        if source.use == "validate" and any(_overlap(source, other) for other in fitted):
+            console.print(f"note: {source.name}: its samples are fitted as well, so that it validates nothing")
+
+
+def _overlap(one: TraceSource, other: TraceSource) -> bool:
+    begin, end = zip(*(each.window or (-math.inf, math.inf) for each in (one, other)), strict=True)
+    return one.path == other.path and max(begin) < min(end)
 
 
 def _beside_stated(duties: Mapping[str, FoundDuty], sources: Sequence[TraceSource]) -> dict[str, FoundDuty]:

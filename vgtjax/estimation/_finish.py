@@ -149,7 +149,7 @@ def _by_windows(
     owner = problem.owner
     columns, before = finite_columns(point.columns)[: len(owner)], point.columns[len(owner) :]
     scores = (columns * point.residuals[: len(owner), None]).reshape(-1, len(CHANNELS), columns.shape[1]).sum(axis=1)
-    interval = float(np.median([trace.longest_interval for trace in task.fit]))
+    interval = float(np.median([np.ptp(trace.time) / (len(trace.time) - 1) for trace in task.fit]))
     longest = len(scores) / (WINDOWS * columns.shape[1])
     length = max(1, round(min(WINDOW / interval, longest)))
     few, bread = point.reduced, found.covariance / max(found.scale, 1e-300)

@@ -12,7 +12,7 @@ from vgtjax.identification import LIMITS, identify_mass_and_damping, identify_sp
 
 SOURCES = [
     path.read_text(encoding="utf-8")
-    for path in (pathlib.Path(vgtjax.__file__).parent / "identification").glob("*.py")
+    for path in (pathlib.Path(vgtjax.__file__).parent / "identification").rglob("*.py")
     if path.name != "_limits.py"
 ]
 

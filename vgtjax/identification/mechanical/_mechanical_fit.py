@@ -145,6 +145,9 @@ def fit_response(
         # Values found beside some that are given up need not go with the model's own.
         kept = [selection.values(whole.task.model), first] if _regular(whole) else [first]
         starts, free = [np.where(determined, values, usual) for values in kept], determined
+    else:  # what was given up last must have no say in the values of the others
+        calibrator = _fit_from(starts, half, traces, selection, first, free)
+        whole = linearise(calibrator, moving)
     if not _regular(whole):
         raise NotPossible(NO_DERIVATIVES)
     return _response(calibrator.finish(), whole, free)
