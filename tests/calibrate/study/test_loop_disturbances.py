@@ -185,3 +185,13 @@ def test_a_late_duty_has_its_limit(tmp_path):
     path.write_text("[control]\nduty_delay = 0.1\n", encoding="utf-8")
     sentence = "study.toml: control.duty_delay: Input should be less than or equal to 0.02, but it is 0.1; correct it"
     assert_refused(run_command("control", path, "--out", tmp_path / "out"), sentence, tmp_path / "out")
+
+
+def test_a_vacuum_below_zero_is_refused(tmp_path):
+    path = tmp_path / "study.toml"
+    path.write_text("[control]\nduration = 4.0\nreservoir = {drift = -9000.0}\n", encoding="utf-8")
+    sentence = (
+        "study.toml: the reservoir must stay at a pressure of zero or more, but its drift leads to -16000 Pa absolute "
+        "after 4 s; correct drift, which is in Pa/s"
+    )
+    assert_refused(run_command("control", path, "--out", tmp_path / "out"), sentence, tmp_path / "out")
