@@ -7,9 +7,11 @@ import pytest
 from commands import read, run_command
 
 from calibrate.fit.posterior import LEAST
-from vgtjax.assurance import CHAINS, WARM_UP
+from vgtjax.assurance import CHAINS
 
 DRAWS = LEAST * CHAINS
+WARM_UP = 6
+"""Draws of each chain, a fifth of the usual: the first guess of the step size is a good one."""
 
 
 @pytest.fixture(scope="module")
@@ -21,10 +23,13 @@ def drawn(fitted, tmp_path_factory):
     study = fitted.study.read_text().replace("[fit]", f"[fit]\nposterior = {DRAWS}\nprofiles = 'none'")
     (folder / "study.toml").write_text(study)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("calibrate.fit.posterior._save", ended_after(5))
-        first = run_command("fit", folder / "study.toml", "--out", folder / "out")
-    assert "Aborted" in first.err
-    return run_command("fit", folder / "study.toml", "--out", folder / "out"), folder / "out"
+        for module in ("vgtjax.assurance._posterior", "calibrate.fit.posterior"):
+            patch.setattr(f"{module}.WARM_UP", WARM_UP)
+        with patch.context() as ended:
+            ended.setattr("calibrate.fit.posterior._save", ended_after(5))
+            first = run_command("fit", folder / "study.toml", "--out", folder / "out")
+        assert "Aborted" in first.err
+        return run_command("fit", folder / "study.toml", "--out", folder / "out"), folder / "out"
 
 
 def ended_after(count):
