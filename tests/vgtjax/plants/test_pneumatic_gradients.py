@@ -90,9 +90,9 @@ def test_every_step_reverses(name):
         def advance(state, theta):
             return plan.advance(selection.unpack(model, theta), state, inputs)[0]
 
-        _, push = jax.linearize(advance, state, theta)
-        pulled = jax.linear_transpose(push, state, theta)(back)
-        return dot(back, push(*ahead)), dot(pulled, ahead)
+        pushed = jax.jvp(advance, (state, theta), ahead)[1]
+        pulled = jax.vjp(advance, state, theta)[1](back)
+        return dot(back, pushed), dot(pulled, ahead)
 
     # One sample after the other compiles twice as fast as all side by side.
     forward, reverse = jax.jit(lambda given: jax.lax.map(products, given))((drive, states))
