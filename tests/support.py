@@ -1,7 +1,9 @@
 """What several tests need: reference runs, traces made of duty steps, a norm."""
 
 import contextlib
+import os
 import pathlib
+import sys
 from collections.abc import Iterator
 from typing import Any
 
@@ -11,6 +13,7 @@ import numpy as np
 import pytest
 
 import vgtjax
+from vgtjax.estimation.derivatives import _programs
 from vgtjax.parts.vane_force import _stage_table
 
 DATA = pathlib.Path(__file__).parent / "data"
@@ -46,6 +49,23 @@ def optimised() -> Iterator[None]:
         yield
     finally:
         jax.config.update("jax_disable_most_optimizations", True)
+
+
+@contextlib.contextmanager
+def kept_programs(factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Around what replaces nothing that programs are made of: those of fits are on disk, where all processes of the
+    tests find them. To trace and lower them again takes as long as to compile them did."""
+    own = factory.getbasetemp()  # of each process of xdist inside of one of all
+    folder = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "programs"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(vgtjax._kept, "FOLDER", folder)
+        # A thread that compiles ahead would go on in the next test.
+        patch.setattr(_programs, "preparing", lambda *_: contextlib.nullcontext())
+        yield
+    for name, module in list(sys.modules.items()):
+        for each in vars(module).values() if name.startswith("vgtjax") else ():
+            if isinstance(each, vgtjax._kept.Kept):
+                each._programs.clear()  # what is loaded takes memory, see `_forget_compiled`
 
 
 @contextlib.contextmanager

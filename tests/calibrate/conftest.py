@@ -2,11 +2,12 @@
 
 import dataclasses
 import pathlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import pytest
 from bad_traces import text
 from commands import NOTHING_ELSE, Outcome, cut_example, run_command
+from support import kept_programs
 
 STUDY = '[[trace]]\nfile = "bench.csv"\n'
 
@@ -57,6 +58,13 @@ class Fitted:
     outcome: Outcome
 
 
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory) -> Iterator[None]:
+    """For files that fit the small study and replace nothing of it."""
+    with kept_programs(tmp_path_factory):
+        yield
+
+
 @pytest.fixture(scope="session")
 def fitted(tmp_path_factory) -> Fitted:
     """A small study, fitted: four parameters to the first 1.2 s of a step."""
@@ -64,7 +72,8 @@ def fitted(tmp_path_factory) -> Fitted:
     for name in ("step_80", "step_50"):
         cut_example(name, 1.2, folder)
     (folder / "study.toml").write_text(SMALL_STUDY)
-    outcome = run_command("fit", folder / "study.toml", "--out", folder / "out")
+    with kept_programs(tmp_path_factory):
+        outcome = run_command("fit", folder / "study.toml", "--out", folder / "out")
     return Fitted(folder / "study.toml", folder / "out", outcome)
 
 

@@ -6,6 +6,8 @@ import pytest
 from commands import UNSEEN, read, run_command, timeless
 from pages import Page
 
+pytestmark = pytest.mark.usefixtures("kept")
+
 
 @pytest.fixture(scope="module")
 def checked(fitted, tmp_path_factory):

@@ -11,6 +11,8 @@ from pages import Page
 from calibrate.assurance.recover.command import _common_delay
 from calibrate.study.start_file import FoundDuty
 
+pytestmark = pytest.mark.usefixtures("kept")
+
 CAMPAIGNS = 3
 
 

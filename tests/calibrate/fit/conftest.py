@@ -8,6 +8,11 @@ import vgtjax
 FREE = {"converter.magnetic_force[2]", "diaphragm.preload", "diaphragm.stiffness", "friction.viscous_damping"}
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _kept(kept):
+    """Every file fits the small study, or another that several of them share."""
+
+
 @pytest.fixture
 def parameters(fitted):
     return read(fitted.out / "parameters.json")["parameters"]
