@@ -9,7 +9,7 @@ from jaxtyping import Array
 
 from .._types import Values
 from ..parameters import Part, nested, parameter
-from ..parts import Air, Gas, Rows, rows_of, tables_of, with_tables
+from ..parts import Air, Gas, Rows, has_tables, rows_of, tables_of, with_tables
 from ..traces import STANDARD_ATMOSPHERE, Drive, Ramp, Start
 from ._base import AbstractModel, Inner, State
 
@@ -170,7 +170,7 @@ def rows_along(model: AbstractModel, *drives: Drive) -> tuple[Rows, ...]:
 
 def tabulated_along(model: AbstractModel, *drives: Drive) -> AbstractModel:
     """A model ready to be simulated along drives: what would be computed at every step is read off tables."""
-    return with_tables(model, tables_of(model, rows_along(model, *drives)))
+    return with_tables(model, tables_of(model, rows_along(model, *drives))) if has_tables(model) else model
 
 
 def bare(model: AbstractModel) -> AbstractModel:
