@@ -9,9 +9,9 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from vgtjax import Calibration, InputError, SimulationError
 from vgtjax.estimation import (
+    Computation,
     Progress,
     Question,
-    Steps,
     asked_first,
     compiling_ahead,
     foreseen,
@@ -72,10 +72,10 @@ Outcome = tuple[Compared, float]
 """What was found, and the seconds that it took."""
 
 
-def _comparing(job: Job, unit: Unit, folder: pathlib.Path, ahead: Ahead = nothing_ahead) -> Steps[Outcome]:
+def _comparing(job: Job, unit: Unit, folder: pathlib.Path, ahead: Ahead = nothing_ahead) -> Computation[Outcome]:
     began, own = time.monotonic(), own_structure(job.study)
 
-    def fitting(structure: Mapping[str, str], begin: Begin) -> Steps[Calibration]:
+    def fitting(structure: Mapping[str, str], begin: Begin) -> Computation[Calibration]:
         return _fitting(job, unit, folder, structure, begin)
 
     compared = yield from comparing_structures(own, options(job.study, unit), fitting, WIDER, ahead)
@@ -96,7 +96,7 @@ def _ahead(job: Job, unit: Unit, structures: Sequence[Structure]) -> contextlib.
 
 def _fitting(
     job: Job, unit: Unit, folder: pathlib.Path, structure: Mapping[str, str], begin: Begin
-) -> Steps[Calibration]:
+) -> Computation[Calibration]:
     """The fit of one structure, which keeps its progress on disk."""
     name = "+".join((*structure.values(), *(["again"] if begin.again else [])))
     who = name if unit.name is None else f"{unit.name}: {name}"

@@ -4,12 +4,12 @@ from typing import Any
 
 from vgtjax import SimulationError
 from vgtjax.assurance import NOTHING, Gain, Information, examining, informing, ranking, remedies
-from vgtjax.estimation import VAGUE, Calibrator, Steps, Task
+from vgtjax.estimation import VAGUE, Calibrator, Computation, Task
 
 from ..output.console import console
 
 
-def knowing(calibrator: Calibrator) -> Steps[dict[str, Any]]:
+def knowing(calibrator: Calibrator) -> Computation[dict[str, Any]]:
     """What is known before a fit, for JSON, as a computation; which run to record next where one is needed.
 
     **Raises:** `SimulationError` when the traces determine nothing.
@@ -28,7 +28,7 @@ def knowing(calibrator: Calibrator) -> Steps[dict[str, Any]]:
     }
 
 
-def _ranked(task: Task, known: Information) -> Steps[list[Gain]]:
+def _ranked(task: Task, known: Information) -> Computation[list[Gain]]:
     if not any(error > VAGUE for error in known.errors.values()):
         return []
     try:

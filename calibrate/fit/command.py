@@ -10,10 +10,10 @@ from vgtjax import SimulationError
 from vgtjax.assurance import certified, require_blackjax
 from vgtjax.estimation import (
     Calibration,
+    Computation,
     End,
     Progress,
     Question,
-    Steps,
     foreseen,
     foreseen_certificate,
     found_besides,
@@ -102,14 +102,14 @@ def _ahead(job: Job, unit: Unit) -> list[Question]:
     return [*foreseen(task), foreseen_certificate(task)]
 
 
-def _outcome_alone(fit: Steps[Fitted], ahead: Sequence[Question]) -> Fitted | SimulationError:
+def _outcome_alone(fit: Computation[Fitted], ahead: Sequence[Question]) -> Fitted | SimulationError:
     try:
         return run_alone(fit, ahead)
     except SimulationError as error:
         return error
 
 
-def _fitting(job: Job, unit: Unit, folder: pathlib.Path) -> Steps[Fitted]:
+def _fitting(job: Job, unit: Unit, folder: pathlib.Path) -> Computation[Fitted]:
     """The fit of one unit, which keeps its progress on disk and says what it does."""
     who = "" if unit.name is None else f"{unit.name}: "
     saved = ProgressFile(folder, Progress, f"{who}the fit")

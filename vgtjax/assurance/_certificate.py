@@ -11,11 +11,11 @@ from jaxtyping import Float
 from .._types import Coordinates
 from ..estimation import (
     Calibrator,
+    Computation,
     FitProblem,
     LevenbergMarquardt,
     Point,
     Report,
-    Steps,
     misfit_at,
     quiet,
     side_by_side,
@@ -161,7 +161,7 @@ def largest(parts: Iterable[float]) -> float:
     return max((part for part in parts if np.isfinite(part)), default=np.inf)
 
 
-def certified(calibrator: Calibrator, report: Report = quiet) -> Steps[tuple[Calibrator, Certificate]]:
+def certified(calibrator: Calibrator, report: Report = quiet) -> Computation[tuple[Calibrator, Certificate]]:
     """A calibration at its end with its certificate, as a computation; where that fails, and slow traces have longer
     steps than others, a search goes on from there without these, and is asked again.
 
@@ -176,7 +176,7 @@ def certified(calibrator: Calibrator, report: Report = quiet) -> Steps[tuple[Cal
     return finer, (yield from certifying(finer))
 
 
-def certifying(calibrator: Calibrator) -> Steps[Certificate]:
+def certifying(calibrator: Calibrator) -> Computation[Certificate]:
     """The certificate of a calibration at its end, by the derivatives of that place itself, as a computation.
 
     One sweep in reverse mode, two simulations a direction, and two to eight an entry where these disagree.
@@ -231,13 +231,13 @@ def _columns(search: LevenbergMarquardt) -> Float[np.ndarray, "rows coordinates"
 
 def _alone(
     problem: FitProblem, at: Coordinates, columns: Float[np.ndarray, "rows coordinates"], axes: dict[str, Coordinates]
-) -> Steps[dict[str, float]]:
+) -> Computation[dict[str, float]]:
     """Part of the difference along each axis that its column does not explain."""
     found = yield from side_by_side([_difference(problem, at, axis) for axis in axes.values()])
     return {name: _miss(columns @ axis, each) for (name, axis), each in zip(axes.items(), found, strict=True)}
 
 
-def _bounding(problem: FitProblem, at: Coordinates, axes: dict[str, Coordinates]) -> Steps[dict[str, str]]:
+def _bounding(problem: FitProblem, at: Coordinates, axes: dict[str, Coordinates]) -> Computation[dict[str, str]]:
     """Which value the end is, "least" or "most", of axes along which one side alone changes anything.
 
     A column of zeros is right there: the rod that just reaches its end stop bounds the travel from below. A column that
@@ -259,7 +259,7 @@ def _bounding(problem: FitProblem, at: Coordinates, axes: dict[str, Coordinates]
 
 def _difference(
     problem: FitProblem, at: Coordinates, move: Coordinates
-) -> Steps[Float[np.ndarray, " residuals"] | None]:
+) -> Computation[Float[np.ndarray, " residuals"] | None]:
     """Half of the change of the residuals from one side to the other; bounds don't count."""
     ahead, behind = yield from side_by_side([misfit_at(problem, at + move), misfit_at(problem, at - move)])
     return None if ahead is None or behind is None else 0.5 * (ahead - behind)

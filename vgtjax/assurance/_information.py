@@ -12,8 +12,8 @@ from jaxtyping import Float
 from ..estimation import (
     FAINT,
     Calibrator,
+    Computation,
     LeastSquares,
-    Steps,
     Task,
     by_gains,
     least_squares,
@@ -189,7 +189,7 @@ def _lighter(row: Float[np.ndarray, " entries"], other: Float[np.ndarray, " entr
     return min(ways, key=lambda each: np.count_nonzero(np.abs(each) > PART_OF_NULL))
 
 
-def informing(calibrator: Calibrator) -> Steps[Information]:
+def informing(calibrator: Calibrator) -> Computation[Information]:
     """What is known where a calibration stands, as a computation; noise is white, of the size that the signals show."""
     search, task = calibrator.minimiser, calibrator.task
     problem, entries = search.problem, task.selection.entries
@@ -217,7 +217,7 @@ def examine(task: Task) -> Information:
     return run_alone(examining(task))
 
 
-def examining(task: Task) -> Steps[Information]:
+def examining(task: Task) -> Computation[Information]:
     """`examine` as a computation: at the start, or where a few steps lead that meet the traces."""
     calibrator = yield from starting_fit(task)
     search, start = calibrator.minimiser, (yield from informing(calibrator))

@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float
 
 from .._errors import SimulationError
 from .._types import Coordinates
-from ..estimation import Evaluated, FitProblem, Slopes, Steps, ask, side_by_side
+from ..estimation import Computation, Evaluated, FitProblem, Slopes, ask, side_by_side
 
 UNEQUAL = 1e-6
 """Part by which a derivative may differ between forward and reverse mode, which differ by rounding alone: in fits of
@@ -47,7 +47,7 @@ class Modes:
         columns: Columns,
         moves: Float[np.ndarray, "directions coordinates"],
         usable: Bool[np.ndarray, " coordinates"],
-    ) -> Steps["Modes"]:
+    ) -> Computation["Modes"]:
         """Both modes along `moves`, and by each usable coordinate, as a computation.
 
         The product of a random combination of columns with all of them: forward mode has it from the columns
@@ -74,7 +74,9 @@ def _part(differences: Coordinates, lengths: Coordinates) -> Coordinates:
     return np.where(np.isfinite(parts), parts, 1.0)
 
 
-def _pulled(problem: FitProblem, slopes: Slopes, combined: Float[np.ndarray, " rows"]) -> Steps[Coordinates | None]:
+def _pulled(
+    problem: FitProblem, slopes: Slopes, combined: Float[np.ndarray, " rows"]
+) -> Computation[Coordinates | None]:
     """Products of a combination of residuals with all derivatives, by reverse mode; `None` where that failed."""
     asked = problem.evaluation(slopes.at, slopes=True)
     cotangent = problem.pulled(combined, slopes.evaluated.observed)
@@ -88,7 +90,7 @@ def _pulled(problem: FitProblem, slopes: Slopes, combined: Float[np.ndarray, " r
     )
 
 
-def _spread(problem: FitProblem, slopes: Slopes, combined: Float[np.ndarray, " rows"]) -> Steps[Coordinates]:
+def _spread(problem: FitProblem, slopes: Slopes, combined: Float[np.ndarray, " rows"]) -> Computation[Coordinates]:
     """By how much the same products by forward mode differ among places that are nearly one; zero where one failed."""
     signs = np.random.default_rng(SEED).choice([-1.0, 1.0], (NUDGES, len(slopes.at)))
     places = slopes.at * (1 + NUDGE * signs)

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from .._errors import SimulationError
-from ..estimation import CHANNELS, Evaluation, Steps, Task, ask, bundle_traces, by_gains, run_alone
+from ..estimation import CHANNELS, Computation, Evaluation, Task, ask, bundle_traces, by_gains, run_alone
 from ..experiments import STANDARD_RUNS, StandardRun
 from ..parameters import select
 from ..parts import OPERATING_POINTS
@@ -49,7 +49,7 @@ def next_runs(task: Task, known: Information, runs: Sequence[StandardRun] | None
     return run_alone(ranking(task, known, runs))
 
 
-def ranking(task: Task, known: Information, runs: Sequence[StandardRun] | None = None) -> Steps[list[Gain]]:
+def ranking(task: Task, known: Information, runs: Sequence[StandardRun] | None = None) -> Computation[list[Gain]]:
     """`next_runs` as a computation."""
     if "pwm" not in task.model.needs:
         return []
@@ -72,7 +72,7 @@ def _reservoir(task: Task) -> float:
     return float(np.mean(recorded)) if recorded else ASSUMED_RESERVOIR
 
 
-def _columns(task: Task, known: Information, runs: Sequence[StandardRun]) -> Steps[list[np.ndarray]]:
+def _columns(task: Task, known: Information, runs: Sequence[StandardRun]) -> Computation[list[np.ndarray]]:
     """What each run would tell, as rows of [`Information`][], with the noise of the sensors that recorded the others.
 
     Runs that differ in their rate or length only are simulated once, the finest and longest.

@@ -12,10 +12,10 @@ from ..estimation import (
     CHANNELS,
     NORMAL_95,
     Calibrator,
+    Computation,
     LevenbergMarquardt,
     Sensors,
     Slopes,
-    Steps,
     Task,
     first_progress,
     learn_sensors,
@@ -61,7 +61,7 @@ class Truth:
     """s by which the duty is late in all traces."""
 
     @staticmethod
-    def of(task: Task, applied: Sequence[Trace], delay: float = 0.0) -> Steps["Truth"]:
+    def of(task: Task, applied: Sequence[Trace], delay: float = 0.0) -> Computation["Truth"]:
         """As a computation: the model of a task as the truth of its traces.
 
         **Arguments:** `applied`: the traces of the task, with the duty that reached the valve; `delay`: the s by which
@@ -151,7 +151,7 @@ class Refit:
     errors: tuple[float | None, ...] = ()
 
 
-def refitting(truth: Truth, number: int, seed: int) -> Steps[Refit]:
+def refitting(truth: Truth, number: int, seed: int) -> Computation[Refit]:
     """One campaign simulated and fitted, as a computation, from the truth on: so near an end that no search goes before
     the full linear steps that end every fit. These take the derivatives of the truth, as those of any fit, up to three
     standard errors away from where they are from. Sensors are known as the fit of the traces left them until the first
@@ -170,7 +170,7 @@ def refitting(truth: Truth, number: int, seed: int) -> Steps[Refit]:
     return Refit(number, calibration.converged, calibration.verdict, coordinates, tuple(errors))
 
 
-def _begun(calibrator: Calibrator, sensors: Sensors) -> Steps[Calibrator]:
+def _begun(calibrator: Calibrator, sensors: Sensors) -> Computation[Calibrator]:
     """Where a search by these sensors would have ended: what follows are full linear steps, with the derivatives that
     are known."""
     search, task = calibrator.minimiser, calibrator.task

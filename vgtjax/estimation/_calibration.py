@@ -13,7 +13,7 @@ from ..plants import AbstractModel
 from ..traces import SIGNALS, Trace
 from ._least_squares import NORMAL_95, LeastSquares
 from ._task import RUNAWAY, Task
-from .derivatives import CHANNELS, Bundle, Evaluation, Steps, ask, bundle_traces, run_alone
+from .derivatives import CHANNELS, Bundle, Computation, Evaluation, ask, bundle_traces, run_alone
 from .errors import Budget, taken_for_exact
 from .measurements import (
     InputSensor,
@@ -299,7 +299,7 @@ def comparing(
     delay: float = 0.0,
     sensors: Sensors | None = None,
     errors: Sequence[np.ndarray] | None = None,
-) -> Steps[list[TraceResult]]:
+) -> Computation[list[TraceResult]]:
     """`compare` as a computation; `errors` `(time, channel)` of what is observed of every trace as the task reads it,
     those to fit first. Edges are where they are beside this delay, which may be a little beyond that of the task."""
     results, bundles = [], list[Bundle]()

@@ -12,7 +12,7 @@ from ..simulation import model_dtype
 from ._calibration import Calibration
 from ._finish import Lacking, finishing
 from ._task import Task
-from .derivatives import WIDE, Evaluation, Steps, ask, run_alone
+from .derivatives import WIDE, Computation, Evaluation, ask, run_alone
 from .duty import (
     NEAR_ENOUGH,
     asking_beside_edges,
@@ -76,12 +76,12 @@ class Calibrator(AbstractCalibrator):
         """Steps on to the end, calling `report` after every step."""
         return run_alone(self.steps(report))
 
-    def steps(self, report: Report = quiet) -> Steps[Calibration]:
+    def steps(self, report: Report = quiet) -> Computation[Calibration]:
         """`run` as a computation."""
         calibrator = yield from self.ending(report)
         return (yield from calibrator.finishing())
 
-    def ending(self, report: Report = quiet) -> "Steps[Calibrator]":
+    def ending(self, report: Report = quiet) -> "Computation[Calibrator]":
         """`run` as a computation, as far as to the end of all steps."""
         begin = yield from without_ceiling((yield from from_many_starts(self, report)))
         first = yield from searching_once(begin, report)
@@ -98,22 +98,22 @@ class Calibrator(AbstractCalibrator):
         calibrator = yield from calibrator.corrected_to_its_end(report)
         return (yield from reading_both_ways(calibrator, report))
 
-    def at(self, progress: Progress) -> "Steps[Calibrator]":
+    def at(self, progress: Progress) -> "Computation[Calibrator]":
         """The same task at another place."""
         return (yield from starting(self.task, progress, self.notes))
 
-    def corrected(self, progress: Progress) -> "Steps[Calibrator]":
+    def corrected(self, progress: Progress) -> "Computation[Calibrator]":
         """The same task at a place of its corrections, with the derivatives that are known."""
         search = self.minimiser
         return (yield from corrected_calibration(self.task, search.problem, progress, search.slopes, self.notes))
 
-    def searching_from(self, progress: Progress, report: Report = quiet) -> "Steps[Calibrator]":
+    def searching_from(self, progress: Progress, report: Report = quiet) -> "Computation[Calibrator]":
         """A search of the same task to its end, from another place."""
         calibrator = yield from self.at(progress)
         report(calibrator.minimiser.progress)
         return (yield from searching(calibrator, report))
 
-    def corrected_to_its_end(self, report: Report) -> "Steps[Calibrator]":
+    def corrected_to_its_end(self, report: Report) -> "Computation[Calibrator]":
         """A search that has ended, after all of its corrections."""
         calibrator = self
         while (following := (yield from calibrator.correcting())) is not None:
@@ -121,7 +121,7 @@ class Calibrator(AbstractCalibrator):
             report(calibrator.minimiser.progress)
         return calibrator
 
-    def linearised_around(self) -> "Steps[Calibrator]":
+    def linearised_around(self) -> "Computation[Calibrator]":
         """The same place of its corrections, with derivatives over all that its errors leave possible."""
         search = self.minimiser
         here, clip = np.array(search.progress.coordinates), search.problem.transform.clip
@@ -135,7 +135,7 @@ class Calibrator(AbstractCalibrator):
         """The next correction of a search that has converged, or `None` where there is none, or none that matters."""
         return run_alone(self.correcting())
 
-    def correcting(self) -> "Steps[Calibrator | None]":
+    def correcting(self) -> "Computation[Calibrator | None]":
         """`correct` as a computation; the first correction, which moves nothing, is asked for by several questions and
         made once."""
         progress = self.minimiser.progress
@@ -150,7 +150,7 @@ class Calibrator(AbstractCalibrator):
         """What came of it: values, covariance, and every trace simulated with them."""
         return run_alone(self.finishing())
 
-    def finishing(self) -> Steps[Calibration]:
+    def finishing(self) -> Computation[Calibration]:
         """`finish` as a computation."""
         lacking = Lacking((yield from unanswered(self)), (yield from unanswered_directions(self)))
         return (yield from finishing(self.task, self.minimiser, self.sensors, self.notes, lacking))
@@ -168,7 +168,7 @@ def start_calibration(task: Task, resume: Progress | None = None) -> Calibrator:
 
 def starting(
     task: Task, resume: Progress | None = None, notes: tuple[str, ...] = (), slopes: Slopes | None = None
-) -> Steps[Calibrator]:
+) -> Computation[Calibrator]:
     """`start_calibration` as a computation; `slopes` are derivatives where it begins, if they are known."""
     if model_dtype(task.model) != np.float64:
         raise InputError(
@@ -238,7 +238,7 @@ def _foreseen_of_delay(task: Task, problem: FitProblem, progress: Progress) -> l
 
 def corrected_calibration(
     task: Task, problem: FitProblem, progress: Progress, slopes: Slopes, notes: tuple[str, ...]
-) -> Steps[Calibrator]:
+) -> Computation[Calibrator]:
     """A calibration among its corrections: what the fit so far tells of sensors and numerical errors goes into it."""
     here = np.array(progress.coordinates)
     problem = dataclasses.replace(problem, transform=transform_of(task, progress))
@@ -268,7 +268,7 @@ def corrected_calibration(
     return Calibrator(task, sensors, LevenbergMarquardt(problem, progress, slopes, point), notes)
 
 
-def _sharp(task: Task, asked: Evaluation) -> Steps[list[Float[np.ndarray, "time channel"]]]:
+def _sharp(task: Task, asked: Evaluation) -> Computation[list[Float[np.ndarray, "time channel"]]]:
     """What would be observed of every trace without a smooth seat and long steps."""
     bundles = sharp_bundles(task.model, task.traces, task.stepping)
     return (yield from observe_traces(with_sharp_seat(asked.model), bundles, task.traces, asked.delay))

@@ -15,7 +15,7 @@ from ._calibration import Calibration, comparing
 from ._found import found_besides, traces_met
 from ._least_squares import LeastSquares, finite_columns, least_squares, windowed_gram
 from ._task import Task
-from .derivatives import CHANNELS, Steps, ask, bundle_traces
+from .derivatives import CHANNELS, Computation, ask, bundle_traces
 from .errors import Bands, Budget, by_gains, predicted_spread, uncertain_gains
 from .measurements import Sensors, turns
 from .search import LevenbergMarquardt
@@ -51,7 +51,7 @@ HOLD, DRIVE, SLOW = "hold of the duty", "sensor of the drive", "derivatives of s
 
 def finishing(
     task: Task, search: LevenbergMarquardt, sensors: Sensors, notes: tuple[str, ...], lacking: Lacking
-) -> Steps[Calibration]:
+) -> Computation[Calibration]:
     """The result, as a computation."""
     problem, progress, transform = search.problem, search.progress, search.problem.transform
     everything, count = search.uncertainty(), len(task.selection.entries)
@@ -103,7 +103,7 @@ Rows = Float[np.ndarray, "moves coordinates"]
 """By how much coordinates move, whose products with themselves add up to a covariance."""
 
 
-def _beside(task: Task, search: LevenbergMarquardt) -> Steps[Iterable[tuple[str, Rows]]]:
+def _beside(task: Task, search: LevenbergMarquardt) -> Computation[Iterable[tuple[str, Rows]]]:
     """What moves the end of a search beside the noise of what was fitted, by the source."""
     moved = {**_moved_by_gains(task, search), **(yield from _moved_by_tolerances(task, search))}
     found = {name: each[None] for name, each in moved.items()}
@@ -186,7 +186,7 @@ def _moved_by_gains(task: Task, search: LevenbergMarquardt) -> Moved:
     return {name: _followed(search, column) for name, column in zip(names, columns.T, strict=True)}
 
 
-def _moved_by_tolerances(task: Task, search: LevenbergMarquardt) -> Steps[Moved]:
+def _moved_by_tolerances(task: Task, search: LevenbergMarquardt) -> Computation[Moved]:
     """By how much every coordinate moves when one that is held moves by its tolerance, to first order."""
     if not task.tolerances:
         return {}
@@ -202,7 +202,7 @@ def _followed(search: LevenbergMarquardt, change: Float[np.ndarray, " rows"]) ->
     return least_squares(search.point.columns, rows).values
 
 
-def _moved_by_inputs(task: Task, search: LevenbergMarquardt) -> Steps[Rows]:
+def _moved_by_inputs(task: Task, search: LevenbergMarquardt) -> Computation[Rows]:
     """How far every coordinate moves, to first order, when the pressure that drives a trace is measured once more: one
     row for each trace and experiment, whose products add up to a covariance.
 
@@ -232,7 +232,7 @@ def _moved_by_inputs(task: Task, search: LevenbergMarquardt) -> Steps[Rows]:
     return np.concatenate([np.array(mine) / np.sqrt(len(mine)) for mine in moves])
 
 
-def _bands(task: Task, search: LevenbergMarquardt, covariance: Covariance, lacking: Coordinates) -> Steps[Bands]:
+def _bands(task: Task, search: LevenbergMarquardt, covariance: Covariance, lacking: Coordinates) -> Computation[Bands]:
     """Standard errors of what is observed of all traces, by the covariance of the coordinates of the entries, and by
     what that of all `lacking` coordinates has more.
 

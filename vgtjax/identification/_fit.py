@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from .._errors import InputError
-from ..estimation import Calibration, Calibrator, Progress, Steps, Task, Unknown, plan_task, run_alone, starting
+from ..estimation import Calibration, Calibrator, Computation, Progress, Task, Unknown, plan_task, run_alone, starting
 from ..parameters import Bounds
 from ..parts import NoVaneForce
 from ..plants import AbstractModel, AbstractRodModel, require_physical
@@ -108,7 +108,7 @@ def start_fit(task: Task, resume: Progress | None = None) -> Calibrator:
     return run_alone(starting_fit(task, resume))
 
 
-def starting_fit(task: Task, resume: Progress | None = None) -> Steps[Calibrator]:
+def starting_fit(task: Task, resume: Progress | None = None) -> Computation[Calibrator]:
     """`start_fit` as a computation, for [`run_together`][]."""
     if resume is not None:
         return (yield from starting(task, resume))

@@ -9,7 +9,7 @@ from typing import Any
 
 from vgtjax import SimulationError
 from vgtjax.assurance import NOTHING, Gain, Information, examining, ranking, remedies
-from vgtjax.estimation import Steps, foreseen, run_alone, run_together
+from vgtjax.estimation import Computation, foreseen, run_alone, run_together
 
 from ...fit.plan import plan
 from ...output.console import console, say_notes
@@ -106,7 +106,7 @@ def _check(units: list[Unit], job: Job) -> dict[str | None, Checked]:
     return {unit.name: found[unit.name] for unit in units}
 
 
-def _checking(job: Job, unit: Unit) -> Steps[Checked]:
+def _checking(job: Job, unit: Unit) -> Computation[Checked]:
     task = plan(job, unit)
     known = yield from examining(task)
     return Checked(known, (yield from ranking(task, known)), exact=taken_for_exact(task))

@@ -9,7 +9,7 @@ import numpy as np
 
 import vgtjax
 from vgtjax.assurance import certifying, examining, ranking
-from vgtjax.estimation import VAGUE, Steps, run_alone, run_together
+from vgtjax.estimation import VAGUE, Computation, run_alone, run_together
 from vgtjax.identification import plan_fit, starting_fit
 
 from ...fit.beforehand import knowing
@@ -62,7 +62,7 @@ def measure() -> Section:
     return section
 
 
-def _asking(unit: vgtjax.Actuator, seed: int) -> Steps[tuple[Ratios, Ratios]]:
+def _asking(unit: vgtjax.Actuator, seed: int) -> Computation[tuple[Ratios, Ratios]]:
     """Errors claimed by errors expected, and factors by which the run that ranks first lowers them by those said."""
     rng = np.random.default_rng(seed)
     traces = [trace for trace in record(unit, rng, FAULTS[0]) if trace.name in KINDS]
@@ -80,7 +80,7 @@ def _asking(unit: vgtjax.Actuator, seed: int) -> Steps[tuple[Ratios, Ratios]]:
     )
 
 
-def _claims(traces: Sequence[vgtjax.Trace]) -> Steps[dict[str, float]]:
+def _claims(traces: Sequence[vgtjax.Trace]) -> Computation[dict[str, float]]:
     """Standard errors that a fit claims, in its coordinates, as they are expected; infinite where not determined."""
     calibrator = yield from starting_fit(plan_fit(vgtjax.Actuator(), traces))
     found = yield from calibrator.steps()
@@ -119,6 +119,6 @@ def _cost() -> tuple[float, float]:
     return float(np.median(alone[1:])), float(np.median(more[1:]))
 
 
-def _timed(steps: Steps[T]) -> tuple[T, float]:
+def _timed(steps: Computation[T]) -> tuple[T, float]:
     began = time.perf_counter()
     return run_alone(steps), time.perf_counter() - began

@@ -10,7 +10,7 @@ from jaxtyping import Float, Int
 
 import vgtjax
 from vgtjax import SimulationError
-from vgtjax.estimation import Steps, run_together
+from vgtjax.estimation import Computation, run_together
 from vgtjax.identification import plan_fit, starting_fit
 from vgtjax.parameters import parameter_table, select
 
@@ -104,7 +104,7 @@ def summary_of(errors: Float[np.ndarray, "campaigns entries"]) -> tuple[str, ...
     )
 
 
-def fitting(traces: list[vgtjax.Trace], model: vgtjax.AbstractModel | None = None) -> Steps[vgtjax.Calibration]:
+def fitting(traces: list[vgtjax.Trace], model: vgtjax.AbstractModel | None = None) -> Computation[vgtjax.Calibration]:
     """A fit as the command line has it, as a computation; of the printed actuator, if nothing else is given."""
     calibrator = yield from starting_fit(plan_fit(vgtjax.Actuator() if model is None else model, traces))
     return (yield from calibrator.steps())

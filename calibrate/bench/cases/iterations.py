@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 import vgtjax
-from vgtjax.estimation import Progress, Steps, build_fit_problem, run_alone
+from vgtjax.estimation import Computation, Progress, build_fit_problem, run_alone
 from vgtjax.identification import identify, plan_fit, starting_fit
 from vgtjax.parameters import build_transform
 
@@ -113,7 +113,7 @@ def _identified(model: Any, traces: list[vgtjax.Trace]) -> tuple[Any, float]:
 def _fit(model: Any, traces: list[vgtjax.Trace]) -> _Fitted:
     asked, history, began = collections.Counter[str](), list[float](), time.process_time()
 
-    def whole() -> Steps[Any]:
+    def whole() -> Computation[Any]:
         calibrator = yield from starting_fit(plan_fit(model, traces))
         history.extend(calibrator.minimiser.progress.history)
         return (yield from calibrator.steps())
@@ -122,7 +122,7 @@ def _fit(model: Any, traces: list[vgtjax.Trace]) -> _Fitted:
     return _Fitted(found.progress, history, asked, time.process_time() - began)
 
 
-def counted(computation: Steps[T], asked: collections.Counter[str]) -> Steps[T]:
+def counted(computation: Computation[T], asked: collections.Counter[str]) -> Computation[T]:
     """The same computation, counting what it asks of the simulator; products in reverse mode are no Jacobians."""
     answers: Any = None
     while True:

@@ -9,8 +9,8 @@ from support import duty_trace
 import vgtjax
 from vgtjax import FixedStep
 from vgtjax.estimation import (
+    Computation,
     Progress,
-    Steps,
     Unknown,
     plan_task,
     start_calibration,
@@ -103,7 +103,7 @@ def test_a_search_that_ended_a_sample_beside_the_delay_finds_it(late, sample):
 def test_a_misfit_above_the_noise_is_asked_of_a_delay_of_which_no_slope_tells(late, monkeypatch):
     """At a delay of none the misfit may have a minimum of its own."""
 
-    def tells_of_none(*_: object) -> Steps[None]:
+    def tells_of_none(*_: object) -> Computation[None]:
         return None
         yield
 
@@ -127,7 +127,7 @@ def test_a_duty_that_went_in_a_line_is_told_from_a_held_one(plain, late):
 def test_a_duty_that_comes_early_is_read_as_linear_where_its_delay_does_not_tell(monkeypatch):
     """No duty comes early; one that was linear is met as well when it is read so, and on time."""
 
-    def tells_nothing(task: object, search: object) -> Steps[Holds]:
+    def tells_nothing(task: object, search: object) -> Computation[Holds]:
         return Holds((), 0.0, False)
         yield
 

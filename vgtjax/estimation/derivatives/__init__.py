@@ -2,9 +2,9 @@
 
 from ._bundle import CHANNELS as CHANNELS, Bundle as Bundle, bundle_traces as bundle_traces
 from ._evaluation import (
+    Computation as Computation,
     Evaluated as Evaluated,
     Evaluation as Evaluation,
-    Steps as Steps,
     ask as ask,
     side_by_side as side_by_side,
 )

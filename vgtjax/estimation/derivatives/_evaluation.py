@@ -92,18 +92,18 @@ class Evaluated:
         return [found[index] for index in range(len(found))]
 
 
-Steps = Generator[Sequence[Evaluation], Sequence[Evaluated] | None, T]
+Computation = Generator[Sequence[Evaluation], Sequence[Evaluated] | None, T]
 """A computation that asks for evaluations, some at a time, on its way to a result of type `T`."""
 
 
-def ask(evaluation: Evaluation) -> Steps[Evaluated]:
+def ask(evaluation: Evaluation) -> Computation[Evaluated]:
     """The answer to a question, inside of a computation."""
     answers = yield (evaluation,)
     assert answers is not None, "a computation goes on with an answer"
     return answers[0]
 
 
-def side_by_side(computations: Sequence[Steps[T]], at_once: int | None = None) -> Steps[list[T]]:
+def side_by_side(computations: Sequence[Computation[T]], at_once: int | None = None) -> Computation[list[T]]:
     """One computation of many: what they ask at the same time is asked at once, of all or of `at_once` under way."""
     results, asked = dict[int, T](), dict[int, Sequence[Evaluation]]()
     waiting = deque(range(len(computations)))

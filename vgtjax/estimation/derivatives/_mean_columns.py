@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Bool
 
 from ..._errors import SimulationError
-from ._evaluation import Evaluated, Steps
+from ._evaluation import Computation, Evaluated
 
 FAR_OUT = 3.0
 """Times the median size of a row over all places from which it is left out at one."""
@@ -25,10 +25,10 @@ Believed = list[Bool[np.ndarray, "places ..."]]
 
 def mean_columns(
     own: Columns,
-    others: Sequence[Callable[[], Steps[Evaluated]]],
+    others: Sequence[Callable[[], Computation[Evaluated]]],
     units: Sequence[np.ndarray],
     believed: Believed | None = None,
-) -> Steps[tuple[Columns, Believed]]:
+) -> Computation[tuple[Columns, Believed]]:
     """The mean of columns at an end and at `others` around it, without those where a simulation fails, and which rows
     of which place are in it.
 

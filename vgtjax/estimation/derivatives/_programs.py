@@ -18,7 +18,7 @@ from ..._kept import preparing
 from ..._lanes import fill_devices, map_rows, share_out
 from ...parts import has_tables
 from ...simulation import RESULTS
-from ._evaluation import Arguments, Evaluated, Evaluation, Steps
+from ._evaluation import Arguments, Computation, Evaluated, Evaluation
 from ._sensitivities import observe, observe_backwards, observe_together, observe_with_jacobian, prepare
 from ._trajectories import Segments
 
@@ -41,7 +41,7 @@ WAVES = 4
 """Programs that all fits under way fill: with fewer, the last ones run half empty more often."""
 
 
-def run_alone(computation: Steps[T], foreseen: Sequence[Question] = ()) -> T:
+def run_alone(computation: Computation[T], foreseen: Sequence[Question] = ()) -> T:
     """Drives one computation to its end; each evaluation is spread over all devices, or many of one question are.
 
     **Arguments:** `foreseen`: what it will ask, whose programs are compiled beside it.
@@ -56,7 +56,7 @@ def compiling_ahead(questions: Iterable[Question]) -> contextlib.AbstractContext
     return preparing(questions, _prepare_alone)
 
 
-def _run_alone(computation: Steps[T]) -> T:
+def _run_alone(computation: Computation[T]) -> T:
     answers: Answer | None = None
     while isinstance(came := _go_on(computation, answers), _Asked):
         answers = _answer_alone(came.question)
@@ -74,7 +74,7 @@ def _answer_alone(question: Question) -> Answer:
 
 
 def run_together(
-    computations: Mapping[Name, Steps[T]],
+    computations: Mapping[Name, Computation[T]],
     finished: Callable[[Name, T | SimulationError], None],
     foreseen: Sequence[Question] = (),
 ) -> None:
@@ -88,8 +88,10 @@ def run_together(
         _run_together(computations, finished)
 
 
-def _run_together(computations: Mapping[Name, Steps[T]], finished: Callable[[Name, T | SimulationError], None]) -> None:
-    waiting, running, board = deque(computations.items()), dict[Name, Steps[T]](), _Board[Name](_width_together())
+def _run_together(
+    computations: Mapping[Name, Computation[T]], finished: Callable[[Name, T | SimulationError], None]
+) -> None:
+    waiting, running, board = deque(computations.items()), dict[Name, Computation[T]](), _Board[Name](_width_together())
     with ThreadPoolExecutor(os.cpu_count()) as threads:
         answered: list[tuple[Name, Answer | None]] = []
         while waiting or running or answered:
@@ -109,7 +111,7 @@ def _run_together(computations: Mapping[Name, Steps[T]], finished: Callable[[Nam
             answered = list(board.answered())
 
 
-def _go_on(computation: Steps[T], answers: Answer | None) -> "_Asked | T | SimulationError":
+def _go_on(computation: Computation[T], answers: Answer | None) -> "_Asked | T | SimulationError":
     """What a computation asks for next, or what came of it."""
     try:
         return _Asked(computation.send(answers))

@@ -10,7 +10,7 @@ from jaxtyping import Bool
 from .._calibration import Calibration
 from .._calibrator import Calibrator
 from .._least_squares import FACTOR, NORMAL_95
-from ..derivatives import Steps, run_alone
+from ..derivatives import Computation, run_alone
 from ._profiles import Profiles, profiling
 from ._slices import WORDS, End, Slices, slicing
 
@@ -94,7 +94,7 @@ def look_around(calibrator: Calibrator, profiles: Literal["flagged", "all", "non
     return run_alone(looking_around(calibrator, profiles))
 
 
-def looking_around(calibrator: Calibrator, profiles: Literal["flagged", "all", "none"]) -> Steps[Around]:
+def looking_around(calibrator: Calibrator, profiles: Literal["flagged", "all", "none"]) -> Computation[Around]:
     """`look_around` as a computation."""
     end = End.of(calibrator)
     slices = yield from slicing(end)

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..._types import Coordinates
 from .._least_squares import NORMAL_95
-from ..derivatives import Steps, side_by_side
+from ..derivatives import Computation, side_by_side
 from ._slices import DOWNHILL, HONEST, End, pseudo_inverse
 
 RISE_95 = NORMAL_95**2
@@ -77,7 +77,7 @@ class Profiles:
     evaluations: int
 
 
-def profiling(end: End, entries: Sequence[str], most: int = MOST_PROFILES) -> Steps[Profiles]:
+def profiling(end: End, entries: Sequence[str], most: int = MOST_PROFILES) -> Computation[Profiles]:
     """Profiles of the first entries, `most` of them, as a computation; those not determined have none."""
     told = dict(zip(end.entries, end.found.tells(end.problem.transform.positive), strict=True))
     wanted = [entry for entry in entries if told[entry]]
@@ -106,14 +106,14 @@ class _Held:
         self.along = -self.inverse @ triangle[:, number]
         self.along[number] = 1.0
 
-    def profile(self) -> Steps[Profile]:
+    def profile(self) -> Computation[Profile]:
         """Both sides, each until the misfit has risen enough."""
         below, above = yield from side_by_side([self._side(-1.0), self._side(1.0)])
         reaches, values = zip(*sorted([(0.0, 0.0), *below.rows, *above.rows]), strict=True)
         name = self.end.entries[self.number]
         return Profile(name, self.error, reaches, values, (below.end, above.end), (below.limit, above.limit))
 
-    def _side(self, side: float) -> Steps["_Side"]:
+    def _side(self, side: float) -> Computation["_Side"]:
         rows = [(0.0, 0.0)]
         extra, limit = np.zeros(len(self.along)), side * np.inf
         for reach in REACHES:
@@ -132,7 +132,7 @@ class _Held:
             rows.insert(1, (middle / self.error, rise))
         return _Side(rows[1:], side * _crossing(rows), limit)
 
-    def _at(self, reach: float, extra: Coordinates) -> Steps[tuple[float, float, Coordinates]]:
+    def _at(self, reach: float, extra: Coordinates) -> Computation[tuple[float, float, Coordinates]]:
         """How far the held coordinate went, the lowest rise that linear steps of the others found there, and what they
         went beyond the first of them."""
         end, fixed = self.end, self.end.at[self.number] + reach * self.error

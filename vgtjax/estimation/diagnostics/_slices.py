@@ -14,7 +14,7 @@ from jaxtyping import Float
 from ..._types import Coordinates
 from .._calibrator import Calibrator
 from .._least_squares import NULL, LeastSquares
-from ..derivatives import Steps, side_by_side
+from ..derivatives import Computation, side_by_side
 from ..measurements import FitProblem
 from ..search import Point, misfit_at
 
@@ -66,7 +66,7 @@ class End:
         """The nearest coordinates inside the bounds."""
         return np.asarray(self.problem.transform.clip(coordinates))
 
-    def residuals(self, coordinates: Coordinates) -> Steps[Float[np.ndarray, " residuals"] | None]:
+    def residuals(self, coordinates: Coordinates) -> Computation[Float[np.ndarray, " residuals"] | None]:
         """What the misfit is made of elsewhere; `None` where a simulation fails."""
         return misfit_at(self.problem, coordinates)
 
@@ -205,7 +205,7 @@ class Slices:
         return sorted(worst, key=lambda name: -worst[name])
 
 
-def slicing(end: End) -> Steps[Slices]:
+def slicing(end: End) -> Computation[Slices]:
     """Slices along all directions, as a computation."""
     sizes = np.max(np.abs(end.directions.loadings), axis=0, initial=0.0)
     wanted, evaluations = [], 0
@@ -228,7 +228,7 @@ def slicing(end: End) -> Steps[Slices]:
     return Slices(found, len(sizes) - len(found), evaluations)
 
 
-def _slice(end: End, direction: int, reaches: Sequence[float]) -> Steps[Slice]:
+def _slice(end: End, direction: int, reaches: Sequence[float]) -> Computation[Slice]:
     move = end.directions.moves[:, direction]
     places = [end.clipped(end.at + reach * move) for reach in reaches]
     residuals = yield from side_by_side([end.residuals(there) for there in places])

@@ -8,7 +8,7 @@ from jaxtyping import Float, Int
 
 from .._calibration import Calibration, comparing
 from .._least_squares import LeastSquares, estimate_uncertainty, finite_columns, reduce_rows
-from ..derivatives import CHANNELS, Evaluated, Steps
+from ..derivatives import CHANNELS, Computation, Evaluated
 from ..measurements import FitProblem, Sensors
 from ..search import LevenbergMarquardt, Progress, Slopes, problem_of, transform_of
 
@@ -40,7 +40,7 @@ class Linearised:
     evaluated: Evaluated
 
     @staticmethod
-    def of(calibration: Calibration) -> Steps["Linearised"]:
+    def of(calibration: Calibration) -> Computation["Linearised"]:
         """As a computation: the derivatives where the fit has ended."""
         at, late = np.array(calibration.progress.coordinates), dataclasses.replace(calibration.progress, late=True)
         problem = problem_of(calibration.task, late)
@@ -55,7 +55,7 @@ class Linearised:
         ]
         return self.problem.with_sensors(self.calibration.task.traces, own)
 
-    def searched(self, sensors: Sensors) -> Steps["Linearised"]:
+    def searched(self, sensors: Sensors) -> Computation["Linearised"]:
         """Where the search ends in the weights of these sensors, which are not those of the fit itself."""
         problem = _own(self._with_noise(sensors), self.calibration)
         search = yield from LevenbergMarquardt.begin(problem, Progress(tuple(self.at.tolist())))
@@ -106,7 +106,7 @@ def _own(problem: FitProblem, calibration: Calibration) -> FitProblem:
     return dataclasses.replace(problem, transform=transform_of(calibration.task, calibration.progress))
 
 
-def _with_delay(problem: FitProblem, slopes: Slopes, calibration: Calibration) -> Steps[Evaluated]:
+def _with_delay(problem: FitProblem, slopes: Slopes, calibration: Calibration) -> Computation[Evaluated]:
     """What is observed, and its derivatives, that with respect to the delay of the duty included. Where the fit took
     that for timely it is asked by itself, as the fit has done: another program would compile for ten seconds."""
     if problem.late_duty and not calibration.progress.late:

@@ -9,7 +9,7 @@ from ..._errors import SimulationError
 from ..._types import Coordinates
 from ...parameters import Transform
 from .._least_squares import LeastSquares
-from ..derivatives import Steps
+from ..derivatives import Computation
 from ..search import FARTHEST, AbstractCalibrator
 
 Combinations = Float[np.ndarray, "directions coordinates"]
@@ -23,7 +23,7 @@ def holding(calibrator: AbstractCalibrator, vague: Combinations) -> LeastSquares
 
 def answers_beside(
     calibrator: AbstractCalibrator, along: Coordinates, vague: Combinations, *, least: float, most: float = 1.0
-) -> Steps[list[tuple[float, Coordinates]]]:
+) -> Computation[list[tuple[float, Coordinates]]]:
     """Places to either side of an end, as parts of a move, and by how much the linear problem there would go back.
 
     A side is left out where a bound, or what a linear model reaches, is nearer than the part `least`, and where a

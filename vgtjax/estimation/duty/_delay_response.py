@@ -11,7 +11,7 @@ an end solves `J^T r = 0` with derivatives `J` of another model than that of the
 import numpy as np
 
 from ..._types import Coordinates
-from ..derivatives import Steps
+from ..derivatives import Computation
 from ..search import AbstractCalibrator
 from ._answers import answers_beside, holding
 
@@ -21,7 +21,7 @@ NEAREST = 0.5
 """Standard errors by which the delay must be moved: the sharp model chatters by about a tenth of one."""
 
 
-def unanswered(calibrator: AbstractCalibrator) -> Steps[Coordinates]:
+def unanswered(calibrator: AbstractCalibrator) -> Computation[Coordinates]:
     """What the errors of an end lack as the sharp model answers a delay less than promised: a move of the coordinates,
     whose product with itself is to be added to their covariance.
 

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 
 from .._task import Task
-from ..derivatives import CHANNELS, Steps
+from ..derivatives import CHANNELS, Computation
 from ..measurements import (
     EVIDENT,
     FitProblem,
@@ -19,7 +19,7 @@ from ..measurements import (
 from ..search import LevenbergMarquardt, Point, meets_noise, most_left, transform_of
 
 
-def delay_told(task: Task, search: LevenbergMarquardt) -> Steps[float | None]:
+def delay_told(task: Task, search: LevenbergMarquardt) -> Computation[float | None]:
     """The coordinate of the delay that traces tell of where a search ended that took the duty for timely; `None` where
     they tell of none."""
     found = (yield from _with_delay(task, search)).uncertainty(search.problem.count)
@@ -50,7 +50,7 @@ def leaves_only_noise(task: Task, search: LevenbergMarquardt) -> bool:
     return meets_noise(search) or _leaves_noise(task, search)
 
 
-def holds_of_duty(task: Task, search: LevenbergMarquardt) -> Steps[Holds | None]:
+def holds_of_duty(task: Task, search: LevenbergMarquardt) -> Computation[Holds | None]:
     """How duties were held by what the traces tell where a search ended; `None` where that is not to be asked."""
     progress, problem = search.progress, search.problem
     if not (task.unknown.duty_hold and progress.converged and progress.hold_decided is None) or progress.lost:
@@ -67,7 +67,7 @@ def holds_of_duty(task: Task, search: LevenbergMarquardt) -> Steps[Holds | None]
     return holds if progress.late or beside or not holds.linear else Holds((), delay, False)
 
 
-def holds_beside_edges(task: Task, search: LevenbergMarquardt, knowing: FitProblem) -> Steps[Holds]:
+def holds_beside_edges(task: Task, search: LevenbergMarquardt, knowing: FitProblem) -> Computation[Holds]:
     """How duties were held by what traces without edges tell, whatever the times of the edges of the others.
 
     **Arguments:** `knowing`: the problem of the search, knowing what edges move.
@@ -90,7 +90,7 @@ def _held(task: Task) -> list[float]:
     return [sample_interval(trace) for trace in task.fit if len(trace.edges())]
 
 
-def _with_delay(task: Task, search: LevenbergMarquardt, problem: FitProblem | None = None) -> Steps[Point]:
+def _with_delay(task: Task, search: LevenbergMarquardt, problem: FitProblem | None = None) -> Computation[Point]:
     """The linear problem where a search stands, with the delay of the duty free; by default that of the search."""
     here = np.asarray(search.progress.coordinates)
     transform = transform_of(task, dataclasses.replace(search.progress, late=True))

@@ -4,19 +4,19 @@ import dataclasses
 
 import numpy as np
 
-from ..derivatives import Steps
+from ..derivatives import Computation
 from ..measurements import PERCEPTIBLE, Late, as_recorded, read_duties, sample_interval
 from ..search import C, Progress, Report, beginning_again, first_progress, meets_noise, quiet
 from ._duty import delay_told, holds_beside_edges, holds_of_duty, leaves_only_noise, may_be_linear
 from ._edges import NEAR_ENOUGH, ROUNDS, alike, edges_of, find_edges, moved, possible, show_in, whole_samples
 
 
-def asking_of_duty(calibrator: C, report: Report) -> Steps[C]:
+def asking_of_duty(calibrator: C, report: Report) -> Computation[C]:
     """A search that has ended once, gone on to its end where the duty is read as the traces tell."""
     return (yield from asking_beside_edges((yield from _asking(calibrator, report)), report))
 
 
-def asking_beside_edges(calibrator: C, report: Report) -> Steps[C]:
+def asking_beside_edges(calibrator: C, report: Report) -> Computation[C]:
     """What is asked last, where edges are known: a delay beside them, and whether the hold of others is decided."""
     ended = yield from _asking_of_delay_beside_edges(calibrator, report)
     progress = ended.minimiser.progress
@@ -28,7 +28,7 @@ def asking_beside_edges(calibrator: C, report: Report) -> Steps[C]:
     return ended
 
 
-def _asking(calibrator: C, report: Report) -> Steps[C]:
+def _asking(calibrator: C, report: Report) -> Computation[C]:
     """Slow traces beside edges are asked first, then edges that differ, also before a search begins again that may be
     stuck because of them."""
     calibrator = yield from _asking_of_slow_holds(calibrator, report)
@@ -44,7 +44,7 @@ def _asking(calibrator: C, report: Report) -> Steps[C]:
     return (yield from _asking_of_edges(ended, report))
 
 
-def _asking_of_hold(calibrator: C, report: Report) -> Steps[C]:
+def _asking_of_hold(calibrator: C, report: Report) -> Computation[C]:
     """The search begun again where the traces tell of a late duty, or of one that was not held between samples.
 
     What they tell is read without numerical errors: a smooth seat alone made a duty late by five standard errors.
@@ -77,7 +77,7 @@ def _asking_of_hold(calibrator: C, report: Report) -> Steps[C]:
     return (yield from ended.searching_from(onward.reading_duty(coordinates, holds.linear), report))
 
 
-def _reading_early_as_linear(ended: C, report: Report) -> Steps[C]:
+def _reading_early_as_linear(ended: C, report: Report) -> Computation[C]:
     """The search gone on with every duty linear between samples and on time, where one was found that comes early,
     which none does, if it meets the traces as well so. The plunger's time constants make up for a part of half a
     sample, so that delays by kind of trace do not always tell."""
@@ -100,7 +100,7 @@ def _reading_early_as_linear(ended: C, report: Report) -> Steps[C]:
     return other
 
 
-def _asking_of_slow_holds(calibrator: C, report: Report) -> Steps[C]:
+def _asking_of_slow_holds(calibrator: C, report: Report) -> Computation[C]:
     """The search begun again where traces without edges tell that their duty was linear between samples, whatever the
     edges of the others, which a search would else move to where such a duty, read half a sample late, wants them."""
     task, search, edges = calibrator.task, calibrator.minimiser, as_recorded(calibrator.task.fit)
@@ -117,7 +117,7 @@ def _asking_of_slow_holds(calibrator: C, report: Report) -> Steps[C]:
     return (yield from _reading_as_linear(calibrator, search.progress.reading_duty(begin, holds.linear), report))
 
 
-def _reading_as_linear(ended: C, onward: Progress, report: Report) -> Steps[C]:
+def _reading_as_linear(ended: C, onward: Progress, report: Report) -> Computation[C]:
     """The search gone on with a duty that is linear between samples, if that is evidently better. What is tried is not
     reported: a fit that is interrupted meanwhile tries it again."""
     progress = ended.minimiser.progress
@@ -128,7 +128,7 @@ def _reading_as_linear(ended: C, onward: Progress, report: Report) -> Steps[C]:
     return other
 
 
-def _asking_of_delay(calibrator: C, report: Report) -> Steps[C]:
+def _asking_of_delay(calibrator: C, report: Report) -> Computation[C]:
     """The search with a free delay where the traces tell of one, or else the first correction of this one.
 
     Where something else than noise is left they are searched for a delay as well: at a delay of none the misfit may
@@ -146,7 +146,7 @@ def _asking_of_delay(calibrator: C, report: Report) -> Steps[C]:
     return late if told or (not late.is_lost() and leaves_only_noise(late.task, late.minimiser)) else timely
 
 
-def _asking_of_edges(calibrator: C, report: Report, *, differing: bool = False) -> Steps[C]:
+def _asking_of_edges(calibrator: C, report: Report, *, differing: bool = False) -> Computation[C]:
     """The search with the times of the duty's edges free, where the misfit stays above the noise and this brings it
     down to that; if `differing`, only of edges whose times differ by parts of a sample, which no delay explains. These
     are asked of any search: two campaigns of 25 had them that left 1.04 times the noise, and values that were off by
@@ -201,7 +201,7 @@ def _asking_of_edges(calibrator: C, report: Report, *, differing: bool = False) 
     return best
 
 
-def _asking_of_delay_beside_edges(ended: C, report: Report) -> Steps[C]:
+def _asking_of_delay_beside_edges(ended: C, report: Report) -> Computation[C]:
     """The search with a free delay, where edges are known and traces without any, linear between samples, tell of one.
 
     What computes such a duty holds it for a while as well, a millisecond for instance, so that it comes half of that
@@ -223,7 +223,7 @@ def _asking_of_delay_beside_edges(ended: C, report: Report) -> Steps[C]:
     return end
 
 
-def _searching_edges(calibrator: C, onward: Progress) -> Steps[C]:
+def _searching_edges(calibrator: C, onward: Progress) -> Computation[C]:
     """The searches with edges of unknown times, each with them where the one before has found them, until they stay.
 
     What they have in common beyond a part of a sample is a delay, which is free from then on: no record shows an edge
@@ -248,7 +248,7 @@ def _moving_edges(calibrator: C, progress: Progress, edges: Late) -> Progress:
     return progress.moving_edges(coordinates, bool(delay), rest)
 
 
-def _searching_late(calibrator: C, timely: Progress, report: Report) -> Steps[C]:
+def _searching_late(calibrator: C, timely: Progress, report: Report) -> Computation[C]:
     """The search with a free delay of the duty: from the start or, if that gets lost, from where one has ended that
     took the duty for timely."""
     first = first_progress(calibrator.task)
@@ -265,7 +265,7 @@ def _searching_late(calibrator: C, timely: Progress, report: Report) -> Steps[C]
     return min(ends, key=lambda end: end.minimiser.progress.cost)
 
 
-def _searching_beside(calibrator: C) -> Steps[C]:
+def _searching_beside(calibrator: C) -> Computation[C]:
     """The best of the searches that begin later or earlier by one scale of the delay, on as long as it gets better.
 
     Steps whose length divides the delay are the most exact ones, so that the misfit has small minima there. Of 25

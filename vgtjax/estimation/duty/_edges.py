@@ -16,7 +16,7 @@ from ..._types import Coordinates
 from ...traces import Trace
 from .._least_squares import finite_columns, reduce_rows
 from .._task import Task
-from ..derivatives import CHANNELS, Evaluated, Evaluation, Steps, ask, bundle_traces, side_by_side
+from ..derivatives import CHANNELS, Computation, Evaluated, Evaluation, ask, bundle_traces, side_by_side
 from ..measurements import Edges, FitProblem, Late, by_trace, known_beforehand, read_duties, sample_interval
 from ..search import SPREAD, Point, Slopes
 
@@ -45,7 +45,7 @@ EVIDENT_EDGE = 9.0
 
 def edges_of(
     task: Task, problem: FitProblem, late: Late, at: Float[np.ndarray, " coordinates"], *, delay: bool
-) -> Steps[Edges]:
+) -> Computation[Edges]:
     """Edges that are so late, with what each moves: the column `j` of a lane is that of edge `j` of its trace.
 
     One simulation of all traces moves an edge in each of them. Where one fails, its edges are taken to move nothing.
@@ -67,7 +67,7 @@ def edges_of(
     return Edges(late, delay, responses, together, task.edges_delay)
 
 
-def _seen(task: Task, asked: Evaluation, read: Sequence[Trace]) -> Steps[list[np.ndarray]]:
+def _seen(task: Task, asked: Evaluation, read: Sequence[Trace]) -> Computation[list[np.ndarray]]:
     """What is observed of traces with their edges somewhere else, at the times of their records."""
     bundles = bundle_traces(task.model, read, task.steps)
     evaluated = yield from ask(dataclasses.replace(asked, bundles=bundles))

@@ -11,7 +11,7 @@ import dataclasses
 
 from ..._errors import SimulationError
 from .._task import Task
-from ..derivatives import Steps, lengthens
+from ..derivatives import Computation, lengthens
 from ..measurements import sample_interval
 from ..search import C, Progress, Report, first_progress, quiet
 from ._duty import leaves_only_noise
@@ -27,7 +27,7 @@ def leaves_hold_open(task: Task) -> bool:
     return bool(slow and task.late_duty and task.unknown.duty_hold)
 
 
-def reading_both_ways(calibrator: C, report: Report) -> Steps[C]:
+def reading_both_ways(calibrator: C, report: Report) -> Computation[C]:
     """A fit at its end, or that of the other reading if this meets the traces better, knowing where the one not taken
     has ended if it is not out of the question.
 
@@ -58,7 +58,7 @@ def reading_both_ways(calibrator: C, report: Report) -> Steps[C]:
     return best
 
 
-def _read_otherwise(calibrator: C, progress: Progress) -> Steps[C | None]:
+def _read_otherwise(calibrator: C, progress: Progress) -> Computation[C | None]:
     """The end of a fit that reads the duty the other way, not late, or `None` if it leaves more than noise."""
     every = {sample_interval(trace) for trace in calibrator.task.fit}
     linear = () if progress.linear else tuple(sorted(every))

@@ -18,7 +18,7 @@ from jaxtyping import Bool, Float
 
 from ..._types import Coordinates
 from .._least_squares import LeastSquares, finite_columns, root_of
-from ..derivatives import Steps, lengthens, side_by_side
+from ..derivatives import Computation, lengthens, side_by_side
 from ..search import AbstractCalibrator
 from ._answers import Combinations, answers_beside, holding
 
@@ -39,7 +39,7 @@ SMALLEST = 0.1
 """Answer that counts at least for all other values: what chatter makes of theirs is divided by it."""
 
 
-def unanswered_directions(calibrator: AbstractCalibrator) -> Steps[Combinations]:
+def unanswered_directions(calibrator: AbstractCalibrator) -> Computation[Combinations]:
     """What the errors of an end lack where all traces are slow: moves of the coordinates whose products with themselves
     are to be added to their covariance, one row for each direction that is answered less than promised.
 
@@ -79,7 +79,7 @@ def _directions(found: LeastSquares, logarithms: Bool[np.ndarray, " coordinates"
 
 def _answer(
     calibrator: AbstractCalibrator, found: LeastSquares, vague: Combinations, along: Coordinates
-) -> Steps[Coordinates]:
+) -> Computation[Coordinates]:
     """By how much the end would go back after a move, by what the sharp model answers to it on both sides; all of it
     where that can't be asked."""
     beside = yield from answers_beside(calibrator, along, vague, least=NEAREST, most=MOST)

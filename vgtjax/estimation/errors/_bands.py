@@ -8,7 +8,7 @@ from jaxtyping import Float
 from ..._errors import SimulationError
 from .._least_squares import root_of
 from .._task import Task
-from ..derivatives import CHANNELS, Bundle, Evaluated, Steps, bundle_traces
+from ..derivatives import CHANNELS, Bundle, Computation, Evaluated, bundle_traces
 from ..measurements import FitProblem, by_trace, ramped
 from ..search import Slopes
 
@@ -38,7 +38,7 @@ def spread_along(
 
 def predicted_spread(
     task: Task, problem: FitProblem, slopes: Slopes, covariance: Float[np.ndarray, "units units"]
-) -> Steps[Bands]:
+) -> Computation[Bands]:
     """`spread_of` all traces of a task, those to fit first; NaN where a simulation fails.
 
     **Arguments:** `slopes`: the derivatives along the traces to fit; those of the others are asked for, of the same

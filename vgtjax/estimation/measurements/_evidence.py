@@ -18,7 +18,7 @@ from ..._errors import SimulationError
 from ...plants import AbstractModel
 from ...simulation import FixedStep
 from ...traces import Trace
-from ..derivatives import CHANNELS, Bundle, Evaluated, Evaluation, Steps, ask, bundle_traces
+from ..derivatives import CHANNELS, Bundle, Computation, Evaluated, Evaluation, ask, bundle_traces
 from ._measured import Sensors, white_sensors
 from ._sensors import Samples, Sensor, learn_sensor
 
@@ -112,7 +112,7 @@ def simulated(evaluated: Evaluated, bundles: Sequence[Bundle], traces: Sequence[
 
 def observe_traces(
     model: AbstractModel, bundles: Sequence[Bundle], traces: Sequence[Trace], delay: float | None = None
-) -> Steps[list[Float[np.ndarray, "time channel"]]]:
+) -> Computation[list[Float[np.ndarray, "time channel"]]]:
     """What the sensors would see of every trace at its `time`: position in m, pressure in Pa absolute.
 
     **Arguments:** `bundles` of the traces; `delay` in s with which the duty reaches the valve.

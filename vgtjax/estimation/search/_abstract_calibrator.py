@@ -10,7 +10,7 @@ from jaxtyping import Bool
 from ...parameters import Transform
 from .._least_squares import LeastSquares
 from .._task import Task
-from ..derivatives import Steps
+from ..derivatives import Computation
 from ..measurements import Sensors
 from ._progress import Progress, Report, quiet
 from ._search import LevenbergMarquardt
@@ -34,27 +34,27 @@ class AbstractCalibrator(abc.ABC):
     notes: tuple[str, ...] = ()
 
     @abc.abstractmethod
-    def at(self: _Same, progress: Progress) -> Steps[_Same]:
+    def at(self: _Same, progress: Progress) -> Computation[_Same]:
         """The same task at another place."""
 
     @abc.abstractmethod
-    def searching_from(self: _Same, progress: Progress, report: Report = quiet) -> Steps[_Same]:
+    def searching_from(self: _Same, progress: Progress, report: Report = quiet) -> Computation[_Same]:
         """A search of the same task to its end, from another place."""
 
     @abc.abstractmethod
-    def corrected(self: _Same, progress: Progress) -> Steps[_Same]:
+    def corrected(self: _Same, progress: Progress) -> Computation[_Same]:
         """The same task at a place of its corrections, with the derivatives that are known."""
 
     @abc.abstractmethod
-    def correcting(self: _Same) -> Steps[_Same | None]:
+    def correcting(self: _Same) -> Computation[_Same | None]:
         """The next correction of a search that has converged, or `None` where there is none, or none that matters."""
 
     @abc.abstractmethod
-    def corrected_to_its_end(self: _Same, report: Report) -> Steps[_Same]:
+    def corrected_to_its_end(self: _Same, report: Report) -> Computation[_Same]:
         """A search that has ended, after all of its corrections."""
 
     @abc.abstractmethod
-    def linearised_around(self: _Same) -> Steps[_Same]:
+    def linearised_around(self: _Same) -> Computation[_Same]:
         """The same place of its corrections, with derivatives over all that its errors leave possible."""
 
     @property

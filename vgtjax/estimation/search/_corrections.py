@@ -6,7 +6,7 @@ import numpy as np
 
 from ..._errors import SimulationError
 from ..._types import Coordinates, Vector
-from ..derivatives import Steps
+from ..derivatives import Computation
 from ..measurements import EVIDENT, MOST_CORRECTIONS, SETTLED, SHORTEST, SMALL_GAIN, FitProblem, turns
 from ._abstract_calibrator import C
 from ._point import Point, misfit_at
@@ -29,7 +29,9 @@ estimates one would be so far off by chance in half of all campaigns: 416 estima
 in the mean, and by 0.26 at most."""
 
 
-def trusted(problem: FitProblem, point: Point, here: Coordinates, full: Coordinates, part: float) -> Steps[Coordinates]:
+def trusted(
+    problem: FitProblem, point: Point, here: Coordinates, full: Coordinates, part: float
+) -> Computation[Coordinates]:
     """Where to go from `here`: after a part of a full linear step if the misfit bears it out, or else of a damped one.
 
     Where none keeps half of its promise, the one that lowers the misfit most, or else `here`.
@@ -51,7 +53,7 @@ def trusted(problem: FitProblem, point: Point, here: Coordinates, full: Coordina
     return best
 
 
-def correcting(calibrator: C) -> Steps[C | None]:
+def correcting(calibrator: C) -> Computation[C | None]:
     """The next correction, or `None` where there is none, or none that matters, also not by derivatives over all places
     that the errors leave possible. Along what the traces hardly tell values stay where the search has left them: steps
     would follow each time another chance of the numbers, and none would be near enough to be believed."""
@@ -82,7 +84,7 @@ def correcting(calibrator: C) -> Steps[C | None]:
     return None
 
 
-def _try(calibrator: C, point: Point, step: Vector, part: float, least: Vector) -> Steps[C | None]:
+def _try(calibrator: C, point: Point, step: Vector, part: float, least: Vector) -> Computation[C | None]:
     """Corrected after a part of a step, or less of it where the misfit does not bear it out or a simulation fails;
     `None` where that is so for all of it, or what is left moves nothing by more than `least`."""
     search = calibrator.minimiser
@@ -100,7 +102,7 @@ def _try(calibrator: C, point: Point, step: Vector, part: float, least: Vector) 
     return None
 
 
-def _go_on(calibrator: C, step: Vector, there: Vector) -> Steps[C]:
+def _go_on(calibrator: C, step: Vector, there: Vector) -> Computation[C]:
     """Corrected at `there` on the way of the step that is wanted, without a delay that may as well be none."""
     progress, errors = calibrator.minimiser.progress, calibrator.uncertainty().std_errors
     coordinates = np.array(there)

@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from ..._errors import SimulationError
 from ..._types import Coordinates
-from ..derivatives import Steps, side_by_side
+from ..derivatives import Computation, side_by_side
 from ..measurements import FitProblem
 from ._abstract_calibrator import C
 from ._beginning import first_progress, guess_of, guessed, problem_of, transform_of
@@ -25,7 +25,7 @@ FAR = 100.0
 ten times the error. Errors of estimation that are ten times as large, which parts may leave, are far less."""
 
 
-def from_many_starts(calibrator: C, report: Report) -> Steps[C]:
+def from_many_starts(calibrator: C, report: Report) -> Computation[C]:
     """The search at the best of the ends that it reaches from many starts, if there are to be several.
 
     Each begins at its second guess if that is better. They run on the parts of traces that tell most, and where they
@@ -52,7 +52,7 @@ def from_many_starts(calibrator: C, report: Report) -> Steps[C]:
     return best
 
 
-def _better(problem: FitProblem, guess: Float[np.ndarray, " entries"] | None, start: Progress) -> Steps[Progress]:
+def _better(problem: FitProblem, guess: Float[np.ndarray, " entries"] | None, start: Progress) -> Computation[Progress]:
     """A start, or its second guess if that is better."""
     if guess is None:
         return start
@@ -63,7 +63,7 @@ def _better(problem: FitProblem, guess: Float[np.ndarray, " entries"] | None, st
     return dataclasses.replace(start, coordinates=_entries(places[int(np.argmin(chi2))]))
 
 
-def _chosen(calibrator: C, start: Progress) -> Steps[dict[int, int]]:
+def _chosen(calibrator: C, start: Progress) -> Computation[dict[int, int]]:
     """Samples of the traces that tell most where the first of the searches begins, by number."""
     search = calibrator.minimiser
     if start.coordinates != search.progress.coordinates:
@@ -72,7 +72,9 @@ def _chosen(calibrator: C, start: Progress) -> Steps[dict[int, int]]:
     return most_telling(calibrator.task, search)
 
 
-def _with_all_traces(calibrator: C, first: Progress, ended: Sequence[Ended]) -> Steps[tuple[list[Ended], list[Ended]]]:
+def _with_all_traces(
+    calibrator: C, first: Progress, ended: Sequence[Ended]
+) -> Computation[tuple[list[Ended], list[Ended]]]:
     """The same ends where the searches that came far have gone on with all traces, those that had ended together as
     one, and only these; others are hopeless, by what they leave of few traces or of all."""
     least = min((each.cost for each in ended if each.status in REACHED), default=np.inf)
@@ -89,7 +91,7 @@ def _with_all_traces(calibrator: C, first: Progress, ended: Sequence[Ended]) -> 
     return [_followed(each, reached.get(each.coordinates)) for each in ended], found
 
 
-def _rescued(calibrator: C, first: Progress, end: Ended) -> Steps[Ended]:
+def _rescued(calibrator: C, first: Progress, end: Ended) -> Computation[Ended]:
     """An end gone on without what ran away, if anything did."""
     if end.status in REACHED or not end.coordinates:
         return end
@@ -105,7 +107,9 @@ def _followed(few: Ended, far: Ended | None) -> Ended:
     return dataclasses.replace(far, steps=few.steps + far.steps, status=status)
 
 
-def _gone_on(calibrator: C, first: Progress, place: tuple[float, ...], rescues: int = MOST_RESCUES) -> Steps[Ended]:
+def _gone_on(
+    calibrator: C, first: Progress, place: tuple[float, ...], rescues: int = MOST_RESCUES
+) -> Computation[Ended]:
     """Where the search with all traces ends that begins at the end of one on parts of them."""
     try:
         onward = yield from calibrator.at(dataclasses.replace(first, coordinates=place))

@@ -15,7 +15,7 @@ from ..._errors import SimulationError
 from ..._kept import keep_compiled
 from ..._types import Coordinates
 from .._least_squares import LeastSquares, estimate_uncertainty, finite_columns, reduce_rows
-from ..derivatives import Evaluated, Steps, ask
+from ..derivatives import Computation, Evaluated, ask
 from ..measurements import FitProblem
 from ._slopes import Slopes
 
@@ -168,7 +168,7 @@ class Secant:
         return Secant(basis, Reduced(at_end, padded + learned, self.reduced.count))
 
 
-def misfit_at(problem: FitProblem, coordinates: Coordinates) -> Steps[Float[np.ndarray, " residuals"] | None]:
+def misfit_at(problem: FitProblem, coordinates: Coordinates) -> Computation[Float[np.ndarray, " residuals"] | None]:
     """Residuals at some coordinates and what is known of these beforehand; `None` where a simulation fails."""
     with np.errstate(over="ignore"):
         question = problem.evaluation(coordinates)

@@ -14,7 +14,7 @@ from jaxtyping import Float
 from ..._errors import SimulationError
 from ..._types import Coordinates
 from .._least_squares import LeastSquares
-from ..derivatives import Steps, run_alone, side_by_side
+from ..derivatives import Computation, run_alone, side_by_side
 from ..measurements import FitProblem
 from ._point import Point, Reduced, Secant, misfit_at
 from ._progress import CHI2_TOLERANCE, STALL_TOLERANCE, Progress
@@ -74,7 +74,7 @@ class LevenbergMarquardt:
         progress: Progress,
         corrected_later: bool = False,
         slopes: Slopes | None = None,
-    ) -> Steps["LevenbergMarquardt"]:
+    ) -> Computation["LevenbergMarquardt"]:
         """A search at its start, or at the last progress of an interrupted one.
 
         **Arguments:** `corrected_later`: whether linear steps follow it, so that it need not go to the last digit;
@@ -99,7 +99,7 @@ class LevenbergMarquardt:
         """Takes one step, which is as far as one Jacobian leads, and says where the fit stands then."""
         return run_alone(self.steps())
 
-    def steps(self) -> Steps[Progress]:
+    def steps(self) -> Computation[Progress]:
         """One step as a computation; see `step`."""
         problem, before = self.problem, self.progress
         here = np.array(before.coordinates, float)
@@ -144,7 +144,7 @@ class LevenbergMarquardt:
         steps = reduced.damped_steps(np.logspace(-6, 9, 16).tolist())
         return max((-reduced.promise(step) for step in steps if np.max(np.abs(step)) <= REACH), default=0.0)
 
-    def _moved(self, stand: _Stand) -> Steps[_Stand]:
+    def _moved(self, stand: _Stand) -> Computation[_Stand]:
         """Moves as long as the Jacobian of where they begin, and what they learn on the way, are good for them."""
         secant, start = Secant.of(self.point), stand
         for _ in range(MOST_MOVES):
@@ -158,7 +158,7 @@ class LevenbergMarquardt:
                 break
         return stand
 
-    def _move(self, reduced: Reduced, stand: _Stand, retries: int) -> Steps[_Stand]:
+    def _move(self, reduced: Reduced, stand: _Stand, retries: int) -> Computation[_Stand]:
         """The best of the trials from where a step stands; all of them smaller, so often, if none lowers the misfit."""
         for _ in range(1 + retries):
             sizes = [stand.size * factor for factor in SPREAD]

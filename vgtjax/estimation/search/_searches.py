@@ -6,7 +6,7 @@ import numpy as np
 
 from ..._errors import SimulationError
 from .._task import Task
-from ..derivatives import Steps
+from ..derivatives import Computation
 from ..measurements import RECORDED
 from ._abstract_calibrator import AbstractCalibrator, C
 from ._beginning import first_progress, guess_of, guessed, transform_of
@@ -27,12 +27,12 @@ never reaches, a stop or an open valve, it does not depend on, and a search may 
 SECOND_GUESS = "the search begins at what slow motion and equilibria tell of springs, travel and magnetic force"
 
 
-def searching(calibrator: C, report: Report) -> Steps[C]:
+def searching(calibrator: C, report: Report) -> Computation[C]:
     """A search to its end; begun again while it gets stuck above the noise."""
     return (yield from beginning_again((yield from searching_once(calibrator, report)), report))
 
 
-def from_second_guess(ended: C, report: Report) -> Steps[C]:
+def from_second_guess(ended: C, report: Report) -> Computation[C]:
     """The better of a search that has ended far above the noise, and one from the second guess of where it began; not
     of another structure, which began where one has ended."""
     progress = ended.minimiser.progress
@@ -62,7 +62,7 @@ def _worse(ended: AbstractCalibrator) -> tuple[bool, float]:
     return not progress.converged, progress.cost
 
 
-def beginning_again(ended: C, report: Report) -> Steps[C]:
+def beginning_again(ended: C, report: Report) -> Computation[C]:
     """The best of a search that has ended and of those by moves of other lengths, as long as all get stuck above the
     noise.
 
@@ -80,7 +80,7 @@ def beginning_again(ended: C, report: Report) -> Steps[C]:
     return ended
 
 
-def without_ceiling(calibrator: C) -> Steps[C]:
+def without_ceiling(calibrator: C) -> Computation[C]:
     """A search at its start without its ceiling, if another one comes near that with the reading of the duty that
     belongs to it. With the duty as recorded a right structure may be far above until its search has ended, as only then
     the traces tell how to read it.
@@ -111,7 +111,7 @@ def _read_as(task: Task, progress: Progress) -> Progress:
     return read.moving_edges(begin, first.late, reading.edges) if reading.edges else read
 
 
-def giving_up(ended: C, report: Report) -> Steps[C]:
+def giving_up(ended: C, report: Report) -> Computation[C]:
     """A search that has ended far above its ceiling, given up unless it was stuck and ends elsewhere when it begins
     again. The traces say nothing of their duty by a structure that is so far off, and to ask takes longer than to
     search."""
@@ -138,7 +138,7 @@ def _got_stuck(calibrator: C) -> bool:
     return not (progress.corrections or smoothly or meets_noise(calibrator.minimiser))
 
 
-def searching_once(calibrator: C, report: Report, rescues: int = MOST_RESCUES) -> Steps[C]:
+def searching_once(calibrator: C, report: Report, rescues: int = MOST_RESCUES) -> Computation[C]:
     """A search to its end, on without what ran away, so many times at most."""
     yield from _search(calibrator, report)
     for _ in range(rescues):
@@ -152,7 +152,7 @@ def searching_once(calibrator: C, report: Report, rescues: int = MOST_RESCUES) -
     return calibrator
 
 
-def _search(calibrator: C, report: Report) -> Steps[None]:
+def _search(calibrator: C, report: Report) -> Computation[None]:
     """Steps until the search has ended, and what was held on the way is judged."""
     minimiser = calibrator.minimiser
     while not minimiser.progress.finished:
@@ -173,7 +173,7 @@ def _is_hopeless(progress: Progress, ceiling: float, count: int) -> bool:
     return MOST_TO_GO * (progress.history[-2] - progress.cost) < above
 
 
-def _without_runaways(calibrator: C) -> Steps[C]:
+def _without_runaways(calibrator: C) -> Computation[C]:
     """The search gone on with what ran away held at its start, as a value that changes nothing spoils no other; or
     freed again, if the search had only lost its way: then holding has made it better."""
     progress, away = calibrator.minimiser.progress, calibrator.away()

@@ -17,7 +17,7 @@ from jaxtyping import Float
 from ..._types import Coordinates
 from ...parameters import Selection, select
 from .._least_squares import LeastSquares, root_of
-from ..derivatives import Believed, Bundle, Columns, Evaluated, Evaluation, Steps, ask, mean_columns
+from ..derivatives import Believed, Bundle, Columns, Computation, Evaluated, Evaluation, ask, mean_columns
 from ..measurements import FitProblem
 
 PAIRS = 2
@@ -42,7 +42,7 @@ class Slopes:
     _with_delay: "Slopes | None" = dataclasses.field(default=None, init=False)
 
     @staticmethod
-    def find(problem: FitProblem, at: Coordinates, around: Sequence[Coordinates] = ()) -> Steps["Slopes"]:
+    def find(problem: FitProblem, at: Coordinates, around: Sequence[Coordinates] = ()) -> Computation["Slopes"]:
         """Derivatives at some coordinates, and around them."""
         evaluated = yield from _derivatives(problem, problem.bundles, at)
         here = Slopes(at, evaluated, evaluated.columns, around)
@@ -54,19 +54,19 @@ class Slopes:
         """Derivatives of the place itself."""
         return Slopes(self.at, self.evaluated, self.evaluated.columns)
 
-    def along(self, problem: FitProblem, bundles: Sequence[Bundle]) -> Steps[Evaluated]:
+    def along(self, problem: FitProblem, bundles: Sequence[Bundle]) -> Computation[Evaluated]:
         """The same derivatives of other traces."""
         evaluated = yield from _derivatives(problem, bundles, self.at)
         columns, _ = yield from self.mean(problem, bundles, evaluated.columns)
         return dataclasses.replace(evaluated, columns=columns)
 
-    def with_delay(self, problem: FitProblem) -> Steps["Slopes"]:
+    def with_delay(self, problem: FitProblem) -> Computation["Slopes"]:
         """The same derivatives, and that with respect to the delay of a duty which was taken for timely.
 
         Several questions ask for it, and it is computed once. **Arguments:** `problem`: with the delay free.
         """
 
-        def asked(place: Coordinates) -> Steps[Evaluated]:
+        def asked(place: Coordinates) -> Computation[Evaluated]:
             return problem.beside_edges((yield from ask(by_delay_alone(problem, place))), place)
 
         if self._with_delay is None:
@@ -78,31 +78,35 @@ class Slopes:
         assert self._with_delay is not None, "it has just been made"
         return self._with_delay
 
-    def held(self, problem: FitProblem, entries: Sequence[str]) -> Steps[Columns]:
+    def held(self, problem: FitProblem, entries: Sequence[str]) -> Computation[Columns]:
         """Derivatives of the same places with respect to entries that are held, in units of the table."""
 
-        def asked(place: Coordinates) -> Steps[Evaluated]:
+        def asked(place: Coordinates) -> Computation[Evaluated]:
             question = problem.evaluation(place)
             return (yield from ask(dataclasses.replace(question, selection=select(question.model, list(entries)))))
 
         own = yield from asked(self.at)
         return (yield from self._of_the_same_rows(own.columns, asked))
 
-    def mean(self, problem: FitProblem, bundles: Sequence[Bundle], own: Columns) -> Steps[tuple[Columns, Believed]]:
+    def mean(
+        self, problem: FitProblem, bundles: Sequence[Bundle], own: Columns
+    ) -> Computation[tuple[Columns, Believed]]:
         """The mean over all places of what is `own` to the first, and which rows of each are in it."""
         slope = problem.transform.slope
         others = [functools.partial(_derivatives, problem, bundles, place) for place in self.around]
         units = [np.asarray(slope(place)) / np.asarray(slope(self.at)) for place in self.around]
         return (yield from mean_columns(own, others, units))
 
-    def _of_the_same_rows(self, own: Columns, asked: Callable[[Coordinates], Steps[Evaluated]]) -> Steps[Columns]:
+    def _of_the_same_rows(
+        self, own: Columns, asked: Callable[[Coordinates], Computation[Evaluated]]
+    ) -> Computation[Columns]:
         """The mean of other columns over the same rows of the same places."""
         others = [functools.partial(asked, place) for place in self.around]
         columns, _ = yield from mean_columns(own, others, [np.ones(1)] * len(others), self.believed)
         return columns
 
 
-def _derivatives(problem: FitProblem, bundles: Sequence[Bundle], at: Coordinates) -> Steps[Evaluated]:
+def _derivatives(problem: FitProblem, bundles: Sequence[Bundle], at: Coordinates) -> Computation[Evaluated]:
     """What is observed of traces at some coordinates, and its derivatives."""
     question = dataclasses.replace(problem.evaluation(at, slopes=True), bundles=bundles)
     answer = yield from ask(question)

@@ -12,7 +12,7 @@ from ..._errors import SimulationError
 from ..._types import Coordinates
 from ...parameters import Transform
 from .._task import Task
-from ..derivatives import Steps, side_by_side
+from ..derivatives import Computation, side_by_side
 from ._point import Reduced
 from ._progress import Progress
 from ._search import LevenbergMarquardt
@@ -113,8 +113,10 @@ def starts_of(task: Task, transform: Transform, count: int) -> Float[np.ndarray,
 
 
 def searching_from(
-    starts: Sequence[Progress], begin: Callable[[Progress], Steps[Any]], better: Callable[[Progress], Steps[Progress]]
-) -> Steps[list[Ended]]:
+    starts: Sequence[Progress],
+    begin: Callable[[Progress], Computation[Any]],
+    better: Callable[[Progress], Computation[Progress]],
+) -> Computation[list[Ended]]:
     """Searches from all starts, some at a time.
 
     **Arguments:** `begin`: makes a calibration of a search at its start, as a computation; `better`: where a search had
@@ -126,10 +128,10 @@ def searching_from(
 
 def _searching(
     first: Progress,
-    begin: Callable[[Progress], Steps[Any]],
-    better: Callable[[Progress], Steps[Progress]],
+    begin: Callable[[Progress], Computation[Any]],
+    better: Callable[[Progress], Computation[Progress]],
     shared: _Shared,
-) -> Steps[Ended]:
+) -> Computation[Ended]:
     """A search up to its end, or to where it leads to one that another has reached."""
     try:
         search = (yield from begin((yield from better(first)))).minimiser

@@ -11,10 +11,10 @@ from ...estimation import (
     VERDICTS,
     Calibration,
     Comparison,
+    Computation,
     Linearised,
     Remains,
     Sensors,
-    Steps,
     Weighed,
     find_remains,
 )
@@ -109,7 +109,7 @@ there are none: its chi^2 is off by tens. Two campaigns decided for the wrong ex
 19 so."""
 
 
-def rank(outcomes: Mapping[str, Outcome], wider: Mapping[str, Sequence[str]] | None = None) -> Steps[Ranking]:
+def rank(outcomes: Mapping[str, Outcome], wider: Mapping[str, Sequence[str]] | None = None) -> Computation[Ranking]:
     """Ranks fits of the same traces, as a computation.
 
     **Arguments:** `wider`: which structures contain which others as a limit. Nothing can speak against those.
@@ -242,7 +242,7 @@ def worst_verdict(remains: Sequence[Remains]) -> str:
     return max((each.verdict for each in remains), key=VERDICTS.index, default=VERDICTS[0])
 
 
-def _at_best(fit: Linearised, sensors: Sensors) -> Steps[Linearised]:
+def _at_best(fit: Linearised, sensors: Sensors) -> Computation[Linearised]:
     """A fit where it is best in the weights of another one's sensors."""
     if fit.evaluated.failed or fit.calibration.progress.given_up or fit.weighed(sensors).uncertainty.gain < SMALL:
         return fit

@@ -9,7 +9,17 @@ from typing import Any
 import numpy as np
 
 from ..._errors import SimulationError
-from ...estimation import RECORDED, VERDICTS, Calibration, Linearised, Reading, Steps, Task, find_remains, run_alone
+from ...estimation import (
+    RECORDED,
+    VERDICTS,
+    Calibration,
+    Computation,
+    Linearised,
+    Reading,
+    Task,
+    find_remains,
+    run_alone,
+)
 from ...parameters import get_parameter, parameter_table
 from ._ranking import Outcome, Ranking, own_criterion, rank, unusable
 
@@ -39,7 +49,7 @@ class Begin:
         return dataclasses.replace(task, ceiling=self.ceiling, reading=self.reading)
 
 
-Fitting = Callable[[Structure, Begin], Steps[Calibration]]
+Fitting = Callable[[Structure, Begin], Computation[Calibration]]
 """The fit of a structure."""
 Ahead = Callable[[Sequence[Structure]], AbstractContextManager[None]]
 """What is done beside the fits of some structures, as long as these go on, e.g. compilation."""
@@ -85,7 +95,7 @@ def comparing_structures(
     fitting: Fitting,
     wider: Wider | None = None,
     ahead: Ahead = nothing_ahead,
-) -> Steps[Compared]:
+) -> Computation[Compared]:
     """`compare_structures` as a computation.
 
     **Arguments:** `ahead`: is told which structures are fitted next, and what it returns is left when they are.
@@ -144,7 +154,7 @@ class _Search:
         found = self._fits.get(_key(structure))
         return found if isinstance(found, Linearised) and not unusable(found) else None
 
-    def rank(self, base: Structure, component: str, names: Sequence[str]) -> Steps[Ranking]:
+    def rank(self, base: Structure, component: str, names: Sequence[str]) -> Computation[Ranking]:
         """The variants of a component in a structure, those fitted that aren't yet."""
         structures = {name: {**base, component: name} for name in names}
         in_turn = (base, *(each for each in structures.values() if each != base))
@@ -165,7 +175,7 @@ class _Search:
 
     def together(
         self, rankings: Mapping[str, Ranking], base: dict[str, str]
-    ) -> Steps[tuple[dict[str, Ranking], dict[str, str]]]:
+    ) -> Computation[tuple[dict[str, Ranking], dict[str, str]]]:
         """Rankings in which nothing is beaten that is not so beside each undecided variant of another component, and
         the structure to go on with: one with both changed, where that is better beyond doubt."""
         found = dict(rankings)
@@ -183,7 +193,7 @@ class _Search:
                 found[component] = found[component].doubting(beaten, f"with {variant} as {other}: {why}")
         return found, base
 
-    def _duel(self, base: Structure, both: Structure, now: str, name: str) -> Steps[Ranking]:
+    def _duel(self, base: Structure, both: Structure, now: str, name: str) -> Computation[Ranking]:
         """Two structures under these names; if the base does not lead, it has begun at the end of the other as well."""
         ranking = yield from rank({now: self._fits[_key(base)], name: self._fits[_key(both)]})
         if ranking.best != name or _key(base) in self._again:
@@ -191,14 +201,14 @@ class _Search:
         yield from self._fit(base, Begin(self._values(both), again=True))
         return (yield from rank({now: self._fits[_key(base)], name: self._fits[_key(both)]}))
 
-    def _fit_beside(self, structure: Structure, begin: Begin) -> Steps[None]:
+    def _fit_beside(self, structure: Structure, begin: Begin) -> Computation[None]:
         """A fit from the values of another structure or, if these can't be simulated, from its own."""
         yield from self._fit(structure, begin)
         if begin.values and isinstance(self._fits[_key(structure)], str):
             del self._fits[_key(structure)]
             yield from self._fit(structure, dataclasses.replace(begin, values={}))
 
-    def _fit(self, structure: Structure, begin: Begin) -> Steps[None]:
+    def _fit(self, structure: Structure, begin: Begin) -> Computation[None]:
         key = _key(structure)
         if key in self._fits and not begin.again:
             return
