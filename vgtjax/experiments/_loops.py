@@ -91,7 +91,7 @@ def _read(x_d: np.ndarray, p_act: np.ndarray, position: np.ndarray) -> np.ndarra
     """Pressure at given positions: a least-squares broken line over position, so that noise averages out; as
     straight as may be where the rod jumped and no sample tells.
 
-    The equations are written out: SciPy's splines take a quarter of a second to import.
+    The equations are written out: SciPy's splines take 0.2 s to import.
     """
     # A rod that jumps over an end of the span leaves no sample beyond it.
     knots = np.unique([min(x_d.min(), position[0]), *position[::2], max(x_d.max(), position[-1])])
