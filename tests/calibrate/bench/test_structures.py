@@ -10,7 +10,17 @@ import vgtjax
 from calibrate.bench import structured_plant
 from calibrate.bench.campaigns import FLEETS, record_fleet, record_structure, write_csv
 from calibrate.bench.cases import structures
-from calibrate.bench.cases.structures import CAMPAIGNS, OPEN, RIGHT, WRONG, Campaign, measure, outcomes, tabulate
+from calibrate.bench.cases.structures import (
+    CAMPAIGNS,
+    OPEN,
+    RIGHT,
+    SEEDS,
+    WRONG,
+    Campaign,
+    measure,
+    outcomes,
+    tabulate,
+)
 from calibrate.bench.structured_plant import BAR, DECAY, FAR, Gas, Structure
 from vgtjax.parts import OPERATING_POINTS, with_sharp_seat
 from vgtjax.simulation import FixedStep
@@ -155,9 +165,9 @@ def test_finished_campaigns_are_not_compared_again(tmp_path, monkeypatch):
     monkeypatch.setattr(structures, "run_command", compare)
     monkeypatch.setattr(structures, "CAMPAIGNS", (Campaign(made, (), 2),))
     first, second = (measure(tmp_path / "kept.json") for _ in range(2))
-    assert ran == ["compare"]
+    assert ran == ["compare"] * len(SEEDS)
     assert first.rows == second.rows
-    assert [row[1:] for row in first.rows] == [("1", "0", "0")] * 4
+    assert [row[1:] for row in first.rows] == [(str(len(SEEDS)), "0", "0")] * 4
 
 
 def test_a_fleet_with_exhaust_gas_has_loops_of_one_gas_and_of_either_hold():
