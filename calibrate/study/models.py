@@ -114,17 +114,17 @@ def start_values(model: eqx.Module, stated: Mapping[str, StartValue]) -> tuple[d
     """Start values by name and bounds by entry, of a model or a controller."""
     values: dict[str, Any] = {}
     bounds: Bounds = {}
-    for name, given in stated.items():
+    for name, given in sorted(stated.items(), key=lambda each: "[" in each[0]):  # vectors before their entries
         entries = _entries_of(model, name)
         for key in ("value", "lower", "upper"):
             check_length(name, key, getattr(given, key), entries)
         for position, entry in enumerate(entries):
             low, high = _bound(given.lower, position), _bound(given.upper, position)
-            before = bounds.get(entry, (None, None))  # a vector's, where one of its entries is stated by itself
+            before = bounds.get(entry, (None, None))
             low, high = before[0] if low is None else low, before[1] if high is None else high
             if low is not None and high is not None and not low < high:
                 raise StudyError(
-                    f"the bounds of '{entry}' must rise, but they are {low:g} and {high:g}; swap them", "bounds"
+                    f"the bounds of '{entry}' must rise, but they are {low:g} and {high:g}; correct them", "bounds"
                 )
             bounds[entry] = (low, high)
         if given.value is not None:

@@ -78,8 +78,12 @@ class FoundDuty:
         return trace.with_late_duty(beyond) if beyond else trace
 
     def beside(self, delay: float | None, hold: str | None) -> "FoundDuty":
-        """The same of a trace whose study states its delay or hold: that is applied where it is read."""
-        timely = FoundDuty(0.0, self.linear) if delay is not None else self
+        """The same of a trace whose study states its delay or hold: that is applied where it is read.
+
+        Edges that were found beside another delay are left out.
+        """
+        edges = () if self.delay else self.edges
+        timely = FoundDuty(0.0, self.linear, edges) if delay is not None else self
         return timely if hold is None else dataclasses.replace(timely, linear=False)
 
 

@@ -136,7 +136,8 @@ def prepare(
         say_not_as_stated(start, study, {} if parameters is None else load_beginning(parameters, name))
         needs = (*start.needs, *(("x_d|p_act",) if to_fit else ()))
         traces = [(source.use, load_source(source, start, bounds, needs)) for source in mine]
-        _say_fitted_too(mine)
+        if to_fit:
+            _say_fitted_too(mine)
         stated_values = parameters_of(study)
         known, scales = known_beforehand(start, stated_values), scales_of(start, stated_values)
         hashes = {source.name: hash_file(source.path) for source in mine}
@@ -164,7 +165,10 @@ def _say_fitted_too(sources: Sequence[TraceSource]) -> None:
     fitted = [source for source in sources if source.use == "fit"]
     for source in sources:
         if source.use == "validate" and any(_overlap(source, other) for other in fitted):
-            console.print(f"note: {source.name}: its samples are fitted as well, so that it validates nothing")
+            console.print(
+                f"note: {source.name}: what is fitted as well of its samples validates nothing; give it a window "
+                "of its own"
+            )
 
 
 def _overlap(one: TraceSource, other: TraceSource) -> bool:

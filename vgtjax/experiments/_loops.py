@@ -3,7 +3,6 @@
 import dataclasses
 
 import numpy as np
-import scipy
 from jaxtyping import Float
 
 SPAN = (2e-3, 8e-3)
@@ -20,8 +19,8 @@ PRESSED = 2.0
 pressure's lowest value. It is about one where there is no stop, four and more where there is."""
 FEW = 5
 """Samples whose mean stands for one place of the rod at rest."""
-STRAIGHT = 1e-11
-"""What a turn at a knot costs, in squares of all samples: only where none tells of it has that a say."""
+SPARSE = 5e-3
+"""Part of all samples that tell of a knot at least; where a rod jumps over one, the line is held straight instead."""
 SLOWEST = 0.5
 """s; a branch that takes less to cross the span is a step, not a loop."""
 
@@ -84,6 +83,8 @@ def _crossing(x_d: Float[np.ndarray, " time"], span: tuple[float, float]) -> np.
     # Sensor noise re-enters the ends by a few samples; a second visit would be farther away than the crossing is long.
     if inside[-1] - inside[0] > 1.5 * len(inside):
         return None
+    if x_d[inside].min() > span[0] or x_d[inside].max() < span[1]:  # it jumped over an end
+        inside = np.arange(max(inside[0] - 1, 0), min(inside[-1] + 2, len(x_d)))
     return inside
 
 
@@ -93,21 +94,17 @@ def _read(x_d: np.ndarray, p_act: np.ndarray, position: np.ndarray) -> np.ndarra
 
     The equations are written out: SciPy's splines take 0.2 s to import.
     """
-    # A rod that jumps over an end of the span leaves no sample beyond it.
     knots = np.unique([min(x_d.min(), position[0]), *position[::2], max(x_d.max(), position[-1])])
-    left = np.clip(np.searchsorted(knots, x_d, side="right") - 1, 0, len(knots) - 2)
-    share = (x_d - knots[left]) / np.diff(knots)[left]  # of the knot to the right in the value there
-
-    def at_knots(to_left: np.ndarray, to_right: np.ndarray) -> np.ndarray:
-        return np.bincount(left, to_left, len(knots)) + np.bincount(left + 1, to_right, len(knots))
-
-    turns = np.full(len(knots) - 2, STRAIGHT * len(x_d))
-    bands = np.zeros((3, len(knots)))
-    bands[2] = at_knots((1 - share) ** 2, share**2) + np.convolve(turns, [1.0, 4.0, 1.0])
-    bands[1, 1:] = np.bincount(left, (1 - share) * share, len(knots) - 1) + np.convolve(turns, [-2.0, -2.0])
-    bands[0, 2:] = turns
-    line = scipy.linalg.solveh_banded(bands, at_knots((1 - share) * p_act, share * p_act))
-    return np.interp(position, knots, line)
+    left, steps = np.clip(np.searchsorted(knots, x_d, side="right") - 1, 0, len(knots) - 2), np.diff(knots)
+    share = (x_d - knots[left]) / steps[left]  # of the knot to the right in the value there
+    hats = np.zeros((len(x_d), len(knots)))
+    hats[np.arange(len(x_d)), left], hats[np.arange(len(x_d)), left + 1] = 1 - share, share
+    gram = hats.T @ hats
+    told = np.diag(gram)
+    least = np.minimum(np.minimum(told[:-2], told[1:-1]), told[2:])
+    turns = SPACING * np.diff(np.diff(np.eye(len(knots)), axis=0) / steps[:, None], axis=0)
+    held = np.maximum(SPARSE * len(x_d) - least, 0.0)[:, None] * turns
+    return np.interp(position, knots, np.linalg.solve(gram + turns.T @ held, hats.T @ p_act))
 
 
 def find_ends(x_d: Float[np.ndarray, " time"], p_act: Float[np.ndarray, " time"]) -> tuple[float, float]:

@@ -68,8 +68,8 @@ _ABOUT = (
     f"{len(SEEDS)} times {len(CAMPAIGNS)} random actuators of known structure, simulated by a hard-switching plant "
     "that is not the model's code (RK4, 10 us; the force of the gas is a smooth function of the crank angle): a slow "
     "loop of 30 s at 100 Hz at each turbine pressure, and 5 s of random levels without gas at 500 Hz or 1 kHz, noise "
-    "of 8 um and 60 Pa, offsets. The command `compare`, of a study that begins with a wrong vane force and says nothing "
-    "else."
+    "of 8 um and 60 Pa, offsets. The command `compare`, of a study that begins with a wrong vane force and says no "
+    "more."
 )
 
 

@@ -211,7 +211,7 @@ START_VALUES = [
     bad(
         "bounds that fall",
         f'{TRACE}[parameters]\n"chamber.volume" = {{lower = 2, upper = 1}}\n',
-        "the bounds of 'chamber.volume' must rise, but they are 2 and 1; swap them",
+        "the bounds of 'chamber.volume' must rise, but they are 2 and 1; correct them",
         "[parameters]",
     ),
     bad(

@@ -12,7 +12,7 @@ from support import EXAMPLE
 import vgtjax
 from calibrate.study.models import build_model
 from calibrate.study.parameter_file import tabulate, to_json
-from calibrate.study.start_file import load_duties, load_model, read_parameters
+from calibrate.study.start_file import FoundDuty, load_duties, load_model, read_parameters
 from calibrate.study.tables import AnyStudy
 from calibrate.study.units import prepare
 
@@ -247,3 +247,9 @@ def test_what_a_study_states_of_a_duty_counts_and_not_once_more_what_a_fit_has_f
     applied = unit.duties["step"].applied(trace)
     assert applied.duty_hold == "zero-order"
     np.testing.assert_allclose(applied.time[applied.jumps()], 1.004, atol=1e-9)
+
+
+def test_edges_that_were_found_beside_a_stated_delay_stay():
+    edges = (1e-3, -5e-4)
+    assert FoundDuty(0.0, False, edges).beside(4e-3, None) == FoundDuty(0.0, False, edges)
+    assert FoundDuty(4e-3, False, edges).beside(4e-3, None) == FoundDuty(0.0, False)

@@ -8,11 +8,12 @@ import pytest
 from support import duty_trace
 
 import vgtjax
-from vgtjax import identification, simulate
+from vgtjax import simulate
 from vgtjax.assurance import Truth
 from vgtjax.estimation import Unknown, _finish, plan_task, run_alone, start_calibration
 from vgtjax.estimation.derivatives import _evaluation as evaluation
 from vgtjax.estimation.measurements._inputs import InputSensor
+from vgtjax.identification.mechanical import read_motion
 
 TRUTH = {"diaphragm.mass": 0.7, "diaphragm.preload": 51.0, "friction.coulomb_force": 2.6, "friction.static_force": 2.9}
 NOISE, OFFSET = 60.0, 150.0
@@ -151,7 +152,7 @@ def test_a_chamber_that_does_not_rest_tells_no_offset(seconds):
     else:
         trace = trace.window(0.2, 1.0).replace(pwm=None)
     assert plan(trace).inputs[0].offset == 0.0
-    assert identification.read_motion(vgtjax.MechanicalActuator(), trace).offset == 0.0
+    assert read_motion(vgtjax.MechanicalActuator(), trace).offset == 0.0
 
 
 def test_a_gain_beside_an_offset_at_rest_is_that_of_the_difference_from_atmosphere():

@@ -30,8 +30,21 @@ def test_a_rod_that_jumps_is_read_straight_over_the_gap(gap):
     time, x_d, p_act = run()
     seen = (x_d < gap[0]) | (x_d > gap[1])
     loop = find_loop(time[seen], x_d[seen], p_act[seen])
-    # What tells of the gap is weighed by 1e-11, which costs as many digits.
-    np.testing.assert_allclose(loop.closing, 8.5e4 - 4e6 * loop.position - 1000.0, rtol=1e-5)
+    np.testing.assert_allclose(loop.closing, 8.5e4 - 4e6 * loop.position - 1000.0, rtol=1e-9)  # rounding
+
+
+@pytest.mark.parametrize(("sticks", "slips"), [(3.3e-3, 4.49e-3), (3.7e-3, 4.9e-3), (1.2e-3, 2.49e-3)])
+def test_a_rod_that_slips_and_waits_next_to_a_knot_is_read_within_what_it_jumped(sticks, slips):
+    """Samples that lie close together next to a knot tell its height times a lever of fifty: it was 30 kPa off."""
+    time, x_d, p_act = run(samples=3000)
+    closing = time < time[-1] / 2
+    jumps = closing & (x_d > sticks) & (x_d < slips)
+    loop = find_loop(time, np.where(jumps, slips, x_d), p_act)
+    there = 8.5e4 - 4e6 * loop.position - 1000.0
+    missing = 4e6 * (slips - sticks)
+    assert np.max(np.abs(loop.closing - there)) < 1.1 * missing
+    # Half of it, where it waits with the pressure on its way, over the jump and an interval of knots.
+    assert loop.mean_width == pytest.approx(2000.0, abs=0.5 * missing * (slips - sticks + 5e-4) / 6e-3)
 
 
 def test_noise_averages_out():

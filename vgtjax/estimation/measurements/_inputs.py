@@ -15,8 +15,9 @@ from ...plants import AbstractModel
 from ...traces import MOVES, START_WINDOW, Trace, drift_of, noise_level, remove_noise
 from ._evidence import Unknown
 
-EVEN = 0.01
-"""Part by which intervals of a signal may differ that is read as it is; of others some samples count as missing."""
+JITTER = 0.3
+"""Part of the mean interval by which a sample may be off its place on an even clock; others are put on a finer one, of
+which some samples are missing."""
 FINEST = 0.25
 """Part of the median interval that even ones are made of at least."""
 LEAST = 30
@@ -80,8 +81,11 @@ def read_inputs(
 def _even_places(time: Float[np.ndarray, " samples"]) -> Int[np.ndarray, " samples"]:
     """Which of evenly spaced samples those of a clock are, of which some may be missing."""
     steps = np.diff(time)
-    if len(steps) == 0 or np.all(np.abs(steps - np.median(steps)) < EVEN * np.median(steps)):
+    if len(steps) == 0:
         return np.arange(len(time))
+    usual = (time - time[0]) / np.mean(steps)
+    if len(np.unique(np.round(usual))) == len(time) and np.max(np.abs(usual - np.round(usual))) < JITTER:
+        return np.round(usual).astype(int)
     return np.round((time - time[0]) / max(np.min(steps), FINEST * np.median(steps))).astype(int)
 
 
