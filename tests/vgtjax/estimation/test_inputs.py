@@ -13,7 +13,7 @@ from vgtjax.assurance import Truth
 from vgtjax.estimation import Unknown, _finish, plan_task, run_alone, start_calibration
 from vgtjax.estimation.derivatives import _evaluation as evaluation
 from vgtjax.estimation.measurements._inputs import InputSensor
-from vgtjax.identification.mechanical import read_motion
+from vgtjax.identification.mechanical._motion import read_motion
 
 TRUTH = {"diaphragm.mass": 0.7, "diaphragm.preload": 51.0, "friction.coulomb_force": 2.6, "friction.static_force": 2.9}
 NOISE, OFFSET = 60.0, 150.0
