@@ -2,6 +2,8 @@
 
 from typing import Any
 
+import numpy as np
+
 from vgtjax import SimulationError
 from vgtjax.assurance import NOTHING, Gain, Information, examining, informing, ranking, remedies
 from vgtjax.estimation import VAGUE, Calibrator, Computation, Task
@@ -15,9 +17,11 @@ def knowing(calibrator: Calibrator) -> Computation[dict[str, Any]]:
     **Raises:** `SimulationError` when the traces determine nothing.
     """
     known = yield from informing(calibrator)
+    ran_away = bool(np.any(calibrator.away()))  # to where nothing is felt, and is brought back
     gains = yield from _ranked(calibrator.task, known)
     sentences = [*known.sentences, *remedies(known, gains)]
-    if not known.tells and calibrator.task.starts < 2 and not (yield from examining(calibrator.task)).tells:
+    alone = calibrator.task.starts < 2 and not ran_away
+    if not known.tells and alone and not (yield from examining(calibrator.task)).tells:
         raise SimulationError("; ".join([NOTHING, *sentences]))
     undetermined = calibrator.undetermined()
     return {

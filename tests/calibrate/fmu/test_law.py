@@ -11,7 +11,7 @@ import vgtjax
 from calibrate.fmu.entries import values_of, with_values
 from calibrate.fmu.law import MEASURED, WANTED, Law
 from calibrate.study.start_file import load_model, read_parameters
-from calibrate.tune.designs import DESIGNS
+from calibrate.tune.designs import DESIGNS, design_for
 from vgtjax.control import PI, LostSensor, Scenario, Sensors, Sine, WithFallback, close_loop
 
 UNIT = EXAMPLE / "fleet" / "units" / "unit_01" / "parameters.json"
@@ -76,7 +76,7 @@ def test_a_lost_position_is_answered_by_the_fallback_in_c_as_well(load, plant):
 @pytest.mark.parametrize("name", DESIGNS)
 def test_c_asks_for_the_duty_that_the_closed_loop_asks_for(load, plant, scenario, name):
     """With gains and beliefs other than those it was written for: they stay variables. Sensors fail at times."""
-    written_for = DESIGNS[name].for_plant(plant)
+    written_for = design_for(name, plant, PERIOD)
     law = Law(written_for, PERIOD)
     p = values_of(written_for) * (1 + 0.01 * np.cos(np.arange(len(law.entries))))
     gaps = dataclasses.replace(
@@ -104,7 +104,7 @@ def test_c_asks_for_the_duty_that_the_closed_loop_asks_for(load, plant, scenario
     ],
 )
 def test_an_input_is_what_a_design_looks_at(plant, name, inputs):
-    assert list(Law(DESIGNS[name].for_plant(plant), PERIOD).inputs) == inputs.split()
+    assert list(Law(design_for(name, plant, PERIOD), PERIOD).inputs) == inputs.split()
 
 
 class Sorting(vgtjax.control.ConstantDuty):
