@@ -39,6 +39,11 @@ WIDER = {
     "karnopp": ("coulomb",),
 }
 """Which variants contain which others as a limit."""
+ALIKE = {
+    name: tuple(other for other, power in EXPONENTS.items() if power != exponent)
+    for name, exponent in EXPONENTS.items()
+}
+"""Which variants have parameters that make up for what tells them from which others: those of another exponent."""
 STILL = "the turbine pressure is zero in all traces"
 _FILTERING = threading.Lock()
 """Filters of warnings belong to the process, and the fits of structures to several threads."""

@@ -32,7 +32,7 @@ from ..output.console import console
 from ..output.files import REPORT, SUMMARY, write_json, write_text
 from ..resumable import Folders, ProgressFile, run_units
 from ..study.units import Job, Unit, prepare
-from .alternatives import WIDER, options, own_structure, plan
+from .alternatives import ALIKE, WIDER, options, own_structure, plan
 from .report import render, render_overview
 from .verdict import Verdict, judge
 
@@ -78,7 +78,7 @@ def _comparing(job: Job, unit: Unit, folder: pathlib.Path, ahead: Ahead = nothin
     def fitting(structure: Mapping[str, str], begin: Begin) -> Computation[Calibration]:
         return _fitting(job, unit, folder, structure, begin)
 
-    compared = yield from comparing_structures(own, options(job.study, unit), fitting, WIDER, ahead)
+    compared = yield from comparing_structures(own, options(job.study, unit), fitting, WIDER, ALIKE, ahead)
     return compared, time.monotonic() - began
 
 

@@ -1,7 +1,6 @@
 """What a comparison of structures says of every component, as `summary.json` states it."""
 
 import dataclasses
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -14,10 +13,6 @@ from .alternatives import EXPONENTS, STILL, options, own_structure
 
 UNSETTLED = "every sweep through the components changed another one"
 ALONE = "there is nothing to compare it with"
-APART = 500.0
-"""Difference of the criterion that decides between exponents of the Stribeck curve: static force and Stribeck velocity
-make up for the exponent, and searches end tens above their best. Of seven campaigns whose exponent was known five had
-the wrong one in front, one of them by 180."""
 GREEDY = (
     "one component was changed at a time, the others as in the structure found so far, and what one has beaten once "
     "more beside what another can't tell; what else is better only together is not found"
@@ -93,16 +88,8 @@ def _friction(ranking: Ranking, chosen: str) -> dict[str, Choice]:
         exponent = Choice(None, False, f"'{chosen}' has no Stribeck curve with an exponent")
     else:
         alone = _beyond(ranking, chosen, [name for name in ranking.against if name not in EXPONENTS])
-        exponent = dataclasses.replace(_far_apart(ranking, alone), value=EXPONENTS[chosen])
+        exponent = dataclasses.replace(alone, value=EXPONENTS[chosen])
     return {"friction": dataclasses.replace(family, value=name), "stribeck_exponent": exponent}
-
-
-def _far_apart(ranking: Ranking, exponent: Choice) -> Choice:
-    """An exponent that is decided, unless the others are not far enough from it."""
-    nearest = min((duel.difference for name, duel in ranking.against.items() if name in EXPONENTS), default=math.inf)
-    if not exponent.decided or nearest > APART:
-        return exponent
-    return Choice(exponent.value, False, f"the criterion differs by {nearest:.3g}, {APART:g} decide between exponents")
 
 
 def _duty(unit: Unit, compared: Compared, *, far: bool) -> dict[str, Choice]:

@@ -13,7 +13,6 @@ from calibrate.compare import alternatives, command, verdict
 from calibrate.fit.plan import plan as plan_of_fit
 from calibrate.output.files import MARKER
 from calibrate.study.units import prepare
-from vgtjax.identification import Duel, Ranking
 
 FRICTION = ("lugre", "coulomb")
 STUDY = """name = "rod"
@@ -150,11 +149,10 @@ def test_what_is_stated_of_one_unit_is_not_said_of_another():
     assert (found.value, found.decided) == (1.1e-3, True)
 
 
-@pytest.mark.parametrize(("difference", "decided"), [(180.0, False), (900.0, True)])
-def test_an_exponent_is_decided_only_by_what_is_far_apart(difference, decided):
-    duels = {"lugre-squared": Duel(difference, 5.0, None), "coulomb": Duel(9e3, 9.0, None)}
-    choices = verdict._friction(Ranking([], "lugre", duels, "none"), "lugre")
-    assert choices["friction"] == verdict.Choice("lugre", True, "better than every other beyond doubt")
-    exponent = choices["stribeck_exponent"]
-    assert (exponent.value, exponent.decided) == (1, decided)
-    assert ("180, 500 decide between exponents" in exponent.reason) == (not decided)
+def test_exponents_are_alike():
+    """Those of LuGre's law with an exponent, whichever its parameters."""
+    assert alternatives.ALIKE == {
+        "lugre": ("lugre-squared",),
+        "lugre-passive": ("lugre-squared",),
+        "lugre-squared": ("lugre", "lugre-passive"),
+    }

@@ -171,7 +171,7 @@ HELD = {"near": 57.3e-6, "far": 80e-6}
 """Volumes in m3 that cost some tens of chi^2 where they are held beside the truth, and thousands."""
 
 
-def ranked_beside(task, changed):
+def ranked_beside(task, changed, alike=None):
     """A fit with a free volume, changed by `changed`, against those with it held."""
     tasks = {"free": task} | {
         name: plan_task(vgtjax.Actuator(), task.fit, free=FREE[:2], values={"chamber.volume": volume})
@@ -182,7 +182,8 @@ def ranked_beside(task, changed):
         name = structure["friction"]
         return changed(name, (yield from start_calibration(tasks[name]).steps()))
 
-    found = compare_structures({"friction": "free"}, {"friction": list(tasks)}, fitting).rankings["friction"]
+    own, options = {"friction": "free"}, {"friction": list(tasks)}
+    found = compare_structures(own, options, fitting, alike=alike).rankings["friction"]
     assert found.best == "free"
     near, far = (found.against[name] for name in HELD)
     assert STRONG < near.difference < ASTRAY < far.difference
@@ -212,6 +213,15 @@ def test_a_fit_whose_corrections_have_not_settled_decides_only_what_is_farther_a
     near, far = ranked_beside(task, restless)
     assert bool(near.doubt) == (end != "settled")
     assert ("have not settled, or it came to none" in near.doubt) == (end != "settled")
+    assert not far.doubt
+
+
+@pytest.mark.parametrize("alike", [True, False])
+def test_variants_whose_parameters_make_up_for_each_other_are_decided_by_what_is_far_apart(task, monkeypatch, alike):
+    monkeypatch.setattr(_ranking, "APART", ASTRAY)  # between the two that this task has
+    near, far = ranked_beside(task, lambda name, fit: fit, {name: ("free",) for name in HELD} if alike else None)
+    assert bool(near.doubt) == alike
+    assert ("make up for what tells the two apart" in near.doubt) == alike
     assert not far.doubt
 
 
@@ -265,7 +275,7 @@ def test_what_is_beaten_is_tried_beside_what_is_not(monkeypatch, together, struc
         fitted.append(tuple(structure.values()))
         search._fits[fitted[-1]] = criteria[fitted[-1]]
 
-    def rank(outcomes, wider=None):
+    def rank(outcomes, wider=None, alike=None):
         yield from ()
         best = min(outcomes, key=outcomes.get)
         apart = {name: each - outcomes[best] for name, each in outcomes.items() if name != best}

@@ -21,15 +21,13 @@ from ...estimation import (
     run_alone,
 )
 from ...parameters import get_parameter, parameter_table
-from ._ranking import Outcome, Ranking, own_criterion, rank, unusable
+from ._ranking import Outcome, Ranking, Related, own_criterion, rank, unusable
 
 MOST_SWEEPS = 3
 """Times that all components are gone through; after that nothing is decided."""
 
 Structure = Mapping[str, str]
 """The variant of every component."""
-Wider = Mapping[str, Sequence[str]]
-"""Which variants of a component contain which others as a limit."""
 Values = Mapping[str, Any]
 """Values of parameters by name, to start from those that a structure has."""
 
@@ -75,7 +73,11 @@ class Compared:
 
 
 def compare_structures(
-    own: Structure, options: Mapping[str, Sequence[str]], fitting: Fitting, wider: Wider | None = None
+    own: Structure,
+    options: Mapping[str, Sequence[str]],
+    fitting: Fitting,
+    wider: Related | None = None,
+    alike: Related | None = None,
 ) -> Compared:
     """Fits the alternatives of each component and ranks them.
 
@@ -84,23 +86,25 @@ def compare_structures(
     of the other. Otherwise a structure that is better only with two components changed together is not found.
 
     **Arguments:** `options`: of each component, among them that of `own`; `fitting`: makes a computation that fits a
-    structure, e.g. with [`starting_fit`][]; `wider`: which variants contain which others as a limit.
+    structure, e.g. with [`starting_fit`][]; `wider`: which variants contain which others as a limit; `alike`: which
+    have parameters that make up for what tells them from which others, so that only what is far apart decides.
     """
-    return run_alone(comparing_structures(own, options, fitting, wider))
+    return run_alone(comparing_structures(own, options, fitting, wider, alike))
 
 
 def comparing_structures(
     own: Structure,
     options: Mapping[str, Sequence[str]],
     fitting: Fitting,
-    wider: Wider | None = None,
+    wider: Related | None = None,
+    alike: Related | None = None,
     ahead: Ahead = nothing_ahead,
 ) -> Computation[Compared]:
     """`compare_structures` as a computation.
 
     **Arguments:** `ahead`: is told which structures are fitted next, and what it returns is left when they are.
     """
-    search, base = _Search(fitting, {} if wider is None else wider, ahead), dict(own)
+    search, base = _Search(fitting, wider, alike, ahead), dict(own)
     rankings: dict[str, Ranking] = {}
     ranked_in: dict[str, Structure] = {}
     for _ in range(MOST_SWEEPS):
@@ -144,8 +148,8 @@ def _undecided(ranking: Ranking, now: str) -> list[str]:
 class _Search:
     """The fits so far, by structure."""
 
-    def __init__(self, fitting: Fitting, wider: Wider, ahead: Ahead):
-        self._fitting, self._wider, self._ahead = fitting, wider, ahead
+    def __init__(self, fitting: Fitting, wider: Related | None, alike: Related | None, ahead: Ahead):
+        self._fitting, self._wider, self._alike, self._ahead = fitting, wider, alike, ahead
         self._fits: dict[tuple[str, ...], Outcome] = {}
         self._again: set[tuple[str, ...]] = set()
 
@@ -162,16 +166,17 @@ class _Search:
             yield from self._fit(base, Begin({}))
             for structure in structures.values():
                 yield from self._fit_beside(structure, self._beside(base))
-        ranking = yield from rank(
-            {name: self._fits[_key(structure)] for name, structure in structures.items()}, self._wider
-        )
+        ranking = yield from self._rank(structures)
         if ranking.best is None or ranking.best == base[component] or _key(base) in self._again:
             return ranking
         # The others began where the base ended; the base may begin at the best one's end as well.
         yield from self._fit(base, Begin(self._values(structures[ranking.best]), again=True))
-        return (
-            yield from rank({name: self._fits[_key(structure)] for name, structure in structures.items()}, self._wider)
-        )
+        return (yield from self._rank(structures))
+
+    def _rank(self, structures: Mapping[str, Structure]) -> Computation[Ranking]:
+        """The fits of the variants of a component."""
+        outcomes = {name: self._fits[_key(structure)] for name, structure in structures.items()}
+        return (yield from rank(outcomes, self._wider, self._alike))
 
     def together(
         self, rankings: Mapping[str, Ranking], base: dict[str, str]
@@ -186,7 +191,8 @@ class _Search:
                 yield from self._fit_beside(both, self._beside(beside))
             if _better((yield from self._duel(base, both, "now", "both")), "now") == "both":
                 return found, both
-            ranking = yield from rank({now: self._fits[_key(beside)], beaten: self._fits[_key(both)]})
+            pair = {now: self._fits[_key(beside)], beaten: self._fits[_key(both)]}
+            ranking = yield from rank(pair, alike=self._alike)
             duel = ranking.against[beaten if ranking.best == now else now]
             why = duel.doubt or ("" if ranking.best == now else f"it is better by {duel.difference:.3g}")
             if why:
