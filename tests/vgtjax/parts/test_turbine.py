@@ -24,7 +24,7 @@ from vgtjax import (
 )
 from vgtjax.exhaust import Engine, OperatingPoint, pulsation
 from vgtjax.parts import Crank, Linkage, Vanes
-from vgtjax.parts.vane_force import _stage_table, _turbine
+from vgtjax.parts.vane_force import _stage_table
 from vgtjax.plants import Instrumented, rows_along
 from vgtjax.simulation import RESULTS
 from vgtjax.turbine import AinleyMathieson, Losses, Nozzle, Soderberg
@@ -373,47 +373,3 @@ def test_a_rod_moves_under_a_pulsation_as_in_another_program(turbine, point, cra
         last = np.asarray(simulate(model, run).x_d)[angle > 5 * 720.0]
         # 2 %, and half of a printed micrometre.
         assert 1e6 * np.ptp(last) / swing == pytest.approx(moved, abs=0.02 * moved + 0.5)
-
-
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        ({"outlet_pressure": 5e5}, r"outlet_pressure must be below 4.5 bar absolute, .* it is 5 bar"),
-        ({"linkage.closed_angle": -10.0}, "have no throat|must be"),
-        ({"nozzle.volute_radius": 26e-3}, "reach into the volute; make nozzle.volute_radius larger"),
-        ({"nozzle.height": -1e-3}, "height"),
-    ],
-)
-def test_a_geometry_that_does_not_work_is_refused(turbine, values, message):
-    with pytest.raises(InputError, match=message):
-        replace_parameters(turbine, values)
-
-
-@pytest.mark.parametrize(
-    ("values", "sentence"),
-    [
-        ({"speed_ratio": np.nan}, "'vane_force.speed_ratio' must be finite and not negative, but it is nan"),
-        ({"ambient_pressure": -1.0}, "'vane_force.ambient_pressure' must be finite and not negative, but it is -1"),
-    ],
-)
-def test_what_is_no_number_is_refused_before_a_table_is_made(values, sentence, monkeypatch):
-    def solved(*_):
-        raise AssertionError("a table was made")
-
-    monkeypatch.setattr(_turbine, "make_table", solved)
-    with pytest.raises(InputError, match=f"^{re.escape(sentence)}; correct it$"):
-        Turbine(**values)
-
-
-@pytest.mark.parametrize(
-    ("point", "sentence"),
-    [
-        ((np.nan, 12.0), "total_pressure must be a positive pressure in Pa absolute, but it is nan; correct it"),
-        ((2e5, np.inf), "crank_angle must be a finite angle in deg, but it is inf; correct it"),
-        ((2e5, 80.0), "vanes at 119 deg must stand between 0 and 90 deg from the tangent; open them by another angle"),
-    ],
-)
-@pytest.mark.parametrize("ask", [Turbine.flow, Turbine.rod_force])
-def test_a_point_at_which_there_is_no_flow_is_refused(turbine, ask, point, sentence):
-    with pytest.raises(InputError, match=f"^{re.escape(sentence)}$"):
-        ask(turbine, *point)
