@@ -19,6 +19,7 @@ from ...plants import AbstractModel
 from ...simulation import FixedStep
 from ...traces import Trace
 from ..derivatives import CHANNELS, Bundle, Computation, Evaluated, Evaluation, ask, bundle_traces
+from ._chatter import in_phase
 from ._measured import Sensors, white_sensors
 from ._sensors import Samples, Sensor, learn_sensor
 
@@ -158,7 +159,7 @@ def learn_sensors(
 
 def _learn(sensor: Sensor, smooth: Samples, sharp: Samples, unknown: Unknown) -> Sensor:
     """A sensor by what is left of its values, less the numerical errors of the smooth simulation."""
-    defect = sharp - smooth
+    defect = in_phase(sharp - smooth, sensor.values - smooth, sensor.deviation)
     largest = LARGEST_DEFECT * sensor.deviation
     corrected = dataclasses.replace(sensor, values=sensor.values - np.clip(defect, -largest, largest))
     coloured, loss = unknown.noise != "white", "huber" if unknown.loss == "evidence" else unknown.loss
