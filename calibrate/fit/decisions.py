@@ -4,6 +4,8 @@ import dataclasses
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+import numpy as np
+
 from vgtjax.assurance import REPEATED, UNEQUAL, WRONG, WRONG_ALONE, Certificate, largest
 from vgtjax.estimation import MEETS
 
@@ -43,7 +45,8 @@ def _of_the_fit(fitted: Fitted) -> Iterator[Decision]:
     rule = "a full linear step from the end may not promise more, or errors are indicative"
     yield _below("chi^2 that a further linear step promises", calibration.uncertainty.gain, FURTHER, rule)
     rule = "what remains of no signal of a fitted trace may be more times its sensor's noise"
-    (trace, channel), worst = max(calibration.noise_ratios.items(), key=lambda pair: pair[1])
+    # A trace whose simulation failed has no number, and is the worst.
+    (trace, channel), worst = max(calibration.noise_ratios.items(), key=lambda pair: (np.isnan(pair[1]), pair[1]))
     yield _below(f"worst trace: {channel} of {trace}", worst, MEETS, rule)
 
 

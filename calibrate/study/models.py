@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
 import numpy as np
@@ -17,6 +17,9 @@ from .base import ParameterValue, StartValue
 from .components import FullComponents, MechanicalComponents, ReducedComponents
 from .places import StudyError
 from .tables import Study
+
+S = TypeVar("S", bound=StartValue)
+"""What a study states of a parameter."""
 
 
 def build_model(study: Study) -> vgtjax.AbstractModel:
@@ -114,7 +117,7 @@ def start_values(model: eqx.Module, stated: Mapping[str, StartValue]) -> tuple[d
     """Start values by name and bounds by entry, of a model or a controller."""
     values: dict[str, Any] = {}
     bounds: Bounds = {}
-    for name, given in sorted(stated.items(), key=lambda each: "[" in each[0]):  # vectors before their entries
+    for name, given in vectors_first(stated):
         entries = _entries_of(model, name)
         for key in ("value", "lower", "upper"):
             check_length(name, key, getattr(given, key), entries)
@@ -142,10 +145,13 @@ class Known(NamedTuple):
 def known_beforehand(model: eqx.Module, stated: Mapping[str, ParameterValue]) -> Known:
     """What is known beforehand, of values that are stated, or else are those of the model."""
     known = Known({}, {})
-    for name, given in stated.items():
-        if given.deviation is None and given.relative is None:
-            continue
+    for name, given in vectors_first(stated):
         entries = _entries_of(model, name)
+        if given.deviation is None and given.relative is None:
+            if given.value is not None:  # an entry by itself, of a vector of which more is known
+                centers = dict(zip(entries, np.ravel(given.value).tolist(), strict=True))
+                known.centers.update({entry: value for entry, value in centers.items() if entry in known.centers})
+            continue
         values = vgtjax.Selection(tuple(entries)).values(model) if given.value is None else np.ravel(given.value)
         for entry, value in zip(entries, np.asarray(values).tolist(), strict=True):
             deviation = given.deviation if given.deviation is not None else (given.relative or 0.0) * abs(value)
@@ -163,10 +169,15 @@ def scales_of(model: eqx.Module, stated: Mapping[str, ParameterValue]) -> dict[s
     """How a fit moves those entries of which the study says it."""
     return {
         entry: given.scale
-        for name, given in stated.items()
+        for name, given in vectors_first(stated)
         if given.scale is not None
         for entry in _entries_of(model, name)
     }
+
+
+def vectors_first(stated: Mapping[str, S]) -> list[tuple[str, S]]:
+    """What is stated by name, of vectors before their entries: what is said of one entry counts, wherever it stands."""
+    return sorted(stated.items(), key=lambda each: "[" in each[0])
 
 
 def _entries_of(model: eqx.Module, name: str) -> list[str]:

@@ -75,10 +75,10 @@ def _reservoir(task: Task) -> float:
 def _columns(task: Task, known: Information, runs: Sequence[StandardRun]) -> Computation[list[np.ndarray]]:
     """What each run would tell, as rows of [`Information`][], with the noise of the sensors that recorded the others.
 
-    Runs that differ in their rate or length only are simulated once, the finest and longest.
+    Runs that are the beginning of another, or a part of its samples, are simulated once: the finest and longest.
     """
-    kinds = dict.fromkeys((run.kind, run.turbine_pressure) for run in runs)
-    whole = {kind: _finest([run for run in runs if (run.kind, run.turbine_pressure) == kind]) for kind in kinds}
+    kinds = dict.fromkeys(_course(run) for run in runs)
+    whole = {kind: _finest([run for run in runs if _course(run) == kind]) for kind in kinds}
     model = task.selection.unpack(task.model, known.values)
     traces = [run.trace(_reservoir(task)) for run in whole.values()]
     if all(trace.p_act is not None for trace in task.fit) and "pwm" in model.needs:
@@ -97,8 +97,13 @@ def _columns(task: Task, known: Information, runs: Sequence[StandardRun]) -> Com
     found: dict[int, np.ndarray] = {}
     for bundle, *lanes in zip(bundles, *parts, strict=True):
         found |= dict(zip(bundle.indices, bundle.from_lanes(np.concatenate(lanes, axis=-1)), strict=True))
-    places = [order.index((run.kind, run.turbine_pressure)) for run in runs]
+    places = [order.index(_course(run)) for run in runs]
     return [_recorded(run, whole[order[place]], found[place], noise) for run, place in zip(runs, places, strict=True)]
+
+
+def _course(run: StandardRun) -> tuple[str, float, float]:
+    """What runs have in common of which one is a part of another: random levels whatever their length."""
+    return run.kind, run.turbine_pressure, np.inf if run.kind == "levels" else run.seconds
 
 
 def _finest(runs: Sequence[StandardRun]) -> StandardRun:

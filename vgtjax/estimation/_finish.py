@@ -149,17 +149,19 @@ def _by_windows(
     owner = problem.owner
     columns, before = finite_columns(point.columns)[: len(owner)], point.columns[len(owner) :]
     scores = (columns * point.residuals[: len(owner), None]).reshape(-1, len(CHANNELS), columns.shape[1]).sum(axis=1)
-    interval = float(np.median([np.ptp(trace.time) / (len(trace.time) - 1) for trace in task.fit]))
-    longest = len(scores) / (WINDOWS * columns.shape[1])
-    length = max(1, round(min(WINDOW / interval, longest)))
+    samples = owner[:: len(CHANNELS)]
+    spans = np.array([float(np.ptp(trace.time)) for trace in task.fit])
+    intervals = spans / np.maximum(np.bincount(samples, minlength=len(spans)) - 1, 1)
+    window = min(WINDOW, float(np.sum(spans)) / (WINDOWS * columns.shape[1]))
+    lengths = np.maximum(1, np.round(window / intervals)).astype(int)
     few, bread = point.reduced, found.covariance / max(found.scale, 1e-300)
     if point.known:  # a covariance is no inverse then that is scaled
         bread = least_squares(few.columns, few.residuals).covariance
     with np.errstate(over="ignore", invalid="ignore"):  # of a value that ran away
         # Scores are of any size, where derivatives explode, and what they move coordinates by is not.
         moved, known = scores @ bread, before @ bread
-        gram = windowed_gram(moved, owner[:: len(CHANNELS)], length) + known.T @ known
-        return length * interval, np.sqrt(np.maximum(np.diag(gram), 0.0))
+        gram = windowed_gram(moved, samples, lengths) + known.T @ known
+        return float(np.median(lengths * intervals)), np.sqrt(np.maximum(np.diag(gram), 0.0))
 
 
 def _scatter(uncertainty: LeastSquares, wanted: Float[np.ndarray, "steps entries"]) -> Covariance:
@@ -198,8 +200,8 @@ def _moved_by_tolerances(task: Task, search: LevenbergMarquardt) -> Computation[
 
 def _followed(search: LevenbergMarquardt, change: Float[np.ndarray, " rows"]) -> Coordinates:
     """How far coordinates move where what is measured changes, in units of the noise."""
-    rows = np.append(change, np.zeros(len(search.point.columns) - len(change)))
-    return least_squares(search.point.columns, rows).values
+    columns = finite_columns(search.point.columns)
+    return least_squares(columns, np.append(change, np.zeros(len(columns) - len(change)))).values
 
 
 def _moved_by_inputs(task: Task, search: LevenbergMarquardt) -> Computation[Rows]:

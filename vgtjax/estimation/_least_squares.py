@@ -263,16 +263,17 @@ def clustered_gram(
 
 
 def windowed_gram(
-    scores: Float[np.ndarray, "rows unknowns"], owner: Int[np.ndarray, " rows"], length: int
+    scores: Float[np.ndarray, "rows unknowns"], owner: Int[np.ndarray, " rows"], lengths: Int[np.ndarray, " owners"]
 ) -> Float[np.ndarray, "unknowns unknowns"]:
     """Variance of the sum of scores (residuals times their columns) that are correlated in time within each owner.
 
-    By sums over all windows of `length` rows, which is Bartlett's kernel (Newey and West, 1987). What the fit of as
-    many unknowns has taken away from the residuals is given back.
+    By sums over all windows of an owner's number of rows, of `lengths`, which is Bartlett's kernel (Newey and West,
+    1987). What the fit of as many unknowns has taken away from the residuals is given back.
     """
-    unknowns, windows = scores.shape[1], len(scores) / length
+    unknowns, windows = scores.shape[1], float(np.sum(1 / lengths[owner]))
     gram = np.zeros((unknowns, unknowns))
     for each in np.unique(owner):
+        length = int(lengths[each])
         padded = np.pad(scores[owner == each], ((length, length), (0, 0)))
         ahead = np.cumsum(padded, axis=0)
         sums = ahead[length:] - ahead[:-length]

@@ -137,7 +137,7 @@ def _margin(entry: str, spread: Spread, nominal: float, relative: float, low: fl
                 raise wrong(f"a lognormal '{entry}' has no ends, but lower or upper is given; use normal, or drop them")
             if nominal <= 0:
                 raise wrong(f"a lognormal '{entry}' must be positive, but it is {nominal:g}; choose another")
-            return lognormal(nominal, math.sqrt(math.log1p((size / nominal) ** 2)))
+            return lognormal(nominal, _of_logarithm(size / nominal))
         case "uniform" | "triangular":
             begin, end = nominal - size, nominal + size
         case _:
@@ -159,6 +159,11 @@ def _margin(entry: str, spread: Spread, nominal: float, relative: float, low: fl
     if shape == "normal":
         return normal(nominal, size, (begin, end))
     return uniform(begin, end) if shape == "uniform" else triangular(begin, nominal, end)
+
+
+def _of_logarithm(relative: float) -> float:
+    """The standard deviation of a normal logarithm, by that of the value as a part of its median."""
+    return math.sqrt(math.log((1 + math.sqrt(1 + 4 * relative**2)) / 2))
 
 
 def _correlation(

@@ -139,6 +139,16 @@ def test_what_is_taken_for_granted_is_part_of_expected_errors(granted):
     assert sum(gain.after.values()) > 0.5 * sum(known.errors.values())
 
 
+@pytest.mark.parametrize("kind", ["ramp", "step"])
+def test_a_run_tells_the_same_beside_a_longer_one(task, kind):
+    """It was taken for the beginning of that, which only random levels are."""
+    known, short = examine(task), StandardRun(kind, 1.0, 100.0)
+    (alone,) = next_runs(task, known, [short])
+    beside = next(gain for gain in next_runs(task, known, [short, StandardRun(kind, 2.0, 100.0)]) if gain.run == short)
+    # Side by side lanes are simulated in other segments.
+    assert list(beside.after.values()) == pytest.approx(list(alone.after.values()), rel=1e-3)
+
+
 def test_a_run_is_named_only_for_what_it_would_determine():
     """What no standard run feels either, and what one would tell, but badly."""
     known = Information(("a", "b"), np.ones(2), np.array([[1.0, 0.0]]))

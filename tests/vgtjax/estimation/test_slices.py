@@ -203,6 +203,9 @@ def test_a_bound_ends_a_profile():
     found = driven(profiling(end, ["a"])).profiles["a"]
     assert found.limits[0] * found.error == pytest.approx(-0.01)
     assert found.ends[1] == pytest.approx(NORMAL_95, rel=1e-6)
+    # And the interval with it, where the linear one goes beyond.
+    beyond = 0.03
+    assert found.widened(beyond) == (pytest.approx(-0.01), max(beyond, found.ends[1] * found.error))
 
 
 def test_profiles_are_as_many_as_are_wanted():

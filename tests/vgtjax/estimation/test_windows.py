@@ -29,7 +29,7 @@ def test_errors_by_windows_are_the_spread_of_the_estimates(memory):
     for noise in records(memory, 400):
         found = least_squares(COLUMNS, noise)
         residuals = noise - COLUMNS @ found.values
-        gram = windowed_gram(COLUMNS * residuals[:, None], OWNER, WINDOW)
+        gram = windowed_gram(COLUMNS * residuals[:, None], OWNER, np.full(TRACES, WINDOW))
         by_windows.append(np.diag(found.covariance @ gram @ found.covariance))
         claimed.append(np.diag(found.covariance) * np.mean(residuals**2))
         estimates.append(found.values)
@@ -45,8 +45,20 @@ def test_errors_by_windows_are_the_spread_of_the_estimates(memory):
 
 def test_windows_of_one_are_the_usual_sandwich():
     scores = np.random.default_rng(4).normal(size=(300, 2))
-    found = windowed_gram(scores, np.zeros(300, int), 1)
+    found = windowed_gram(scores, np.zeros(300, int), np.array([1]))
     np.testing.assert_allclose(found, scores.T @ scores * 300 / 298, rtol=1e-12)
+
+
+def test_windows_are_as_long_in_traces_of_every_rate():
+    """Beside slow traces a window had as many samples of a fast one, and was too short for the noise there."""
+    rng, seconds = np.random.default_rng(6), (12, 12, 12)
+    slow, fast = rng.normal(size=(3 * 12 * 25, 1)), rng.normal(size=(12 * 100, 1))
+    fast = scipy.signal.lfilter([1.0], [1.0, -0.9], fast, axis=0)
+    alone = windowed_gram(fast, np.zeros(len(fast), int), np.array([20]))
+    owner = np.repeat([0, 1, 2, 3], [*(25 * each for each in seconds), len(fast)])
+    beside = windowed_gram(np.concatenate([1e-6 * slow, fast]), owner, np.array([5, 5, 5, 20]))
+    # Of sixty windows and of four times as many: what one unknown has taken away.
+    np.testing.assert_allclose(beside * (1 - 1 / 240), alone * (1 - 1 / 60), rtol=1e-9)
 
 
 def test_a_derivative_that_explodes_leaves_the_errors_of_others():

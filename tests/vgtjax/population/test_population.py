@@ -249,7 +249,7 @@ def test_what_varies_is_chosen_by_pattern_and_by_spread():
         (Spread(), normal(12000.0, 1200.0, (0.0, math.inf))),
         (Spread(deviation=300.0), normal(12000.0, 300.0)),
         (Spread(relative=0.02, lower=11900.0), normal(12000.0, 240.0, (11900.0, math.inf))),
-        (Spread("lognormal", relative=0.3), lognormal(12000.0, math.sqrt(math.log(1.09)))),
+        (Spread("lognormal", relative=0.3), lognormal(12000.0, math.sqrt(math.log((1 + math.sqrt(1.36)) / 2)))),
         (Spread("uniform", relative=0.25), uniform(9000.0, 15000.0)),
         (Spread("uniform", lower=11000.0, upper=20000.0), uniform(11000.0, 20000.0)),
         (Spread("triangular", deviation=1000.0, upper=15000.0), triangular(11000.0, 12000.0, 15000.0)),
@@ -259,6 +259,15 @@ def test_a_spread_is_a_distribution_around_the_nominal_value(spread, same):
     (margin,) = spread_population(ACTUATOR, 0.1, vary=[STIFFNESS], spreads={STIFFNESS: spread}).margins
     shares = np.linspace(0.01, 0.99, 25)
     np.testing.assert_allclose(margin.ppf(shares), same.ppf(shares), rtol=1e-12)
+
+
+@pytest.mark.parametrize("distribution", ["normal", "lognormal"])
+def test_a_relative_spread_is_the_standard_deviation_as_a_part_of_the_nominal_value(distribution):
+    spread = Spread(distribution, relative=0.2)
+    (margin,) = spread_population(ACTUATOR, vary=[STIFFNESS], spreads={STIFFNESS: spread}).margins
+    # What a normal one is cut off at zero, five deviations away, is beyond these digits.
+    assert margin.median() == pytest.approx(12000.0, rel=1e-5)
+    assert margin.std() == pytest.approx(2400.0, rel=1e-4)
 
 
 def test_correlations_are_stated_by_pairs_or_groups():

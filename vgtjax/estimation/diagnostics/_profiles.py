@@ -61,11 +61,12 @@ class Profile:
     def widened(self, linear: float) -> tuple[float, float]:
         """Ends of a 95 % interval, as distances from the value in coordinates, by what the linear one reaches there.
 
-        A profile makes an interval longer and never shorter: a chord overestimates the misfit. Open ends are infinite,
-        and those at a bound lie on it.
+        A profile makes an interval longer and never shorter, as a chord overestimates the misfit, but for one that a
+        bound ends: that lies on it. Open ends are infinite.
         """
-        ends = [limit if np.isinf(end) else end for end, limit in zip(self.ends, self.limits, strict=True)]
-        return min(self.error * ends[0], -linear), max(self.error * ends[1], linear)
+        below, above = (self.error * each for each in self.limits)
+        begin = below if np.isinf(self.ends[0]) else min(self.error * self.ends[0], -linear)
+        return begin, above if np.isinf(self.ends[1]) else max(self.error * self.ends[1], linear)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
