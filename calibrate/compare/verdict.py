@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from vgtjax.estimation import VERDICTS, Calibration, Remains, find_remains
+from vgtjax.estimation import VERDICTS, Calibration, Remains, find_remains, sample_interval
 from vgtjax.identification import Compared, Ranking, Row, worst_verdict
 
 from ..study.tables import Study
@@ -97,18 +97,26 @@ def _duty(unit: Unit, compared: Compared, *, far: bool) -> dict[str, Choice]:
     if "pwm" not in unit.model.needs or compared.fit is None:
         return {}
     calibration = compared.fit.calibration
-    holds = {calibration.duty_hold(trace) for trace in calibration.task.fit}
+    intervals = {trace.name: sample_interval(trace) for trace in calibration.task.fit}
+    slowest, fastest = max(intervals.values()), min(intervals.values())
+    slow = [trace for trace in calibration.task.fit if intervals[trace.name] == slowest]
+    holds = {calibration.duty_hold(trace) for trace in slow}
     stated = set(unit.stated.get("duty_hold", ()))
     hold = next(iter(stated)) if len(stated) == 1 else "linear" if holds == {"linear"} else "zero-order"
     known = next(iter(unit.stated.get("duty_delay", ())), None)
     delay = calibration.duty_delay if known is None else known
-    decided, reason = _told(calibration, known, bool(stated), len(holds) > 1)
+    decided, reason = _told(calibration, known, bool(stated))
+    if decided and fastest < slowest:
+        reason += (
+            f"; that is said of the slowest traces, {1e3 * slowest:g} ms a sample: how the duty of others was held may "
+            f"be open, and the delay with it by half a sample of theirs, {500 * fastest:g} ms of the fastest"
+        )
     if decided and far:
         decided, reason = False, f"{reason}; but even the best structure leaves evident structure"
     return {"duty_hold": Choice(hold, decided, reason), "duty_delay": Choice(delay, decided, reason)}
 
 
-def _told(calibration: Calibration, known: float | None, stated: bool, several: bool) -> tuple[bool, str]:
+def _told(calibration: Calibration, known: float | None, stated: bool) -> tuple[bool, str]:
     """Whether a fit tells how the duty was held and how late it is, and why."""
     if known is not None:
         return False, "the study states the delay, so none was looked for"
@@ -116,8 +124,6 @@ def _told(calibration: Calibration, known: float | None, stated: bool, several: 
         return False, "the study states the hold, so another was not looked for"
     if calibration.progress.hold_decided is None:
         return False, "the study says that none is to be looked for"
-    if several:
-        return False, "traces of different sample rates have different holds"
     if not calibration.progress.hold_decided:
         return False, "a held duty and a linear one that is later by half a sample are the same, or neither fits"
     if calibration.progress.linear:

@@ -84,6 +84,7 @@ from .measurements import (
     build_fit_problem as build_fit_problem,
     learn_sensors as learn_sensors,
     observe_traces as observe_traces,
+    sample_interval as sample_interval,
     sharp_bundles as sharp_bundles,
     white_sensors as white_sensors,
 )

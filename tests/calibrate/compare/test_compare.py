@@ -5,6 +5,7 @@ import math
 import pathlib
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from commands import Outcome, cut_example, read, run_command
 
@@ -135,7 +136,7 @@ relative_uncertainty = 0.001
 
 def test_what_is_stated_of_one_unit_is_not_said_of_another():
     calibration = SimpleNamespace(
-        task=SimpleNamespace(fit=["levels"]),
+        task=SimpleNamespace(fit=[vgtjax.Trace(np.arange(3) / 500, pwm=np.zeros(3), name="levels")]),
         duty_hold=lambda trace: "zero-order",
         duty_delay=1.1e-3,
         progress=SimpleNamespace(hold_decided=True, linear=()),
@@ -147,6 +148,23 @@ def test_what_is_stated_of_one_unit_is_not_said_of_another():
     assert (said.value, said.decided) == (4e-3, False)
     found = verdict._duty(other, compared, far=False)["duty_delay"]
     assert (found.value, found.decided) == (1.1e-3, True)
+
+
+def test_the_hold_is_that_of_the_slowest_traces():
+    traces = [vgtjax.Trace(np.arange(3) / rate, pwm=np.zeros(3), name=f"{rate}") for rate in (100, 1000)]
+    calibration = SimpleNamespace(
+        task=SimpleNamespace(fit=traces),
+        duty_hold=lambda trace: "linear" if trace.name == "100" else "zero-order",
+        duty_delay=0.0,
+        progress=SimpleNamespace(hold_decided=True, linear=(0.01,)),
+    )
+    compared = SimpleNamespace(fit=SimpleNamespace(calibration=calibration))
+    said = verdict._duty(SimpleNamespace(model=vgtjax.Actuator(), stated={}), compared, far=False)["duty_hold"]
+    assert (said.value, said.decided) == ("linear", True)
+    assert said.reason.endswith(
+        "10 ms a sample: how the duty of others was held may be open, and the delay with it by "
+        "half a sample of theirs, 0.5 ms of the fastest"
+    )
 
 
 def test_exponents_are_alike():

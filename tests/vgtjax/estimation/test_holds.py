@@ -40,6 +40,14 @@ def test_two_intervals_do(delays, linear, delay):
     assert holds.delay == pytest.approx(delay, abs=1e-5)
 
 
+def test_a_hold_is_decided_where_only_that_of_faster_traces_is_open():
+    """Half a sample of random levels at 500 Hz is a millisecond, and of a slow loop five."""
+    found = judge_holds(np.array([-2e-4, -1.5e-4]), np.diag([2.7e-4, 1.1e-4]) ** 2, np.array([SLOW, 2e-3]))
+    assert (found.linear, found.decided) == ((), True)
+    closer = judge_holds(np.array([-2e-4, -1.5e-4]), np.diag([2e-3, 1.1e-4]) ** 2, np.array([SLOW, 2e-3]))
+    assert not closer.decided  # the slow loop itself may have come half a sample later
+
+
 @pytest.mark.parametrize("delays", [[3e-3, 20e-3], [-9e-3, -9e-3]])
 def test_what_nothing_explains_is_not_decided(delays):
     assert not judged(delays, [SLOW, FAST]).decided

@@ -27,7 +27,7 @@ of a duty that its record rounds to whole samples, half of one early in the mean
 @dataclasses.dataclass(frozen=True)
 class Holds:
     """Sample intervals in s of the traces whose duty was linear between samples, the delay in s that is left then, and
-    whether no other explanation is left."""
+    whether no explanation is left that reads the slowest traces otherwise, of which half a sample is the most."""
 
     linear: tuple[float, ...]
     delay: float
@@ -92,7 +92,9 @@ def judge_holds(
     left = sorted((holds for misfit, holds in explanations if misfit <= best + PERCEPTIBLE), key=lambda h: abs(h.delay))
     # Where a delay is left even so, half a sample more of it may be another hold; a delay of none is the simplest.
     none = abs(left[0].delay) <= EVIDENT / np.sqrt(weight) and SHARP / np.sqrt(weight) < np.min(intervals) / 2
-    decided = (len(left) == 1 or bool(none)) and best < PERCEPTIBLE + len(intervals)
+    slowest = float(np.max(intervals))
+    alike = len({slowest in holds.linear for holds in left}) == 1
+    decided = (alike or bool(none)) and best < PERCEPTIBLE + len(intervals)
     return dataclasses.replace(left[0], decided=decided)
 
 
