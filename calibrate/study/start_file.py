@@ -192,7 +192,7 @@ def _by_parameter(model: vgtjax.AbstractModel, given: dict[str, Any]) -> dict[st
         check_length(name, "value", value, entry_names({name: table[name]}) if name in table else [name])
         if name not in whole:
             values |= merge(model, values, name, value)
-    vgtjax.replace_parameters(model, values)
+    vgtjax.replace_parameters(on_given_knots(model, values), values)
     return values
 
 
