@@ -37,6 +37,11 @@ def read_parameters(path: pathlib.Path, unit: str | None = None) -> tuple[pathli
     content = read_json(path)
     if not isinstance(content, dict) or not isinstance(content.get("parameters"), dict):
         raise InputError(f"{path.name}: this is no parameters.json of a fit; give one that 'fit' wrote")
+    components = content.get("components", {})
+    if not isinstance(components, dict):
+        raise InputError(
+            f"{path.name}: its components must be names by part, but they are {components!r}; correct them"
+        )
     return path, _migrated(path, content)
 
 
