@@ -202,6 +202,12 @@ CELLS = (
         text().replace(",", ";").replace("-800.0", "-1.800,0"),
         "line 2, column p_res: '-1.800,0' is not a number; repair the cell",
     ),
+    BadTrace(
+        "a point between thousands beside decimal commas",
+        text().replace(",", ";").replace(".", ",").replace("-800,0", "-1.000"),
+        "line 2, column p_res: a file must have one decimal sign, but '-1.000' has a point where '-0,0' has a comma; "
+        "export the trace with one of them, and no sign between thousands",
+    ),
 )
 
 ROWS_AND_FILES = (

@@ -95,11 +95,15 @@ def _guarded(study: Study, actuators: Actuators, plant: Any, controller: Abstrac
 
 def _groups(study: Study, plants: Plants, folder: pathlib.Path) -> tuple[Cases, ...]:
     """Closed loops, those that run for one time together: long enough that a period counts after all has settled."""
-    table, signals = study.control, build_references(study.control.reference, folder)
+    table, signals = study.control, build_references(study.control.reference, folder, study.channels)
     lasting: dict[float, dict[str, AbstractSignal]] = {}
     for entry in table.reference:
         least = cycle(entry) + table.settled if cycle(entry) else 0.0
-        lasting.setdefault(max(table.duration, least), {})[entry.title] = signals[entry.title]
+        seconds = max(table.duration, least)
+        fault = table.reservoir.fault_after(seconds)
+        if fault is not None:
+            raise StudyError(f"along '{entry.title}' {fault}")
+        lasting.setdefault(seconds, {})[entry.title] = signals[entry.title]
     return tuple(
         cases_of(study, plants, along, table.turbine_pressure, table.seed + number, seconds)
         for number, (seconds, along) in enumerate(lasting.items())

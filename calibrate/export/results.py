@@ -94,5 +94,10 @@ def _hashes(summary: pathlib.Path) -> dict[str, str]:
     if not summary.exists():
         console.print(f"note: there is no {SUMMARY} beside the parameters, so the export names no traces")
         return {}
-    traces = read_json(summary).get("traces", {})
-    return {name: fields["sha256"] for name, fields in traces.items() if "sha256" in fields}
+    content = read_json(summary)
+    traces = content.get("traces", {}) if isinstance(content, dict) else None
+    if not isinstance(traces, dict) or not all(isinstance(fields, dict) for fields in traces.values()):
+        raise InputError(
+            f"{summary.name}: beside parameters only the summary of their fit may stand, but this is none; remove it"
+        )
+    return {name: str(fields["sha256"]) for name, fields in traces.items() if "sha256" in fields}

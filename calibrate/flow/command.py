@@ -19,7 +19,7 @@ from ..study.disturbances import PulsationTable
 from ..study.read import fingerprint, load_study
 from .nozzle_map import NozzleMap, solve_map
 from .passages import along_passage, to_csv
-from .pulse import Pulse, engine_pulse
+from .pulse import Pulse, engine_pulse, not_counted
 from .report import render
 from .stage import parts_of, turbine_of
 
@@ -87,10 +87,12 @@ def _compute(subject: Subject, out: pathlib.Path) -> None:
 
 def _pulse(turbine: vgtjax.Turbine, subject: Subject) -> tuple[Pulse | None, list[str]]:
     """The pulse, if the engine runs before this turbine, and what must be said of all."""
+    left_out = not_counted(turbine, subject.engine)
+    notes = [ASSUMED] if left_out is None else [ASSUMED, left_out]
     try:
-        return engine_pulse(turbine, subject.engine, subject.rod), [ASSUMED]
+        return engine_pulse(turbine, subject.engine, subject.rod), notes
     except SimulationError as error:
-        return None, [ASSUMED, f"no pulsation is shown, as {error}"]
+        return None, [*notes, f"no pulsation is shown, as {error}"]
 
 
 def _say(found: NozzleMap, notes: list[str]) -> None:

@@ -80,6 +80,19 @@ def engine_pulse(turbine: vgtjax.Turbine, table: PulsationTable | None = None, r
     return Pulse(engine, point, settings.effective_area, source, crank, pressure, force, position)
 
 
+def not_counted(turbine: vgtjax.Turbine, table: PulsationTable | None) -> str | None:
+    """A sentence on what a study states of its engine that a nozzle has itself, or makes; `None` where it states
+    none."""
+    stated = set() if table is None else table.model_fields_set
+    names = [name for name in ("outlet_pressure", "amplitude") if name in stated]
+    if not names:
+        return None
+    return (
+        f"[pulsation] has no say here in {' and '.join(names)}: the engine empties through the nozzle, behind which "
+        f"there are {float(turbine.outlet_pressure):.6g} Pa absolute"
+    )
+
+
 def matching_angle(turbine: vgtjax.Turbine, engine: Engine, area: float) -> float:
     """Crank angle in deg at which the nozzle takes what an orifice of an area in m2 takes, or the nearest one."""
     outlet = turbine.outlet_pressure

@@ -68,9 +68,9 @@ def write_json(path: pathlib.Path, content: Any) -> None:
 
 
 def read_json(path: pathlib.Path) -> Any:
-    """Reads JSON that this package wrote."""
+    """Reads JSON that this package wrote, or an editor with a byte-order mark."""
     try:
-        return json.loads(path.read_text(encoding="utf-8"), parse_int=_whole)
+        return json.loads(path.read_text(encoding="utf-8-sig"), parse_int=_whole)
     except OSError as error:
         raise InputError(f"{path}: can't be read ({error.strerror}); check the path") from error
     except ValueError as error:

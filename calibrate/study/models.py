@@ -122,7 +122,7 @@ def start_values(model: eqx.Module, stated: Mapping[str, StartValue]) -> tuple[d
         for key in ("value", "lower", "upper"):
             check_length(name, key, getattr(given, key), entries)
         for position, entry in enumerate(entries):
-            low, high = _bound(given.lower, position), _bound(given.upper, position)
+            low, high = _bound(entry, "lower", given.lower, position), _bound(entry, "upper", given.upper, position)
             before = bounds.get(entry, (None, None))
             low, high = before[0] if low is None else low, before[1] if high is None else high
             if low is not None and high is not None and not low < high:
@@ -132,6 +132,7 @@ def start_values(model: eqx.Module, stated: Mapping[str, StartValue]) -> tuple[d
             bounds[entry] = (low, high)
         if given.value is not None:
             values |= merge(model, values, name, given.value)
+    on_given_knots(model, values)  # knots must still increase where one of them is stated by itself
     return values, bounds
 
 
@@ -205,10 +206,16 @@ def check_length(name: str, key: str, value: float | list[float] | None, entries
         )
 
 
-def _bound(values: float | list[float] | None, position: int) -> float | None:
-    """One bound; an infinite one is none."""
+def _bound(entry: str, key: str, values: float | list[float] | None, position: int) -> float | None:
+    """One bound; one that lies infinitely far away is none."""
     bound = values[position] if isinstance(values, list) else values
-    return None if bound is None or math.isinf(bound) else bound
+    if bound is None or bound == (-math.inf if key == "lower" else math.inf):
+        return None
+    if not math.isfinite(bound):
+        raise StudyError(
+            f"the {key} bound of '{entry}' must leave it values, but it is {bound:g}; leave it out", "bounds"
+        )
+    return bound
 
 
 def merge(model: eqx.Module, values: dict[str, Any], name: str, value: Any) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 import math
 import pathlib
 from collections.abc import Callable, Sequence
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 import jax.numpy as jnp
 import pydantic
@@ -12,7 +12,11 @@ import vgtjax
 from vgtjax.control import SIGNAL_1_PERIOD, AbstractSignal, Later, Ramps, Sampled, Sine, Steps, signal_1, signal_2
 
 from .base import Finite, NotNegative, Positive, Table
+from .channels import ChannelName, Channels, sources_of
 from .places import StudyError
+
+OTHERS = tuple(name for name in get_args(ChannelName) if name not in ("time", "x_d"))
+"""Channels that no reference needs."""
 
 
 class AbstractReference(Table):
@@ -84,7 +88,7 @@ class TraceReference(AbstractReference):
 
     kind: Literal["trace"]
     file: str
-    """Relative to the study file."""
+    """Relative to the study file; `[channels]` says where position and time are in it."""
 
 
 SIGNALS: dict[str, Callable[..., AbstractSignal]] = {
@@ -122,22 +126,26 @@ def cycle(entry: AbstractReference) -> float:
     return 0.0
 
 
-def build_references(entries: Sequence[AbstractReference], folder: pathlib.Path) -> dict[str, AbstractSignal]:
-    """Signals in m by name, which is the kind where the study gives none."""
+def build_references(
+    entries: Sequence[AbstractReference], folder: pathlib.Path, channels: Channels
+) -> dict[str, AbstractSignal]:
+    """Signals in m by name, which is the kind where the study gives none; `channels` of the study say where traces have
+    them."""
     signals: dict[str, AbstractSignal] = {}
     for entry in entries:
         name = entry.title
         if name in signals:
             raise StudyError(f"two references are called '{name}'; give each its own name")
-        signal = _signal(entry, folder)
+        signal = _signal(entry, folder, channels)
         signals[name] = Later(signal, jnp.asarray(entry.begin)) if entry.begin > 0 else signal
     return signals
 
 
-def _signal(entry: AbstractReference, folder: pathlib.Path) -> AbstractSignal:
+def _signal(entry: AbstractReference, folder: pathlib.Path, channels: Channels) -> AbstractSignal:
     """Position in m over time, from the signal's own beginning; files lie in `folder`."""
     if isinstance(entry, TraceReference):
-        trace = vgtjax.load_trace(folder / entry.file, needs=("x_d",))
+        mapped = sources_of({name: table for name, table in channels.items() if name in ("time", "x_d")})
+        trace = vgtjax.load_trace(folder / entry.file, channels=mapped, needs=("x_d",), ignore=OTHERS)
         position = trace.channels["x_d"]
         return Sampled.through(position.time - trace.time[0], position.value)
     stated = sorted(entry.model_fields_set - {"kind", "name", "begin"})

@@ -9,11 +9,13 @@ from typing import Any
 
 import pydantic
 
-from .base import Table
-from .tables import STUDIES
+from .base import ParameterValue, Table
+from .tables import STUDIES, Spread
 
 ALTERNATIVES = re.compile(r"float|list\[float\]|int|str|bool|literal\[.*\]")
 """Branches of "a number or a list of them" and the like, which are no part of a place."""
+NAMED = (ParameterValue, Spread)
+"""Tables that stand under a parameter's name."""
 DISCRIMINATORS = ("model", "kind")
 """Keys whose value decides which other keys there are."""
 
@@ -26,7 +28,7 @@ def sentence(error: pydantic.ValidationError) -> str:
     place, given, context = _find(first["loc"]), first["input"], first.get("ctx", {})
     match first["type"]:
         case "extra_forbidden":
-            return _surplus(_find(first["loc"][:-1]), place.name, given)
+            return _surplus(_find(first["loc"][:-1]), place.name)
         case "missing" if isinstance(first["loc"][-1], int):
             wanted = 1 + max(int(each["loc"][-1]) for each in _beside(first, problems))
             return f"{place.name} must have {wanted} values, but it is {given!r}; add what is missing"
@@ -49,9 +51,7 @@ def sentence(error: pydantic.ValidationError) -> str:
                 return f"with {place.discriminator} = '{place.tag}', {only}, but it is {given!r}; remove it"
             return _none_of(place.name, given, known)
         case "model_type":
-            key = {"population": "relative", "channels": "name"}.get(place.keys[0], "value")
-            example = f"{{{key} = {0.02 if key == 'relative' else repr(given)}}}"
-            return f"'{place.name}' must be a table, but it is {given!r}; write e.g. {example}"
+            return f"'{place.name}' must be a table, but it is {given!r}; {_as_table(place.tables[0], given)}"
         case "value_error":
             return first["msg"].removeprefix("Value error, ")
     return f"{place.name}: {first['msg']}, but it is {given!r}; correct it"
@@ -117,15 +117,30 @@ def _tags(table: type[Table]) -> tuple[str, ...]:
     return typing.get_args(table.model_fields[key].annotation) if key else ()
 
 
-def _surplus(place: _Place, name: str, given: Any) -> str:
+def _surplus(place: _Place, name: str) -> str:
     key = name.split(".")[-1]
-    if len(place.keys) == 2 and isinstance(given, dict):
-        return f'a parameter\'s name must be in quotes; write "{".".join([place.keys[1], key])}" = ...'
+    part = place.keys[-1] if place.keys else ""
+    # TOML takes a name without quotes for tables in tables; a parameter's own always has a dot.
+    if "." not in part and any(table in NAMED for table in place.tables):
+        return f'a parameter\'s name must be in quotes; write "{part}.{key}" = ...'
     owners = [tag for tag, tables in place.others.items() if any(key in table.model_fields for table in tables)]
     if owners:
         right = " or ".join(f"'{owner}'" for owner in owners)
         return f"the key '{name}' belongs to {place.discriminator} = {right}, but it is '{place.tag}'; remove the key"
     return f"unknown key '{name}'; did you mean '{_nearest(key, _keys(place.tables))}'?"
+
+
+def _as_table(table: type[Table], given: Any) -> str:
+    """What to write where a table should stand: with what was given under its first key, where that fits."""
+    if table is Spread:
+        return "write e.g. {relative = 0.02}"
+    key, field = next(iter(table.model_fields.items()))
+    kind: Any = field.annotation
+    try:
+        pydantic.TypeAdapter(kind).validate_python(given, strict=True)
+    except pydantic.ValidationError:
+        return f"give it keys, e.g. {key}"
+    return f"write e.g. {{{key} = {given!r}}}"
 
 
 def _missing(place: _Place, name: str) -> str:

@@ -37,6 +37,11 @@ def read_parameters(path: pathlib.Path, unit: str | None = None) -> tuple[pathli
     content = read_json(path)
     if not isinstance(content, dict) or not isinstance(content.get("parameters"), dict):
         raise InputError(f"{path.name}: this is no parameters.json of a fit; give one that 'fit' wrote")
+    components = content.get("components", {})
+    if not isinstance(components, dict):
+        raise InputError(
+            f"{path.name}: its components must be names by part, but they are {components!r}; correct them"
+        )
     return path, _migrated(path, content)
 
 
@@ -192,7 +197,7 @@ def _by_parameter(model: vgtjax.AbstractModel, given: dict[str, Any]) -> dict[st
         check_length(name, "value", value, entry_names({name: table[name]}) if name in table else [name])
         if name not in whole:
             values |= merge(model, values, name, value)
-    vgtjax.replace_parameters(model, values)
+    vgtjax.replace_parameters(on_given_knots(model, values), values)
     return values
 
 

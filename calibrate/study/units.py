@@ -73,7 +73,10 @@ class Unit:
     scales: Mapping[str, Scale]
     """How those entries move in a fit of which the study says it."""
     traces: Sequence[tuple[str, vgtjax.Trace]]
-    """`fit` or `validate`, and the trace."""
+    """`fit` or `validate`, and the trace as the study says that it acted."""
+    recorded: Mapping[str, vgtjax.Trace]
+    """The same by name, with the times that were recorded: without a stated delay, and what else its sensors do not
+    show."""
     duties: Mapping[str, FoundDuty]
     """What earlier parameters say of the duty of each trace."""
     hashes: Mapping[str, str]
@@ -135,13 +138,15 @@ def prepare(
             start, bounds = start_model(model, study, values)
         say_not_as_stated(start, study, {} if parameters is None else load_beginning(parameters, name))
         needs = (*start.needs, *(("x_d|p_act",) if to_fit else ()))
-        traces = [(source.use, load_source(source, start, bounds, needs)) for source in mine]
+        files = {source.name: _load_file(source, start, bounds, needs) for source in mine}
+        traces = [(source.use, _late(files[source.name], source)) for source in mine]
+        recorded = {source.name: _in_window(files[source.name], source) for source in mine}
         if to_fit:
             _say_fitted_too(mine)
         stated_values = parameters_of(study)
         known, scales = known_beforehand(start, stated_values), scales_of(start, stated_values)
         hashes = {source.name: hash_file(source.path) for source in mine}
-        units.append(Unit(name, start, bounds, known, scales, traces, duties, hashes, _stated(mine)))
+        units.append(Unit(name, start, bounds, known, scales, traces, recorded, duties, hashes, _stated(mine)))
     for unit in units:
         if to_fit and not unit.used("fit"):
             where = "" if unit.name is None else f" of unit '{unit.name}'"
@@ -197,6 +202,13 @@ def load_source(
     source: TraceSource, model: vgtjax.AbstractModel, bounds: Bounds, needs: tuple[str, ...]
 ) -> vgtjax.Trace:
     """The trace of a source, checked against what the rod can do; `needs`: columns, alternatives joined by `|`."""
+    return _late(_load_file(source, model, bounds, needs), source)
+
+
+def _load_file(
+    source: TraceSource, model: vgtjax.AbstractModel, bounds: Bounds, needs: tuple[str, ...]
+) -> vgtjax.Trace:
+    """The whole of it, with a duty as the study says that it is between its samples."""
     travel = float(vgtjax.get_parameter(model, "diaphragm.travel"))
     trace = vgtjax.load_trace(
         source.path,
@@ -207,11 +219,19 @@ def load_source(
         ignore=("f_drive",) if "p_act" in model.sensed else (),
         name=source.name,
     )
+    return trace.with_ramped_duty() if trace.pwm is not None and source.duty_hold == "linear" else trace
+
+
+def _late(trace: vgtjax.Trace, source: TraceSource) -> vgtjax.Trace:
+    """The window of a trace, with the delay of its duty that the study knows."""
     # What reaches the valve in a window may have been asked for before it.
-    if trace.pwm is not None and source.duty_hold == "linear":
-        trace = trace.with_ramped_duty()
     if trace.pwm is not None and source.duty_delay:
         trace = trace.with_late_duty(source.duty_delay)
+    return _in_window(trace, source)
+
+
+def _in_window(trace: vgtjax.Trace, source: TraceSource) -> vgtjax.Trace:
+    """The window that a study names, without the gains of sensors that it knows."""
     with of_study():
         if source.window is not None:
             trace = trace.window(*source.window)

@@ -70,10 +70,11 @@ def prepare_tuning(path: pathlib.Path | None, parameters: pathlib.Path | None) -
     with of_study(), stated(OF_A_CONTROLLER):
         controller, bounds = start_controller(table, believed)
     tuned_on, tried_on, notes = choose_plants(study, actuators)
-    cases = cases_of(study, tuned_on, build_references(table.reference, folder), table.turbine_pressure, table.seed)
+    references = build_references(table.reference, folder, study.channels)
+    cases = cases_of(study, tuned_on, references, table.turbine_pressure, table.seed)
     with of_study(), stated(OF_A_CONTROLLER):
         smooth = _plan(table, soften(controller), soften_cases(cases), bounds)
-    references = build_references(table.unseen.reference, folder)
+    references = build_references(table.unseen.reference, folder, study.channels)
     pressures = table.unseen.turbine_pressure or _between(table.turbine_pressure)
     unseen = cases_of(study, tried_on, references, pressures, table.seed + 1)
     notes += gas_notes(table, actuators.first)

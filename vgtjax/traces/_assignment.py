@@ -93,7 +93,7 @@ class Assignment:
         """Channels of a group that a map means, or else those in our own form, which need no map."""
         mapped = self._named(source.name or signal, group)
         ours = [] if mapped or source.name is None else self._named(signal, group)
-        stated = [entry for entry in ours if entry.stated_unit is not None]
+        stated = [entry for entry in ours if (entry.stated_unit or entry.usual_unit) is not None]
         return (stated, Source()) if stated else (mapped, source)
 
     def _named(self, name: str, group: str | int | None) -> list[Entry]:
@@ -112,7 +112,7 @@ class Assignment:
                 return " or ".join(f"unit = '{unit}'" for unit in units) + f" in channels.{signal}"
             return " or ".join(f"'{signal} [{unit}]'" for unit in units)
 
-        text = stated if source.unit is None else source.unit
+        text = (entry.usual_unit if stated is None else stated) if source.unit is None else source.unit
         if text is None or not text.strip():
             raise fail("the unit is missing", f"write e.g. {write(example(signal))}" + " in the header" * (not mapped))
         unit = parse_unit(signal, text, fail, write)

@@ -60,9 +60,7 @@ class Clocks:
         record = self._recording.read(entry)
         if record.rows is not None:
             at = int(np.flatnonzero(np.append(record.rows, -1) != np.arange(len(record.rows) + 1))[0])
-            raise self._recording.fail(
-                f"every time must be there, but that of row {at} is missing", "remove the row", entry
-            )
+            raise self._recording.fail("every time must be there, but this one is missing", "remove the row", entry, at)
         return record.value
 
     def _as_numbers(self, stated: Mapping[Entry, Numbers]) -> dict[Entry, Numbers]:

@@ -6,13 +6,13 @@ The rules are strict on purpose: a trace that is misread calibrates an actuator 
 import contextlib
 import os
 import pathlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from ._assignment import Assigned, Assignment
-from ._channel import Channel, Samples
+from ._channel import GAP, Channel, Samples
 from ._checks import TRAVEL, check_finite, check_gaps, check_numbers, check_range, ends_of
 from ._clocks import Clocks
 from ._no_measurements import at_ends_of_range, repeated
@@ -78,13 +78,13 @@ def load_trace(
         if SIGNALS[signal].role == "measured":
             valid, said = _measurements(values, valid)
             notes += [f"{recording.noun} '{assigned.entry.label}': {sentence}" for sentence in said]
-        signals[signal] = Channel(clocks.time[signal], values, valid)
+        signals[signal] = Channel(clocks.time[signal], values, valid, span=_span(signal, clocks.time[signal], valid))
     # Without a duty nothing flows to a reservoir.
     if "pwm" in signals and not {"p_res", "f_drive"} & signals.keys():
         reservoir = f"{ASSUMED_RESERVOIR:.0f} Pa absolute is assumed for the reservoir"
         notes.append(f"no {recording.noun} p_res; {reservoir}")
     trace = Trace(clocks.alone, **signals, atmosphere=atmosphere, name=path.stem if name is None else name)
-    return trace.replace(notes=(*notes, *_unshared(trace)))
+    return trace.replace(notes=(*notes, *_unshared(trace, clocks.time)))
 
 
 def _read(recording: Recording, assigned: Assigned) -> Record:
@@ -135,11 +135,22 @@ def _to_si(
     return values
 
 
-def _unshared(trace: Trace) -> list[str]:
-    """A note for every channel of which a good part lies outside the time that all of them share."""
+def _span(signal: str, time: Samples, valid: np.ndarray) -> tuple[float, float]:
+    """From when to when in s a model can be driven by a channel, or compared with it."""
+    if SIGNALS[signal].role != "input":
+        return float(time[0]), float(time[-1])
+    known = time[valid]
+    # Nobody knows the duty after its record, which ends a step or two before others where it has fewer samples.
+    beyond = GAP * float(np.median(np.diff(time))) if SIGNALS[signal].held and len(time) > 1 else 0.0
+    return float(known[0]), float(known[-1]) + beyond
+
+
+def _unshared(trace: Trace, times: Mapping[str, Samples]) -> list[str]:
+    """A note for every channel of which a good part lies outside the time that all of them share; `times` of its
+    samples by name, those of invalid ones as well."""
     notes = []
-    for signal, channel in trace.channels.items():
-        shared, span = trace.time[-1] - trace.time[0], channel.span[1] - channel.span[0]
+    for signal, time in times.items():
+        shared, span = trace.time[-1] - trace.time[0], time[-1] - time[0]
         if shared < SHARED * span:
             notes.append(f"of {span:g} s of {signal} only {shared:g} s are in the time that all channels share")
     return notes

@@ -3,6 +3,7 @@
 import csv
 import hashlib
 import importlib.metadata
+import json
 import math
 import xml.etree.ElementTree as ET
 
@@ -273,6 +274,30 @@ def test_results_without_a_model_are_refused(export, tmp_path):
     assert refused(export(tmp_path / "p.json", "csv")[1]) == (
         "p.json: no study has its model and components; use a newer vgtjax"
     )
+
+
+@pytest.mark.parametrize("components", ["x", 3, None, ["dahl"]])
+def test_components_that_are_no_table_are_refused(export, tmp_path, components):
+    (tmp_path / "p.json").write_text(json.dumps({**read(FLEET_UNIT), "components": components}))
+    assert refused(export(tmp_path / "p.json", "csv")[1]) == (
+        f"p.json: its components must be names by part, but they are {components!r}; correct them"
+    )
+
+
+@pytest.mark.parametrize("summary", ["[]", '{"traces": {"a": 3}}', '{"traces": 3}'])
+def test_another_summary_beside_the_parameters_is_refused(export, tmp_path, summary):
+    (tmp_path / "parameters.json").write_bytes(FLEET_UNIT.read_bytes())
+    (tmp_path / "summary.json").write_text(summary)
+    assert refused(export(tmp_path, "csv")[1]) == (
+        "summary.json: beside parameters only the summary of their fit may stand, but this is none; remove it"
+    )
+
+
+def test_parameters_with_a_byte_order_mark_are_read(export, tmp_path):
+    (tmp_path / "p.json").write_text(FLEET_UNIT.read_text(encoding="utf-8"), encoding="utf-8-sig")
+    written, outcome = export(tmp_path / "p.json", "csv")
+    assert outcome.status == 0
+    assert written.read_bytes() == export(FLEET_UNIT, "csv", name="same")[0].read_bytes()
 
 
 def test_results_that_lack_a_parameter_are_refused(export, tmp_path):

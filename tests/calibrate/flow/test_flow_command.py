@@ -10,6 +10,7 @@ import pytest
 from commands import Outcome, cut_example, read, run_command
 from support import quick_nozzle
 
+import vgtjax
 from calibrate.flow import command, nozzle_map
 from calibrate.flow.passages import along_passage
 from calibrate.flow.pulse import Pulse, engine_pulse
@@ -145,6 +146,24 @@ def test_an_engine_that_does_not_run_before_it_is_a_note(monkeypatch):
     pulse, notes = command._pulse(None, command.Subject(Stage()))
     assert pulse is None
     assert notes == [command.ASSUMED, "no pulsation is shown, as the cycle of the engine failed"]
+
+
+@pytest.mark.parametrize(
+    ("stated", "said"),
+    [
+        ({}, None),
+        (
+            {"outlet_pressure": 1.3e5, "amplitude": 0.05},
+            "[pulsation] has no say here in outlet_pressure and amplitude: the engine empties through the nozzle, "
+            "behind which there are 105000 Pa absolute",
+        ),
+    ],
+)
+def test_what_a_study_states_in_vain_of_its_engine_is_a_note(monkeypatch, stated, said):
+    monkeypatch.setattr(command, "engine_pulse", lambda *_: None)
+    engine = PulsationTable(engine_speed=1000.0, **stated)
+    _, notes = command._pulse(vgtjax.Turbine(), command.Subject(Stage(), engine=engine))
+    assert notes == [command.ASSUMED, *([] if said is None else [said])]
 
 
 def test_it_is_not_done_twice(ran):

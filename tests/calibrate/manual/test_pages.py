@@ -52,7 +52,7 @@ def test_studies_are_studies(page, text):
     controller = DESIGNS[study.control.design].for_plant(vgtjax.Actuator())
     assert vgtjax.select(controller, free=study.control.free).entries
     assert set(start_values(controller, study.control.gains)[0]) == set(study.control.gains)
-    assert build_references(study.control.reference, ROOT)
+    assert build_references(study.control.reference, ROOT, study.channels)
 
 
 @pytest.mark.parametrize(("page", "words"), COMMANDS, ids=shown)

@@ -1,5 +1,7 @@
 """Figures of traces whose channels have clocks of their own."""
 
+import dataclasses
+
 import numpy as np
 import plotly.graph_objects as go
 import pytest
@@ -46,6 +48,15 @@ def test_each_channel_is_drawn_at_its_own_samples(result):
     (duty,) = (line for line in trace_figure(result).data if line.name == "duty")
     np.testing.assert_array_equal(duty.y, [0.0, 60.0])
     assert [len(line.y) for line in autocorrelation_figure([result]).data] == [50, 50]
+
+
+def test_times_that_count_from_1970_are_drawn_as_they_are(result):
+    began = 1.7e9
+    moved = {name: dataclasses.replace(each, time=began + each.time) for name, each in result.channels.items()}
+    measured = [
+        line for line in trace_figure(dataclasses.replace(result, channels=moved)).data if line.name == "measured"
+    ]
+    np.testing.assert_allclose(measured[0].x - began, np.arange(1001) * 1e-3, atol=1e-6)  # doubles count 2e-7 s there
 
 
 def test_position_over_pressure_is_drawn_in_pairs(result):

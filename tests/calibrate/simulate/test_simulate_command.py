@@ -1,6 +1,7 @@
 """`simulate` writes what the model does, in files that read back."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -167,6 +168,19 @@ def test_the_sides_of_a_map_may_change_with_the_speed(folder, tmp_path):
     assert written["v_d [m/s]"][-1] > 0.02
 
 
+def test_a_duty_that_is_late_leaves_times_and_duty_as_recorded(small, tmp_path):
+    """It jumps between two of the times."""
+    small.write_text(small.read_text().replace("[[trace]]\n", "[[trace]]\nduty_delay = 0.0025\n", 2))
+    assert run_command("simulate", small, "--out", tmp_path / "out").status == 0
+    for name in ("step_80", "step_50"):
+        given, written = vgtjax.load_trace(small.parent / f"{name}.csv"), columns(tmp_path / "out" / f"{name}.csv")
+        np.testing.assert_array_equal(written["time [s]"], given.time)
+        np.testing.assert_array_equal(written["pwm [%]"], given.pwm)
+    step = int(np.flatnonzero(np.diff(written["pwm [%]"]))[0]) + 1
+    assert written["p_act [Pa absolute]"][step + 1] == written["p_act [Pa absolute]"][0]
+    assert written["p_act [Pa absolute]"][step + 9] < written["p_act [Pa absolute]"][0]
+
+
 def test_a_folder_whose_name_looks_like_a_pattern(folder, tmp_path):
     odd = folder / "bench [1]*"
     odd.mkdir()
@@ -197,3 +211,33 @@ def test_a_simulation_that_fails_says_which_and_keeps_the_others(small, tmp_path
         "parameters are physical, then lower max_step\n"
     )
     assert {path.name for path in (tmp_path / "out").iterdir()} == {".study.json", "step_50.csv"}
+
+
+def write_two(folder, highest: float) -> None:
+    """Two traces for the mechanical model; the sensor of the second shows no pressure above `highest`, mbar gauge."""
+    noise = np.random.default_rng(0).normal(size=400)
+    for name, most in (("a", np.inf), ("b", highest)):
+        pressure = np.minimum(np.round(1.5 * noise - np.linspace(0, 300, 400).clip(60) + 60, 1), most)
+        rows = [f"{i / 1000:.3f},{each:.1f},0.0" for i, each in enumerate(pressure)]
+        (folder / f"{name}.csv").write_text("\n".join(["time [s],p_act [mbar gauge],x_d [mm]", *rows]) + "\n")
+
+
+def test_a_pressure_that_can_not_drive_the_model_leaves_nothing_behind(folder, tmp_path):
+    (folder / "study.toml").write_text('model = "mechanical"\n[[trace]]\nfile = "a.csv"\n[[trace]]\nfile = "b.csv"\n')
+    write_two(folder, 0.0)
+    outcome = run_command("simulate", folder / "study.toml", "--out", tmp_path / "out")
+    assert (outcome.status, outcome.out) == (2, "")
+    assert re.match(r"error: study\.toml: b: what drives this model must be valid .* with a window", outcome.err)
+    assert not (tmp_path / "out").exists()
+    write_two(folder, np.inf)
+    assert run_command("simulate", folder / "study.toml", "--out", tmp_path / "out").status == 0
+
+
+def test_a_folder_in_which_nothing_was_simulated_is_given_back(small, tmp_path):
+    good, soft = small.read_text(), '"chamber.volume" = {value = 7e-6}\n"diaphragm.stop_stiffness" = {value = 1e3}\n'
+    alone = good.replace('[[trace]]\nfile = "step_50.csv"\nuse = "validate"\natmosphere = 101100\n', "")
+    small.write_text(f'{alone}{soft}"diaphragm.travel" = {{value = 2e-3}}\n')
+    assert run_command("simulate", small, "--out", tmp_path / "out").status == 1
+    assert list((tmp_path / "out").iterdir()) == []
+    small.write_text(good)
+    assert run_command("simulate", small, "--out", tmp_path / "out").status == 0

@@ -35,6 +35,21 @@ KEYS = [
         f"{TRACE}[parameters]\nchamber.volume = {{value = 6e-5}}\n",
         'a parameter\'s name must be in quotes; write "chamber.volume" = ...',
     ),
+    bad(
+        "no quotes around the name of a number",
+        f"{TRACE}[parameters]\nchamber.volume = 6e-5\n",
+        'a parameter\'s name must be in quotes; write "chamber.volume" = ...',
+    ),
+    bad(
+        "no quotes in a population",
+        f"{TRACE}[population.parameters]\nchamber.volume = {{relative = 0.02}}\n",
+        'a parameter\'s name must be in quotes; write "chamber.volume" = ...',
+    ),
+    bad(
+        "a table that is no parameter",
+        f"{TRACE}[fit.unknown]\ngian = {{x_d = 1}}\n",
+        "unknown key 'fit.unknown.gian'; did you mean 'gain'?",
+    ),
 ]
 
 VALUES = [
@@ -112,6 +127,17 @@ VALUES = [
         f'{TRACE}[parameters]\n"chamber.volume" = 6e-5\n',
         "'parameters.chamber.volume' must be a table, but it is 6e-05; write e.g. {value = 6e-05}",
     ),
+    bad(
+        "a bare name of a channel",
+        f'{TRACE}channels = {{p_act = "P"}}\n',
+        "'trace.channels.p_act' must be a table, but it is 'P'; write e.g. {name = 'P'}",
+    ),
+    bad(
+        "a bare limit",
+        f"{TRACE}[tolerance]\nlimits = {{x = 5}}\n",
+        "'tolerance.limits.x' must be a table, but it is 5; write e.g. {lower = 5}",
+    ),
+    bad("a text for a table", f'fit = "a"\n{TRACE}', "'fit' must be a table, but it is 'a'; give it keys, e.g. free"),
 ]
 
 MODELS = [
@@ -120,6 +146,13 @@ MODELS = [
         f'{TRACE}[components]\nvane_force = "map"\n[parameters]\n"vane_force.crank_angle" = {{value = [4, 3]}}\n',
         "vane_force.crank_angle must be at least two knots that increase, in deg, but it is [4.0, 3.0]; sort them and "
         "remove repeated ones",
+        "[parameters]",
+    ),
+    bad(
+        "a table that one entry takes out of order",
+        f'{TRACE}[components]\nvane_force = "map"\n[parameters]\n"vane_force.crank_angle[0]" = {{value = 40}}\n',
+        "vane_force.crank_angle must be at least two knots that increase, in deg, but it is [40.0, 10.0, 16.0, 22.0, "
+        "28.0, 34.0]; sort them and remove repeated ones",
         "[parameters]",
     ),
     bad(
@@ -212,6 +245,12 @@ START_VALUES = [
         "bounds that fall",
         f'{TRACE}[parameters]\n"chamber.volume" = {{lower = 2, upper = 1}}\n',
         "the bounds of 'chamber.volume' must rise, but they are 2 and 1; correct them",
+        "[parameters]",
+    ),
+    bad(
+        "a bound that leaves nothing",
+        f'{TRACE}[parameters]\n"chamber.volume" = {{lower = -inf, upper = -inf}}\n',
+        "the upper bound of 'chamber.volume' must leave it values, but it is -inf; leave it out",
         "[parameters]",
     ),
     bad(

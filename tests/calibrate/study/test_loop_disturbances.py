@@ -187,6 +187,18 @@ def test_a_late_duty_has_its_limit(tmp_path):
     assert_refused(run_command("control", path, "--out", tmp_path / "out"), sentence, tmp_path / "out")
 
 
+def test_a_vacuum_lasts_as_long_as_the_slowest_reference(tmp_path):
+    """A period of which counts after all has settled: 2 pi / 0.1 + 2 s."""
+    path = tmp_path / "study.toml"
+    slow = '[[control.reference]]\nkind = "sine"\nname = "slow"\namplitude = 0.003\nrate = 0.1\noffset = 0.005\n'
+    path.write_text(f"[control]\nreservoir = {{drift = -1000.0}}\n{slow}", encoding="utf-8")
+    sentence = (
+        "study.toml: along 'slow' the reservoir must stay at a pressure of zero or more, but its drift leads to "
+        "-44831.9 Pa absolute after 64.8319 s; correct drift, which is in Pa/s"
+    )
+    assert_refused(run_command("control", path, "--out", tmp_path / "out"), sentence, tmp_path / "out")
+
+
 def test_a_vacuum_below_zero_is_refused(tmp_path):
     path = tmp_path / "study.toml"
     path.write_text("[control]\nduration = 4.0\nreservoir = {drift = -9000.0}\n", encoding="utf-8")

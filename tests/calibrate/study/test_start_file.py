@@ -206,6 +206,17 @@ def test_a_data_set_that_can_not_be_taken(folder, fit, case):
     assert_refused(fit("--parameters", folder / name), f"{name}{mark} {sentence}", folder / "out")
 
 
+def test_a_knot_that_an_entry_takes_out_of_order(folder, fit):
+    (folder / "p.cdfx").write_text(cdfx(instance("vane_force__crank_angle__0", "<V>40</V>", "deg")))
+    with (folder / "study.toml").open("a") as study:
+        study.write('[components]\nvane_force = "map"\n')
+    sentence = (
+        "p.cdfx: vane_force.crank_angle must be at least two knots that increase, in deg, but it is [40.0, 10.0, 16.0, "
+        "22.0, 28.0, 34.0]; sort them and remove repeated ones"
+    )
+    assert_refused(fit("--parameters", folder / "p.cdfx"), sentence, folder / "out")
+
+
 def test_a_data_set_that_is_not_there(folder, fit):
     path = folder / "no.dcm"
     assert_refused(

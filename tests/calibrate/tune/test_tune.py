@@ -12,6 +12,7 @@ from commands import assert_refused, read, run_command
 
 import calibrate.resumable as resumable
 import vgtjax
+from calibrate.study.channels import ChannelTable
 from calibrate.study.references import PrintedReference, SineReference, TraceReference, build_references
 from calibrate.tune.gains_file import load_controller
 from calibrate.tune.job import EXAMPLE, prepare_tuning
@@ -257,7 +258,7 @@ def test_references_have_the_keys_of_their_kind(entry, sentence, tmp_path):
 
 def test_two_references_of_one_name_are_refused(tmp_path):
     with pytest.raises(vgtjax.InputError, match="two references are called 'signal-1'; give each its own name"):
-        build_references([PrintedReference(kind="signal-1")] * 2, tmp_path)
+        build_references([PrintedReference(kind="signal-1")] * 2, tmp_path, {})
 
 
 def test_a_reference_may_begin_later_and_be_a_trace():
@@ -266,12 +267,22 @@ def test_a_reference_may_begin_later_and_be_a_trace():
         SineReference(kind="sine", amplitude=0.001, rate=2.0, begin=1.5),
         TraceReference(kind="trace", file="step_80.csv"),
     ]
-    signals = build_references(entries, folder)
+    signals = build_references(entries, folder, {})
     assert float(reference_at(signals["sine"], 0.25).position) == pytest.approx(0.001 * np.sin(2 * 1.75))
     trace = vgtjax.load_trace(folder / "step_80.csv")
     # A spline through the samples.
     at = reference_at(signals["trace"], trace.time[500] - trace.time[0]).position
     assert float(at) == pytest.approx(trace.x_d[500], abs=1e-9)
+
+
+def test_a_reference_has_the_channels_of_its_study(tmp_path):
+    """Others that the study maps need not be in its file."""
+    rows = "\n".join(f"{i / 1000},{i / 1000},900" for i in range(100))
+    (tmp_path / "log.csv").write_text(f"t [s],Pos [mm],p_act [mbar]\n{rows}\n", encoding="utf-8")
+    names = {"time": "t", "x_d": "Pos", "p_res": "P_Vacuum"}
+    channels = {signal: ChannelTable(name=name) for signal, name in names.items()}
+    (signal,) = build_references([TraceReference(kind="trace", file="log.csv")], tmp_path, channels).values()
+    assert float(reference_at(signal, 0.05).position) == pytest.approx(0.05e-3)
 
 
 def test_another_content_of_a_reference_is_another_study(tmp_path):

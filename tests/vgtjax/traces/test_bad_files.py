@@ -7,6 +7,8 @@ import struct
 import zlib
 
 import numpy as np
+import pyarrow
+import pyarrow.parquet
 import pytest
 import scipy.io
 from bad_recordings import SPOILT
@@ -74,6 +76,15 @@ def test_a_file_that_is_not_there(tmp_path):
         assert refusal(tmp_path / name) == (
             f"{name}: can't be read (No such file or directory); check the path of the file"
         )
+
+
+def test_a_time_that_is_missing_is_counted_as_every_row_is(tmp_path):
+    times = [None if row == 3 else row * 1e-3 for row in range(41)]
+    table = pyarrow.table({"time [s]": times, "pwm [%]": np.zeros(41), "x_d [mm]": np.zeros(41)})
+    pyarrow.parquet.write_table(table, tmp_path / "run.parquet")
+    assert refusal(tmp_path / "run.parquet") == (
+        "run.parquet, column time, row 4: every time must be there, but this one is missing; remove the row"
+    )
 
 
 # -- files that would end the process, in C of scipy and asammdf -------------------------------------------------------

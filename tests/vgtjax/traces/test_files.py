@@ -16,7 +16,7 @@ import scipy.io
 from recorded import COUNT, UNITS, WRITERS, Signal, campaign, save_frames, sources_for, write_mdf, write_timetable
 
 import vgtjax
-from vgtjax.traces.files import Recording, open_recording
+from vgtjax.traces.files import Recording, _mat_variables, open_recording
 
 BINARY = [name for name in WRITERS if name != "run.csv"]
 TIME = np.arange(COUNT) * 1e-3
@@ -93,6 +93,40 @@ def test_an_input_must_be_valid_without_a_gap(tmp_path):
         load(tmp_path / "run.mf4")
 
 
+def test_an_input_that_is_invalid_at_an_end_ends_the_trace_there(tmp_path):
+    """Nobody knows a reservoir before its first valid sample."""
+    signals = campaign()
+    wild = np.arange(COUNT) < 21
+    signals["p_res"] = Signal(TIME, signals["p_res"].counts, 0.5, "mbar gauge", wild)
+    write_mdf(tmp_path / "run.mf4", signals)
+    trace = load(tmp_path / "run.mf4")
+    np.testing.assert_allclose(trace.time, TIME[~wild], atol=1e-15)
+    assert trace.notes == (
+        "channel 'p_res': 21 samples are marked as invalid and skipped",
+        *(f"of 0.04 s of {name} only 0.019 s are in the time that all channels share" for name in UNITS),
+    )
+
+
+def test_a_duty_that_stops_early_is_held_no_longer_than_a_gap(tmp_path):
+    signals = campaign()
+    signals["pwm"] = Signal(TIME[:21], signals["pwm"].counts[:21], 0.5, "%")
+    write_mdf(tmp_path / "run.mf4", signals)
+    trace = load(tmp_path / "run.mf4")
+    assert trace.time[-1] == pytest.approx(0.025)  # five steps behind its last sample
+    others = [name for name in UNITS if name != "pwm"]
+    noted = (f"of 0.04 s of {name} only 0.025 s are in the time that all channels share" for name in others)
+    assert sorted(trace.notes) == sorted(noted)
+    assert trace.window(0.0, 0.023).time[-1] == pytest.approx(0.023)
+
+
+def test_a_slow_duty_goes_on_to_the_end_of_the_others(tmp_path):
+    signals = campaign()
+    signals["pwm"] = Signal(TIME[:-4:5], signals["pwm"].counts[:-4:5], 0.5, "%")
+    write_mdf(tmp_path / "run.mf4", signals)
+    trace = load(tmp_path / "run.mf4")
+    assert (trace.time[-1], trace.notes) == (pytest.approx(0.04), ())
+
+
 def test_a_struct_array_of_controldesk(tmp_path):
     fields = [("Name", object), ("Data", object), ("Unit", object), ("XIndex", object)]
     signals = [("x_d", TIME, "mm", 2), ("pwm", TIME[::5], "%", 1)]
@@ -117,12 +151,30 @@ def test_variables_of_a_mat_file_with_clocks_by_name(tmp_path):
     np.testing.assert_allclose(trace.channels["x_d"].time, TIME[::5], rtol=1e-12)
 
 
-def test_a_dataset_of_hdf5_may_state_its_unit(tmp_path):
+@pytest.mark.parametrize(
+    "unit", ["mm", np.bytes_("mm"), np.array(["mm"], dtype=h5py.string_dtype()), np.array([b"mm"])]
+)
+def test_a_dataset_of_hdf5_may_state_its_unit(tmp_path, unit):
     with h5py.File(tmp_path / "run.mat", "w") as file:
         file["time"] = TIME
         file["x_d"] = TIME
-        file["x_d"].attrs["unit"] = "mm"
+        file["x_d"].attrs["unit"] = unit
     np.testing.assert_allclose(vgtjax.load_trace(tmp_path / "run.mat").x_d, TIME * 1e-3, rtol=1e-15)
+
+
+@pytest.mark.parametrize("stated", [False, True], ids=["by custom", "stated"])
+def test_a_time_of_matlab_is_in_seconds_unless_the_map_says_another_unit(tmp_path, stated):
+    scipy.io.savemat(tmp_path / "run.mat", {"time": TIME * 1e3 if stated else TIME, "x_d": TIME})
+    channels = {"x_d": vgtjax.Source(unit="mm"), **({"time": vgtjax.Source(unit="ms")} if stated else {})}
+    np.testing.assert_allclose(vgtjax.load_trace(tmp_path / "run.mat", channels=channels).time, TIME, rtol=1e-12)
+
+
+def test_a_time_in_a_table_of_matlab_has_the_unit_that_the_table_says(tmp_path, monkeypatch):
+    table = pd.DataFrame({"time": TIME * 1e3, "x_d": TIME})
+    table.attrs["VariableUnits"] = ["ms", "mm"]
+    monkeypatch.setattr(_mat_variables, "load_objects", lambda path, name: {name: table})
+    units = [entry.stated_unit for entry, _ in _mat_variables.list_table(tmp_path / "run.mat", "run")]
+    assert units == ["ms", "mm"]
 
 
 def test_waveforms_that_began_apart_stay_apart(tmp_path):

@@ -23,8 +23,15 @@ def list_datasets(path: pathlib.Path, node: Any, group: str = "") -> Iterator[tu
             yield from list_datasets(path, item, f"{group}.{name}" if group else name)
         elif item.dtype.kind in "fiub" and kind != b"char" and is_vector(item.shape):
             # MATLAB writes no unit, other programs do.
-            unit = item.attrs.get("unit")
-            yield variable(name, group, functools.partial(_read, item), None if unit is None else str(unit))
+            yield variable(name, group, functools.partial(_read, item), _text(item.attrs.get("unit")))
+
+
+def _text(attribute: Any) -> str | None:
+    """Text of any length, fixed or not, alone or in an array of one."""
+    values = np.ravel(attribute).tolist()
+    if attribute is None or len(values) != 1:
+        return None
+    return values[0].decode("utf-8", "replace") if isinstance(values[0], bytes) else str(values[0])
 
 
 def _read(dataset: Any) -> Record:

@@ -14,8 +14,13 @@ Load = Callable[[], Record]
 
 
 def variable(name: str, group: str, load: Load, unit: str | None = None) -> tuple[Entry, Load]:
-    """A vector; MATLAB gives it no unit, and `time` is in seconds by all custom."""
-    return Entry(name, "s" if name == "time" and unit is None else unit, group, key=(group, name)), load
+    """A vector; MATLAB gives it no unit."""
+    return Entry(name, unit, group, key=(group, name), usual_unit=usual_unit(name)), load
+
+
+def usual_unit(name: str) -> str | None:
+    """What numbers of MATLAB are in by all custom, where nobody says it: times are in seconds."""
+    return "s" if name == "time" else None
 
 
 def is_vector(shape: tuple[int, ...]) -> bool:
@@ -34,8 +39,8 @@ def list_table(path: pathlib.Path, name: str) -> Iterator[tuple[Entry, Load]]:
     times = rows if rows.dtype.kind in "mM" else None
     for column, unit in zip(frame.columns, units, strict=True):
         values = np.asarray(frame[column])
-        unit = "s" if column == "time" or values.dtype.kind in "mM" else unit or None
-        entry = Entry(str(column), unit, name, times is not None, key=(name, column))
+        unit = "s" if values.dtype.kind in "mM" else unit or None  # dates and durations are converted
+        entry = Entry(str(column), unit, name, times is not None, (name, column), usual_unit(str(column)))
         yield entry, functools.partial(Record, values, times)
 
 

@@ -22,6 +22,7 @@ class Entry:
 
     `unit` as the file says it, or `None`; `group` is what tells channels of one name apart. Where the file itself
     knows when a channel was sampled, it is `timed`; else its times are an entry of their own. `key` is for the reader.
+    `usual_unit` is meant by all custom where neither the file nor the user says one.
     """
 
     name: str
@@ -29,6 +30,7 @@ class Entry:
     group: str = ""
     timed: bool = False
     key: Any = None
+    usual_unit: str | None = None
 
     @property
     def label(self) -> str:

@@ -21,6 +21,7 @@ class TextRecording(Recording):
     def __init__(self, path: pathlib.Path):
         self.path = path
         header, self._rows, self._decimal = self._split_rows(self._read_text())
+        self._signs: dict[str, tuple[Entry, int, str]] = {}  # decimal signs that were read, with the first cell of each
         self.entries = [Entry(cell, key=position) for position, cell in enumerate(header)]
 
     def place(self, channel: Entry | str | None = None, sample: int | None = None) -> str:
@@ -37,7 +38,21 @@ class TextRecording(Recording):
             raise self._bad_cell(entry, cells) from None
         if not np.all(np.isfinite(values)):
             raise self._bad_cell(entry, cells)
+        if self._decimal != ".":
+            self._require_one_sign(entry, cells)
         return Record(values)
+
+    def _require_one_sign(self, entry: Entry, cells: list[str]) -> None:
+        """Refuses points beside decimal commas: they may part thousands, and a value that lost them is a
+        thousandth of what it was."""
+        for sign in (".", self._decimal):
+            first = next((place for place, cell in enumerate(cells) if sign in cell), None)
+            if first is not None:
+                self._signs.setdefault(sign, (entry, first, cells[first].strip()))
+        if len(self._signs) > 1:
+            (column, sample, point), (*_, comma) = self._signs["."], self._signs[self._decimal]
+            what = f"a file must have one decimal sign, but '{point}' has a point where '{comma}' has a comma"
+            raise self.fail(what, "export the trace with one of them, and no sign between thousands", column, sample)
 
     def _line(self, line: int, column: str | None = None) -> str:
         place = f"{self.path.name}, line {line}"
