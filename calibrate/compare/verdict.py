@@ -105,7 +105,7 @@ def _duty(unit: Unit, compared: Compared, *, far: bool) -> dict[str, Choice]:
     hold = next(iter(stated)) if len(stated) == 1 else "linear" if holds == {"linear"} else "zero-order"
     known = next(iter(unit.stated.get("duty_delay", ())), None)
     delay = calibration.duty_delay if known is None else known
-    decided, reason = _told(calibration, known, bool(stated))
+    decided, reason = _told(calibration, known, bool(stated), hold)
     if decided and fastest < slowest:
         reason += (
             f"; that is said of the slowest traces, {1e3 * slowest:g} ms a sample: how the duty of others was held may "
@@ -116,7 +116,7 @@ def _duty(unit: Unit, compared: Compared, *, far: bool) -> dict[str, Choice]:
     return {"duty_hold": Choice(hold, decided, reason), "duty_delay": Choice(delay, decided, reason)}
 
 
-def _told(calibration: Calibration, known: float | None, stated: bool) -> tuple[bool, str]:
+def _told(calibration: Calibration, known: float | None, stated: bool, hold: str) -> tuple[bool, str]:
     """Whether a fit tells how the duty was held and how late it is, and why."""
     if known is not None:
         return False, "the study states the delay, so none was looked for"
@@ -126,7 +126,7 @@ def _told(calibration: Calibration, known: float | None, stated: bool) -> tuple[
         return False, "the study says that none is to be looked for"
     if not calibration.progress.hold_decided:
         return False, "a held duty and a linear one that is later by half a sample are the same, or neither fits"
-    if calibration.progress.linear:
+    if hold == "linear":
         return True, "a duty that is held would arrive before it is given"
     return True, "held and not late is the simplest explanation"
 

@@ -145,24 +145,26 @@ class Known(NamedTuple):
 
 def known_beforehand(model: eqx.Module, stated: Mapping[str, ParameterValue]) -> Known:
     """What is known beforehand, of values that are stated, or else are those of the model."""
-    known = Known({}, {})
+    values: dict[str, float] = {}
+    ways: dict[str, ParameterValue] = {}
     for name, given in vectors_first(stated):
         entries = _entries_of(model, name)
-        if given.deviation is None and given.relative is None:
-            if given.value is not None:  # an entry by itself, of a vector of which more is known
-                centers = dict(zip(entries, np.ravel(given.value).tolist(), strict=True))
-                known.centers.update({entry: value for entry, value in centers.items() if entry in known.centers})
-            continue
-        values = vgtjax.Selection(tuple(entries)).values(model) if given.value is None else np.ravel(given.value)
-        for entry, value in zip(entries, np.asarray(values).tolist(), strict=True):
-            deviation = given.deviation if given.deviation is not None else (given.relative or 0.0) * abs(value)
-            if not deviation > 0:
-                raise StudyError(
-                    f"the deviation of '{entry}' relative to its value must be positive, but that is {value:g}; state "
-                    "it in the unit of the parameter with deviation",
-                    "values",
-                )
-            known.deviations[entry], known.centers[entry] = deviation, value
+        if given.value is not None:
+            values |= dict(zip(entries, np.ravel(given.value).tolist(), strict=True))
+        if given.deviation is not None or given.relative is not None:
+            ways |= dict.fromkeys(entries, given)
+    here = dict(zip(ways, vgtjax.Selection(tuple(ways)).values(model).tolist(), strict=True)) if ways else {}
+    known = Known({}, {})
+    for entry, given in ways.items():
+        value = values.get(entry, here[entry])
+        deviation = given.deviation if given.deviation is not None else (given.relative or 0.0) * abs(value)
+        if not deviation > 0:
+            raise StudyError(
+                f"the deviation of '{entry}' relative to its value must be positive, but that is {value:g}; state it "
+                "in the unit of the parameter with deviation",
+                "values",
+            )
+        known.deviations[entry], known.centers[entry] = deviation, value
     return known
 
 

@@ -10,6 +10,7 @@ import pydantic
 
 import vgtjax
 from vgtjax.control import SIGNAL_1_PERIOD, AbstractSignal, Later, Ramps, Sampled, Sine, Steps, signal_1, signal_2
+from vgtjax.traces.files import open_recording
 
 from .base import Finite, NotNegative, Positive, Table
 from .channels import ChannelName, Channels, sources_of
@@ -141,11 +142,19 @@ def build_references(
     return signals
 
 
+def _found_in(path: pathlib.Path, channels: Channels) -> dict[str, vgtjax.Source]:
+    """What a study says of time and position, without the names that a file does not have: a reference may be in our
+    own form beside traces of a logger, e.g. one that was simulated."""
+    mine = {name: table for name, table in channels.items() if name in ("time", "x_d")}
+    names = {None, *(entry.label for entry in open_recording(path).entries)} if mine else set()
+    return sources_of({name: table for name, table in mine.items() if {table.name, table.time} <= names})
+
+
 def _signal(entry: AbstractReference, folder: pathlib.Path, channels: Channels) -> AbstractSignal:
     """Position in m over time, from the signal's own beginning; files lie in `folder`."""
     if isinstance(entry, TraceReference):
-        mapped = sources_of({name: table for name, table in channels.items() if name in ("time", "x_d")})
-        trace = vgtjax.load_trace(folder / entry.file, channels=mapped, needs=("x_d",), ignore=OTHERS)
+        path = folder / entry.file
+        trace = vgtjax.load_trace(path, channels=_found_in(path, channels), needs=("x_d",), ignore=OTHERS)
         position = trace.channels["x_d"]
         return Sampled.through(position.time - trace.time[0], position.value)
     stated = sorted(entry.model_fields_set - {"kind", "name", "begin"})

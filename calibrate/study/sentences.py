@@ -1,6 +1,7 @@
 """What is wrong with a study, as one sentence with a remedy."""
 
 import dataclasses
+import datetime
 import difflib
 import re
 import typing
@@ -16,6 +17,8 @@ ALTERNATIVES = re.compile(r"float|list\[float\]|int|str|bool|literal\[.*\]")
 """Branches of "a number or a list of them" and the like, which are no part of a place."""
 NAMED = (ParameterValue, Spread)
 """Tables that stand under a parameter's name."""
+MISSPELT = 0.75
+"""Likeness from which a key is another one of its table, misspelt."""
 DISCRIMINATORS = ("model", "kind")
 """Keys whose value decides which other keys there are."""
 
@@ -121,7 +124,8 @@ def _surplus(place: _Place, name: str) -> str:
     key = name.split(".")[-1]
     part = place.keys[-1] if place.keys else ""
     # TOML takes a name without quotes for tables in tables; a parameter's own always has a dot.
-    if "." not in part and any(table in NAMED for table in place.tables):
+    misspelt = difflib.get_close_matches(key, _keys(place.tables), cutoff=MISSPELT)
+    if "." not in part and not misspelt and any(table in NAMED for table in place.tables):
         return f'a parameter\'s name must be in quotes; write "{part}.{key}" = ...'
     owners = [tag for tag, tables in place.others.items() if any(key in table.model_fields for table in tables)]
     if owners:
@@ -140,7 +144,13 @@ def _as_table(table: type[Table], given: Any) -> str:
         pydantic.TypeAdapter(kind).validate_python(given, strict=True)
     except pydantic.ValidationError:
         return f"give it keys, e.g. {key}"
-    return f"write e.g. {{{key} = {given!r}}}"
+    return f"write e.g. {{{key} = {_in_toml(given)}}}"
+
+
+def _in_toml(given: Any) -> str:
+    if isinstance(given, bool):
+        return str(given).lower()
+    return given.isoformat() if isinstance(given, datetime.date | datetime.time) else repr(given)
 
 
 def _missing(place: _Place, name: str) -> str:

@@ -28,8 +28,7 @@ class Channel:
       downstream can use one by mistake.
     - `unit`: the SI unit of its signal, which the trace fills in.
     - `span`: from when to when in s the channel was recorded, by default from its first to its last sample, valid or
-      not. Samples outside serve interpolation only. A duty is held beyond its last sample, to the end of a span that
-      is longer.
+      not. Samples outside serve interpolation only.
 
     **Raises:** `InputError` when lengths differ, time does not increase strictly, a valid sample is not finite, or
     none is valid.

@@ -48,12 +48,10 @@ def share_time(channels: dict[str, Channel], time: ArrayLike | None) -> tuple[Ti
     if common:
         begin, end, times = clocks[0][0], clocks[0][-1], clocks[0]
     else:
-        # A held signal goes on beyond its last sample, without end unless its span says how far; but nothing says what
-        # it was before its first.
+        # A held signal goes on beyond its last sample, but nothing says what it was before its first.
         held = [SIGNALS[name].held for name in channels]
-        each = list(zip(held, clocks, spans, strict=True))
-        begin = max(clock[0] if h else span[0] for h, clock, span in each)
-        end = min(span[1] for h, clock, span in each if not h or span[1] > clock[-1])
+        begin = max(clock[0] if h else span[0] for h, clock, span in zip(held, clocks, spans, strict=True))
+        end = min(span[1] for h, span in zip(held, spans, strict=True) if not h)
         union = np.unique(np.concatenate(clocks))
         times = union[(union >= begin) & (union <= end)]
     if len(times) < 2:

@@ -78,12 +78,13 @@ def load_trace(
         if SIGNALS[signal].role == "measured":
             valid, said = _measurements(values, valid)
             notes += [f"{recording.noun} '{assigned.entry.label}': {sentence}" for sentence in said]
-        signals[signal] = Channel(clocks.time[signal], values, valid, span=_span(signal, clocks.time[signal], valid))
+        signals[signal] = Channel(clocks.time[signal], values, valid)
     # Without a duty nothing flows to a reservoir.
     if "pwm" in signals and not {"p_res", "f_drive"} & signals.keys():
         reservoir = f"{ASSUMED_RESERVOIR:.0f} Pa absolute is assumed for the reservoir"
         notes.append(f"no {recording.noun} p_res; {reservoir}")
     trace = Trace(clocks.alone, **signals, atmosphere=atmosphere, name=path.stem if name is None else name)
+    trace = _while_driven(trace)
     return trace.replace(notes=(*notes, *_unshared(trace, clocks.time)))
 
 
@@ -135,14 +136,17 @@ def _to_si(
     return values
 
 
-def _span(signal: str, time: Samples, valid: np.ndarray) -> tuple[float, float]:
-    """From when to when in s a model can be driven by a channel, or compared with it."""
-    if SIGNALS[signal].role != "input":
-        return float(time[0]), float(time[-1])
-    known = time[valid]
-    # Nobody knows the duty after its record, which ends a step or two before others where it has fewer samples.
-    beyond = GAP * float(np.median(np.diff(time))) if SIGNALS[signal].held and len(time) > 1 else 0.0
-    return float(known[0]), float(known[-1]) + beyond
+def _while_driven(trace: Trace) -> Trace:
+    """The part of a trace in which all of its inputs are known."""
+    begin, end = trace.time[0], trace.time[-1]
+    for name, channel in trace.channels.items():
+        if SIGNALS[name].role == "input":
+            # Nobody knows the duty after its record, which ends a step or two before others where it has fewer samples.
+            steps = np.diff(channel.time) if SIGNALS[name].held else np.zeros(0)
+            beyond = GAP * float(np.median(steps)) if len(steps) else 0.0
+            begin, end = max(begin, channel.time[0]), min(end, channel.time[-1] + beyond)
+    whole = (begin, end) == (trace.time[0], trace.time[-1])
+    return trace if whole else trace.window(begin, end)
 
 
 def _unshared(trace: Trace, times: Mapping[str, Samples]) -> list[str]:

@@ -43,6 +43,7 @@ def test_what_is_said_of_an_entry_counts_wherever_it_stands():
         assert known.deviations[f"{name}[2]"] == pytest.approx(0.2 * values[2])
         assert known.deviations[f"{name}[1]"] == pytest.approx(0.01 * values[1])
         assert known.centers[f"{name}[3]"] == -3e-5
+        assert known.deviations[f"{name}[3]"] == pytest.approx(3e-7)
         assert [scales_of(model, given)[f"{name}[{k}]"] for k in (1, 2)] == ["log", "linear"]
 
 

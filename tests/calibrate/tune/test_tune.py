@@ -285,6 +285,14 @@ def test_a_reference_has_the_channels_of_its_study(tmp_path):
     assert float(reference_at(signal, 0.05).position) == pytest.approx(0.05e-3)
 
 
+def test_a_reference_may_be_in_our_own_form_beside_traces_of_a_logger(tmp_path):
+    rows = "\n".join(f"{i / 1000},{i / 1e6}" for i in range(100))
+    (tmp_path / "own.csv").write_text(f"time [s],x_d [m]\n{rows}\n", encoding="utf-8")
+    channels = {"time": ChannelTable(name="t"), "x_d": ChannelTable(name="Pos", scale=0.9, time="clock")}
+    (signal,) = build_references([TraceReference(kind="trace", file="own.csv")], tmp_path, channels).values()
+    assert float(reference_at(signal, 0.05).position) == pytest.approx(0.05e-3)
+
+
 def test_another_content_of_a_reference_is_another_study(tmp_path):
     source = pathlib.Path(vgtjax.__file__).parents[1] / "calibrate" / "example" / "step_80.csv"
     lines = source.read_text(encoding="utf-8").splitlines()

@@ -32,6 +32,13 @@ def test_in_noise_a_wrong_phase_leaves_hardly_more_than_the_right_one():
     assert abs(wrong - noise) < COUNT / STRETCH + 3  # each stretch has one factor, of which noise may take one chi^2
 
 
+def test_an_outlier_does_not_tell_the_phase_of_its_stretch():
+    left = SLOW + ALTERNATING + NOISE / 10
+    left[120] -= np.sign(ALTERNATING[120]) * 30 * DEVIATION
+    found = in_phase(SLOW + ALTERNATING, left, DEVIATION / 10)
+    assert found[104:146] == pytest.approx((SLOW + ALTERNATING)[104:146], abs=0.3 * SWING)
+
+
 def test_a_swing_that_the_record_does_not_show_is_taken_away():
     corrected = in_phase(SLOW + ALTERNATING, SLOW, deviation=1e-3)
     assert corrected[4:-4] == pytest.approx(SLOW[4:-4], abs=5e-3 * SWING)

@@ -1,6 +1,7 @@
 """Errors by sums over windows of time against the spread that estimates really have, with noise that has a memory."""
 
 import dataclasses
+import types
 
 import numpy as np
 import pytest
@@ -59,6 +60,26 @@ def test_windows_are_as_long_in_traces_of_every_rate():
     beside = windowed_gram(np.concatenate([1e-6 * slow, fast]), owner, np.array([5, 5, 5, 20]))
     # Of sixty windows and of four times as many: what one unknown has taken away.
     np.testing.assert_allclose(beside * (1 - 1 / 240), alone * (1 - 1 / 60), rtol=1e-9)
+
+
+def test_a_fit_takes_as_long_windows_of_traces_of_every_rate():
+    """Beside traces of which nothing is left and which tell nothing, as slow as they may be."""
+    seen = start_calibration(plan_task(vgtjax.Actuator(), [bench(1)], free=FREE))
+    trace, found, point = seen.task.fit[0], seen.uncertainty(), seen.minimiser.point
+
+    def beside(clock):
+        silent = np.zeros((3 * 2 * len(clock), point.columns.shape[1]))
+        more = dataclasses.replace(
+            point, residuals=np.append(point.residuals, silent[:, 0]), columns=np.vstack([point.columns, silent])
+        )
+        owner = np.append(seen.minimiser.problem.owner, np.repeat([1, 2, 3], 2 * len(clock)))
+        traces = [trace, *3 * [types.SimpleNamespace(time=clock)]]
+        search = types.SimpleNamespace(problem=types.SimpleNamespace(owner=owner), point=more)
+        return _by_windows.__wrapped__(types.SimpleNamespace(fit=traces), search, found)
+
+    as_fast, slow = beside(trace.time), beside(trace.time[::10])
+    assert slow[0] == pytest.approx(as_fast[0], rel=0.1)  # a window has whole samples
+    np.testing.assert_allclose(slow[1], as_fast[1], rtol=0.02)
 
 
 def test_a_derivative_that_explodes_leaves_the_errors_of_others():

@@ -15,7 +15,7 @@ import dataclasses
 from ..._errors import SimulationError
 from .._task import Task
 from ..derivatives import Computation, lengthens
-from ..measurements import sample_interval
+from ..measurements import count_of, sample_interval, white_sensors
 from ..search import AbstractCalibrator, C, Progress, Report, first_progress, quiet
 from ._duty import leaves_only_noise
 
@@ -62,10 +62,14 @@ def reading_both_ways(calibrator: C, report: Report) -> Computation[C]:
 
 def _misfit(end: AbstractCalibrator) -> float:
     """Chi^2 of a fit, but for what both readings have in common: the mean of where its search has ended and where its
-    corrections have, with what the size of the noise costs that these have found."""
-    search = end.minimiser
+    corrections have, with what the size of the noise costs that these have found. Student's loss has no such cost: its
+    weights leave about as much of chi^2 whatever the noise."""
+    task, search = end.task, end.minimiser
+    searched = 2 * count_of(white_sensors(task.traces, task.channels)) * search.progress.searched
+    if task.unknown.loss == "student":
+        return searched
     levels = sum(sensor.cost for sensors in end.sensors for sensor in sensors.values())
-    return search.problem.count * search.progress.searched + 0.5 * (search.point.chi2 + levels)
+    return 0.5 * (searched + search.point.chi2 + levels)
 
 
 def _read_otherwise(calibrator: C, progress: Progress) -> Computation[C | None]:

@@ -28,10 +28,25 @@ def in_phase(defect: Samples, left: Samples, deviation: float) -> Samples:
     one unit.
     """
     swing, shown = np.where(_chatters(defect), _quick(defect), 0.0), _quick(left)
-    stretch = np.arange(len(defect)) // STRETCH
-    # Beforehand any factor up to about one is as likely with either sign.
-    factors = np.bincount(stretch, swing * shown) / (np.bincount(stretch, swing**2) + deviation**2)
-    return defect + swing * (np.clip(factors, -1.0, 1.0)[stretch] - 1.0)
+    corrected = defect - swing
+    for begin in range(0, len(defect), STRETCH):
+        mine = slice(begin, begin + STRETCH)
+        square = float(swing[mine] @ swing[mine])
+        if square > 0.0:
+            # Beforehand any factor up to about one is as likely with either sign.
+            factor = _proportion(swing[mine], shown[mine]) * square / (square + deviation**2)
+            corrected[mine] += np.clip(factor, -1.0, 1.0) * swing[mine]
+    return corrected
+
+
+def _proportion(swing: Samples, shown: Samples) -> float:
+    """The factor of a swing that leaves the least sum of absolute differences from what is shown: one outlier does not
+    tell it."""
+    moves = swing != 0.0
+    ratios, weights = shown[moves] / swing[moves], np.abs(swing[moves])
+    order = np.argsort(ratios)
+    half = np.searchsorted(np.cumsum(weights[order]), 0.5 * np.sum(weights))
+    return float(ratios[order][half])
 
 
 def _quick(samples: Samples) -> Samples:

@@ -32,11 +32,11 @@ class Progress:
     `found` is where the search ended, `wanted` are the full linear steps from there on, and `linearised` is where the
     derivatives are from that they take, means over the places `around` it once there are any. `held` numbers the
     coordinates that ran away and are held at their start since, `let_go` is the cost before; `lost` says that holding
-    them made the fit worse. `linear` has the sample
-    intervals in s of traces whose duty was found to be linear between samples, and `hold_decided` whether that, or that
-    it was held, is the only explanation; `None` before that was asked. `late` says whether the delay of the duty is
-    free. `edges` are by how many samples those of the duty of every trace are late, beside that delay, where their
-    times are free, and `edges_seen` the coordinates at which it was seen what they move. `otherwise` is where a fit of
+    them made the fit worse. `linear` has the sample intervals in s of traces whose duty was found to be linear between
+    samples, and `hold_decided` whether that, or that it was held, is the only explanation of the slowest ones; `None`
+    before that was asked. `late` says whether the delay of the duty is free. `edges` are by how many samples those of
+    the duty of every trace are late, beside that delay, where their times are free, and `edges_seen` the coordinates at
+    which it was seen what they move. `otherwise` is where a fit of
     slow traces ends that reads their duty the other way, held or linear, and meets them as well; empty where it does
     not, and `None` before that was asked. `finer` says that no trace has longer steps than others. `waterfall` has cost
     (`None` where a simulation failed), steps and status of every start, where there were several, the given one first.
