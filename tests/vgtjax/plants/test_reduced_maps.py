@@ -144,7 +144,8 @@ def test_no_number_gets_no_number_for_a_duty(kind, fits):
     """A duty of zero would hide from a closed loop that its controller has failed."""
     nothing, flow, pressure = jnp.asarray(jnp.nan), jnp.asarray(0.0), jnp.asarray(8.0e4)
     flow_map = fits[kind].flow_map
-    assert np.isnan(flow_map.duty_for(nothing, pressure)) and np.isnan(flow_map.duty_for(flow, nothing))
+    assert np.isnan(flow_map.duty_for(nothing, pressure))
+    assert np.isnan(flow_map.duty_for(flow, nothing))
     assert np.isnan(flow_map.working_pressure(nothing))
     assert np.isfinite(flow_map.duty_for(flow, pressure))
 
