@@ -297,6 +297,12 @@ def test_a_turbine_with_soderbergs_losses():
     assert set(vgtjax.parameter_table(other)) >= {"nozzle.vanes.base", "nozzle.rotor.rise"}
 
 
+def test_in_single_precision_its_table_is_too(turbine):
+    single = jax.tree.map(lambda leaf: leaf.astype(jnp.float32), turbine.stage)
+    table, _ = eqx.filter_eval_shape(_stage_table.solve_table, single, jnp.ones(len(PRESSURES), bool))
+    assert table.dtype == jnp.float32
+
+
 def test_a_law_that_does_not_know_the_nozzle_is_refused_when_the_turbine_is_built():
     nozzle = Nozzle(losses=Losses(vanes=AinleyMathieson()))
     sentence = "the outlet angle of the vanes at 4 deg must be from 40 to 80 deg for Ainley and Mathieson's correlation"

@@ -117,7 +117,7 @@ def solve_table(
     """Rod force and mass flow at the knots of some pressures or of all, and where a steady state was found; zero at the
     outlet's pressure."""
     outlet = stage.outlet_pressure
-    pressures = outlet + (HIGHEST_PRESSURE - outlet) * jnp.linspace(0.0, 1.0, PRESSURES)[1:]
+    pressures = outlet + (HIGHEST_PRESSURE - outlet) * jnp.linspace(0.0, 1.0, PRESSURES, dtype=outlet.dtype)[1:]
 
     def column(angle: Array) -> tuple[Array, Array]:
         # Each pressure is searched from the flow at the one below.
@@ -134,7 +134,7 @@ def solve_table(
         guess = first_guess(*stage.passage(pressures[0], angle, cells), stage.gas)
         return jax.lax.scan(rising, jax.lax.stop_gradient(guess), (pressures, jnp.asarray(rows)[1:]))[1]
 
-    values, found = jax.lax.map(column, jnp.linspace(*CRANK_RANGE, ANGLES))
+    values, found = jax.lax.map(column, jnp.linspace(*CRANK_RANGE, ANGLES, dtype=outlet.dtype))
     table, found = jnp.transpose(values, (2, 1, 0)), found.T
     still = jnp.zeros_like(table[:, :1])
     return jnp.concatenate([still, table], axis=1), jnp.concatenate([jnp.ones_like(found[:1]), found])
