@@ -13,6 +13,12 @@ class Vanes(eqx.Module):
     """Distance of the rod from its closed end of travel, `travel - x_d`, in m."""
     turbine_pressure: Values
     """Pressure at the turbine inlet in Pa gauge."""
+    ambient_shift: Values | None = None
+    """How far the atmosphere lies above the standard one in Pa; `None` where it does not."""
+
+    def ambient(self, standard: Values) -> Values:
+        """The atmosphere from which turbine pressure counts, in Pa absolute, of a law with that of a standard day."""
+        return standard if self.ambient_shift is None else standard + self.ambient_shift
 
 
 class Crank(Part):

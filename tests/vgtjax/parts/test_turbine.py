@@ -162,6 +162,15 @@ def test_a_trace_comes_to_few_pressures_of_the_table(turbine, pressure, swing, e
     assert np.flatnonzero(read).tolist() == expected
 
 
+def test_pressure_counts_from_the_atmosphere_of_the_trace(turbine, plant):
+    """The same absolute pressure on a mountain is the same force, off the same rows."""
+    usual = trace(1.5e5, 0.0)
+    mountain = usual.replace(p_trb=usual.p_trb + 2e4, atmosphere=101013.0 - 2e4)
+    assert np.flatnonzero(turbine.rows(mountain.drive())).tolist() == [10, 11]
+    forces = [float(simulate(plant, each).f_vane[0]) for each in (usual, mountain)]
+    assert forces[1] == pytest.approx(forces[0], rel=1e-9)
+
+
 def test_where_its_sensor_is_off_a_trace_comes_to_other_pressures(plant):
     """A sensor that shows 0.3 bar too much: 1.5 bar are two intervals of 0.14 bar lower."""
     bench = replace_parameters(Instrumented(plant), {"offset.p_trb": 0.3e5})
