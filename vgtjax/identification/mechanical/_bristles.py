@@ -103,7 +103,7 @@ def fit_bristles(model: MechanicalActuator, paths: Sequence[Path], stribeck: boo
     shape = []
     if stribeck:
         assert friction.stribeck_velocity is not None
-        shape = [float(friction.stiction), float(friction.stribeck_velocity)]
+        shape = [float(friction.stiction), float(friction.stribeck_velocity or LuGre().stribeck_velocity)]
     law = _Law(model, paths, friction)
     ends = np.log(np.array(list(ENDS.values()))[: 1 + len(shape)]).T
     trials = [np.clip(np.log([usual * scale, *shape]), ends[0] + STEP, ends[1] - STEP) for scale in SCALES]
