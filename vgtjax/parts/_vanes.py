@@ -1,6 +1,7 @@
 """The vanes and the crank that turns them [3.14]."""
 
 import equinox as eqx
+import jax.numpy as jnp
 
 from .._types import Scalar, Values
 from ..parameters import Part, parameter
@@ -28,8 +29,9 @@ class Crank(Part):
     offset: Scalar = parameter(4.0, symbol="theta_offset", unit="deg", source="3.14", positive=False, held=True)
 
     def angle(self, opening: Values) -> Values:
-        """Crank angle `C_r` in degrees at an opening in m."""
-        return opening * self.ratio + self.offset
+        """Crank angle `C_r` in degrees at an opening in m, which is infinite of a rod without a closed stop."""
+        placed = jnp.isfinite(opening)
+        return jnp.where(placed, jnp.where(placed, opening, 0.0) * self.ratio + self.offset, opening)
 
     def opening(self, angle: Values) -> Values:
         """Opening in m at a crank angle in degrees, the inverse of `angle`."""

@@ -64,6 +64,18 @@ def test_crank_angle_is_the_printed_line():
     assert crank.opening(crank.angle(jnp.asarray(3.3e-3))) == pytest.approx(3.3e-3, rel=1e-12)
 
 
+def test_derivatives_of_a_rod_without_stops_are_numbers():
+    """Its vanes are infinitely far open, where every table is held."""
+
+    def force(ratio):
+        law = dataclasses.replace(MAP, crank=Crank(ratio=ratio))
+        return law.force(vanes(jnp.inf, 2e5), jnp.asarray(1.0))
+
+    value, slope = jax.value_and_grad(force)(jnp.asarray(3120.0))
+    assert float(value) == pytest.approx(float(MAP.force(vanes(1.0, 2e5), jnp.asarray(1.0))))
+    assert float(slope) == 0.0
+
+
 def test_bilinear_is_scipys_inside_and_held_outside():
     rng = np.random.default_rng(0)
     rows, columns = np.array([0.0, 1.0, 4.0]), np.array([-1.0, 0.5, 0.6, 3.0])
