@@ -100,9 +100,6 @@ def _groups(study: Study, plants: Plants, folder: pathlib.Path) -> tuple[Cases, 
     for entry in table.reference:
         least = cycle(entry) + table.settled if cycle(entry) else 0.0
         seconds = max(table.duration, least)
-        fault = table.reservoir.fault_after(seconds)
-        if fault is not None:
-            raise StudyError(f"along '{entry.title}' {fault}")
         lasting.setdefault(seconds, {})[entry.title] = signals[entry.title]
     return tuple(
         cases_of(study, plants, along, table.turbine_pressure, table.seed + number, seconds)

@@ -58,6 +58,9 @@ def _identify_unit(job: Job, unit: Unit, folder: pathlib.Path) -> None:
         status.update("simulating all traces")
         model = move_inside(model, unit.bounds)  # so that a fit can start from it
         traces = compare(plan_task(model, unit.used("fit"), unit.used("validate"), free=[]), model)
+    for each in traces:
+        if each.failed:
+            console.print(f"the simulation of {each.trace.name} with these values failed: {each.failure}")
     seconds = time.monotonic() - began
     table = tabulate(unit.model, model, _estimates(model, found, unit), unit.bounds)
     write_json(folder / "parameters.json", to_json(job.study, table))

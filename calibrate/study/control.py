@@ -127,10 +127,3 @@ class ControlTable(Table):
                 f"settled {self.settled:g} s and period {self.period:g} s; lengthen duration"
             )
         return self
-
-    @pydantic.model_validator(mode="after")
-    def _vacuum_is_a_pressure(self) -> "ControlTable":
-        fault = self.reservoir.fault_after(self.duration)
-        if fault is not None:
-            raise ValueError(fault)
-        return self

@@ -123,16 +123,6 @@ class ReservoirTable(Table):
     recovery: Positive = 0.5
     """s; time constant with which that decays."""
 
-    def fault_after(self, seconds: float) -> str | None:
-        """A sentence where the pressure of a run of so many seconds would be none; `None` where it is one."""
-        last = self.level + self.drift * seconds
-        if last >= 0:
-            return None
-        return (
-            f"the reservoir must stay at a pressure of zero or more, but its drift leads to {last:g} Pa absolute after "
-            f"{seconds:g} s; correct drift, which is in Pa/s"
-        )
-
     def build(self) -> AbstractSignal:
         """As a signal in Pa absolute."""
         return Draws(self.level, self.drift, np.asarray(self.times), self.depth, self.recovery)

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import jax
+import numpy as np
 
 import vgtjax
 from vgtjax.control import AbstractController, AbstractSignal, TurbinePulsation
@@ -128,17 +129,31 @@ def cases_of(
     duration: float | None = None,
 ) -> Cases:
     """Plants, references, turbine pressures and variants crossed, as the study says; `duration` in s beats its own."""
-    table = study.control
+    table, reservoir = study.control, study.control.reservoir.build()
+    duration = table.duration if duration is None else duration
+    _require_vacuum(reservoir, duration, table.period)
     return cross_cases(
         plants,
         references,
         pressures,
-        duration=table.duration if duration is None else duration,
+        duration=duration,
         period=table.period,
         seed=seed,
-        reservoir=table.reservoir.build(),
+        reservoir=reservoir,
         variants=variants_of(study),
     )
+
+
+def _require_vacuum(reservoir: AbstractSignal, duration: float, period: float) -> None:
+    """**Raises:** `StudyError` for a reservoir that comes below vacuum in a run."""
+    time = np.arange(round(duration / period) + 1) * period
+    pressure = np.asarray(jax.jit(jax.vmap(reservoir))(time))
+    lowest = int(np.argmin(pressure))
+    if pressure[lowest] < 0:
+        raise StudyError(
+            f"the reservoir must stay at a pressure of zero or more, but it comes to {pressure[lowest]:g} Pa absolute "
+            f"{time[lowest]:g} s into a run of {duration:g} s; correct its drift, which is in Pa/s, or its depth"
+        )
 
 
 def variants_of(study: Study) -> dict[str, Variant]:

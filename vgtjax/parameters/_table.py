@@ -32,10 +32,11 @@ class Parameter:
 
     `positive` says that the domain is `(0, inf)`, so that a fit moves the logarithm; a value that is held may also be
     zero, which switches off what it multiplies. `lower` is the end of the domain of one that is not positive, and may
-    be reached. `infinite` says that infinity is a value too. `default` is the printed value. `held` parameters are
-    measured, or can't be distinguished from others; a fit leaves them alone unless they are freed by name. `assumed`
-    marks values that no source states. An `optional` one may be `None`, and is no parameter of that model then.
-    `anonymous` parameters have the name of the module that they belong to.
+    be reached; `above` is the end of any other one, and may not: zero, of what divides. `infinite` says that infinity
+    is a value too. `default` is the printed value. `held` parameters are measured, or can't be distinguished from
+    others; a fit leaves them alone unless they are freed by name. `assumed` marks values that no source states. An
+    `optional` one may be `None`, and is no parameter of that model then. `anonymous` parameters have the name of the
+    module that they belong to.
     """
 
     symbol: str
@@ -48,6 +49,7 @@ class Parameter:
     anonymous: bool = False
     optional: bool = False
     lower: float = -math.inf
+    above: float | None = None
     default: float | tuple[float, ...] = 0.0
     name: str = ""
     size: int | None = None
@@ -56,6 +58,13 @@ class Parameter:
     tuning_width: float = 0.0
     """Least width of a law that switches while gains are tuned; zero for what is no width."""
 
+    @property
+    def lowest(self) -> float:
+        """The lower end of the domain."""
+        if self.above is not None:
+            return self.above
+        return 0.0 if self.positive else self.lower
+
     def check(self, value: Any, name: str | None = None) -> None:
         """Whether a value lies in the domain; says nothing of one that is being traced.
 
@@ -63,10 +72,13 @@ class Parameter:
         """
         if is_traced(value):
             return
-        numbers, lowest = np.asarray(value, float), 0.0 if self.positive else self.lower
-        good = (numbers >= lowest) & (np.isfinite(numbers) | (self.infinite & (numbers == math.inf)))
+        numbers, lowest = np.asarray(value, float), self.lowest
+        good = (numbers >= lowest if self.above is None else numbers > lowest) & (
+            np.isfinite(numbers) | (self.infinite & (numbers == math.inf))
+        )
         if not np.all(good):
             rule = "finite" if lowest < 0 else f"finite and not {'negative' if lowest == 0 else f'below {lowest:g}'}"
+            rule = rule if self.above is None else f"finite and above {lowest:g}"
             wrong = numbers[~good].flat[0]
             raise InputError(f"'{name or self.name}' must be {rule}, but it is {wrong:g}; correct it", "values")
 
@@ -151,9 +163,9 @@ def parameter(
 
     - `default`: value in `unit`; tuples of both for a vector.
     - `symbol`, `unit`, `source`: as printed in the thesis.
-    - `row`: `positive`, `lower`, `infinite`, `held`, `assumed`, `anonymous`, `optional`, `usual`, `tuning_width` of
-      [`Parameter`][]. What has a `lower` end is not positive, and what `source` says is assumed is so; neither has to
-      be said again.
+    - `row`: `positive`, `lower`, `above`, `infinite`, `held`, `assumed`, `anonymous`, `optional`, `usual` and
+      `tuning_width` of [`Parameter`][]. What has a `lower` end is not positive, and what `source` says is assumed is
+      so; neither has to be said again.
     """
     implied: dict[str, Any] = {"positive": "lower" not in row, "assumed": "assumed" in source}
     what = f"the parameter {symbol}" + (f" in {unit}" if isinstance(unit, str) else "")

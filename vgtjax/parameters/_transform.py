@@ -19,6 +19,8 @@ Scale = Literal["log", "linear"]
 """How a parameter moves in a fit: by its logarithm, or in units of its size."""
 LEAST = 1e-3
 """Part of its start value that a positive parameter which moves linearly keeps at least."""
+OPEN = 1e-6
+"""Part of an end of a domain that may not be reached, which a search keeps from it."""
 
 
 class Transform(eqx.Module):
@@ -97,7 +99,8 @@ def build_transform(
     low, high = np.full(len(rows), -np.inf), np.full(len(rows), np.inf)
     for position, (entry, row) in enumerate(zip(entries, rows, strict=True)):
         lower, upper = bounds.get(entry, (None, None))
-        low[position] = max(row.lower, -np.inf if lower is None else lower)
+        domain = row.lower if row.above is None else row.above + OPEN * abs(row.above)
+        low[position] = max(domain, -np.inf if lower is None else lower)
         high[position] = np.inf if upper is None else upper
         _check_start(entry, start[position], row, low[position], high[position], by_logarithm=bool(positive[position]))
         if row.positive and not positive[position]:

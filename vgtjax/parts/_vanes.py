@@ -1,6 +1,7 @@
 """The vanes and the crank that turns them [3.14]."""
 
 import equinox as eqx
+import jax.numpy as jnp
 
 from .._types import Scalar, Values
 from ..parameters import Part, parameter
@@ -13,6 +14,12 @@ class Vanes(eqx.Module):
     """Distance of the rod from its closed end of travel, `travel - x_d`, in m."""
     turbine_pressure: Values
     """Pressure at the turbine inlet in Pa gauge."""
+    ambient_shift: Values | None = None
+    """How far the atmosphere lies above the standard one in Pa; `None` where it does not."""
+
+    def ambient(self, standard: Values) -> Values:
+        """The atmosphere from which turbine pressure counts, in Pa absolute, of a law with that of a standard day."""
+        return standard if self.ambient_shift is None else standard + self.ambient_shift
 
 
 class Crank(Part):
@@ -22,8 +29,9 @@ class Crank(Part):
     offset: Scalar = parameter(4.0, symbol="theta_offset", unit="deg", source="3.14", positive=False, held=True)
 
     def angle(self, opening: Values) -> Values:
-        """Crank angle `C_r` in degrees at an opening in m."""
-        return opening * self.ratio + self.offset
+        """Crank angle `C_r` in degrees at an opening in m, which is infinite of a rod without a closed stop."""
+        placed = jnp.isfinite(opening)
+        return jnp.where(placed, jnp.where(placed, opening, 0.0) * self.ratio + self.offset, opening)
 
     def opening(self, angle: Values) -> Values:
         """Opening in m at a crank angle in degrees, the inverse of `angle`."""

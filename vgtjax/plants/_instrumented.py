@@ -25,8 +25,8 @@ def _offset(symbol: str, unit: str, usual: float, default: float | tuple[float, 
 
 
 class Gains(Part):
-    """What each sensor shows per what is there, of pressures per absolute one; of a chamber pressure that drives a rod
-    per difference from atmosphere, at which its offset is read."""
+    """What each sensor shows per what is there: of pressures per absolute one, of that before the turbine per gauge
+    one, and of a chamber pressure that drives a rod per difference from atmosphere, at which its offset is read."""
 
     place = "gain"
 

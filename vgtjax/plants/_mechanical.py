@@ -49,11 +49,11 @@ class MechanicalActuator(AbstractRodModel):
 
     def vector_field(self, time: Values, state: RodState, drive: Drive) -> RodState:
         """Time derivative of the state [2.34]."""
-        return self.rod.rates(state, self._drive_force(time, drive), drive.turbine(time))
+        return self.rod.rates(state, self._drive_force(time, drive), drive.turbine(time), drive.ambient_shift)
 
     def relaxation(self, time: Values, state: RodState, drive: Drive) -> RodState:
         """Rates of the rod, friction and vanes."""
-        return self.rod.relaxation(state, drive.turbine(time))
+        return self.rod.relaxation(state, drive.turbine(time), ambient_shift=drive.ambient_shift)
 
     @property
     def longest_step(self) -> float:
@@ -70,7 +70,7 @@ class MechanicalActuator(AbstractRodModel):
         source = {} if drive.chamber is None else {"p_act": drive.chamber(0.0)}
         if drive.force is not None:
             source = {"f_drive": drive.force(0.0)}
-        return {**self.rod.signals(state, drive.turbine(0.0)), **source}
+        return {**self.rod.signals(state, drive.turbine(0.0), drive.ambient_shift), **source}
 
     def typical_state(self) -> Any:
         """That of the rod."""

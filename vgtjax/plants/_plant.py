@@ -60,14 +60,14 @@ class AbstractPlant(AbstractRodModel):
             diaphragm.displaced_volume(body.velocity),
         )
         force = diaphragm.drive_force(ambient_pressure(self.air, drive), self.air_path.pressure(state.air_path))
-        return PlantState(air_path, self.rod.rates(state.rod, force, drive.turbine(time)))
+        return PlantState(air_path, self.rod.rates(state.rod, force, drive.turbine(time), drive.ambient_shift))
 
     def relaxation(self, time: Values, state: PlantState, drive: Drive) -> PlantState:
         """Rates of the air path, and of the rod with its friction and vanes."""
         displaced = self.rod.diaphragm.displaced_volume(state.rod.body.position)
         return PlantState(
             self.air_path.relaxation(self.air, state.air_path, displaced),
-            self.rod.relaxation(state.rod, drive.turbine(time), self.chamber.thinness(displaced)),
+            self.rod.relaxation(state.rod, drive.turbine(time), self.chamber.thinness(displaced), drive.ambient_shift),
         )
 
     @property
@@ -83,7 +83,7 @@ class AbstractPlant(AbstractRodModel):
         """All of the air path and the rod."""
         return {
             **self.air_path.signals(self.air, state.air_path, drive),
-            **self.rod.signals(state.rod, drive.turbine(0.0)),
+            **self.rod.signals(state.rod, drive.turbine(0.0), drive.ambient_shift),
         }
 
     def typical_state(self) -> Any:

@@ -140,7 +140,7 @@ def domain(model: AbstractModel, entry: str) -> tuple[float, float]:
     if is_curve(table, entry):
         return 0.0, math.inf
     row = table_row(table, entry)
-    return (0.0 if row.positive else row.lower), math.inf
+    return row.lowest, math.inf
 
 
 def normal(mean: float, deviation: float, ends: tuple[float, float] = (-math.inf, math.inf)) -> Margin:

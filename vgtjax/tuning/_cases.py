@@ -67,6 +67,14 @@ class Cases(eqx.Module):
     def __len__(self) -> int:
         return len(self.labels)
 
+    def require_longer(self, settled: float) -> None:
+        """**Raises:** `InputError` where runs are over before they count, from `settled` seconds on."""
+        if not 0 <= settled < self.duration:
+            raise InputError(
+                f"settled must be zero or more and before the end of runs after {self.duration:g} s, but it is "
+                f"{settled:g} s; correct it"
+            )
+
     def take(self, indices: Sequence[int]) -> "Cases":
         """Some of the cases."""
         chosen = np.asarray(indices)

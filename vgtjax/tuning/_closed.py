@@ -10,7 +10,6 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._errors import InputError
 from .._lanes import map_rows
 from .._printing import Cells, Printed
 from ..control import AbstractController, StepAnswer, step_answers
@@ -88,11 +87,7 @@ def close_loops(
     **Raises:** `InputError` for a plant that has no controller, controllers of other structures, or a time that a run
     does not reach.
     """
-    if not 0 <= settled < cases.duration:
-        raise InputError(
-            f"settled must be zero or more and before the end of runs after {cases.duration:g} s, but it is "
-            f"{settled:g} s; correct it"
-        )
+    cases.require_longer(settled)
     timing, at, count = Timing(cases.duration, cases.period), rows_of(controllers, cases), len(cases)
     signals, figures = map_rows(lambda rows: _close(timing, settled, rows), at, count, min(lanes, count))
     runs = Runs(np.arange(signals[0].shape[1]) * cases.period, *signals)

@@ -167,7 +167,7 @@ def plan_tuning(
     - `lanes`: closed loops that run side by side; memory grows with it.
 
     **Raises:** `InputError` for a name that matches nothing, a start outside its bounds, a start that breaks a
-    condition of the design, or when no gain is left to tune.
+    condition of the design, when no gain is left to tune, or for runs that are over before the objective counts.
     """
     chosen = gain_names(controller) if free is None else free
     selection = select(controller, free=chosen, fixed=fixed)
@@ -186,4 +186,5 @@ def plan_tuning(
                 f"{float(value):.2%}; change the start values",
                 "controller",
             )
+    cases.require_longer(objective.settled)
     return problem

@@ -47,12 +47,13 @@ class QuadraticModel:
         return here + move
 
     def expected(self, places: Float[np.ndarray, "places gains"], highest: float) -> Float[np.ndarray, " places"]:
-        """The logarithm of the cost there: the parabola's, which bends to zero about [`FLOOR`][] of the cost here and
-        does not rise by more than `highest` over it."""
+        """The logarithm of the cost there: the parabola's, which bends to zero about [`FLOOR`][] of the cost here, and
+        differs from it by `highest` at most."""
         moves = places - self.here
         bent = 0.5 * np.einsum("pi,ij,pj->p", moves, self.curvature, moves)
         share = 1 + (moves @ self.slope + bent) / self.cost
-        return np.log(self.cost) + np.minimum(np.log(FLOOR * np.logaddexp(share / FLOOR, 0.0)), highest)
+        bent = np.maximum(FLOOR * np.logaddexp(share / FLOOR, 0.0), np.finfo(float).tiny)
+        return np.log(self.cost) + np.clip(np.log(bent), -highest, highest)
 
     def kept(self) -> Kept:
         """As numbers and tuples."""

@@ -26,6 +26,7 @@ def shaking(problem: TuningProblem, at: Linearisation) -> Float[np.ndarray, " ca
     steepest = np.max(np.einsum("cii->ci", at.curvatures), axis=1)
     with np.errstate(all="ignore"):
         errors = np.sqrt(2 * steepest / (max(independent, 1.0) * at.cases.costs))
+    errors = np.where((steepest == 0) & (at.cases.costs == 0), 0.0, errors)  # nothing to shake
     return np.where(at.finite, errors, np.inf)
 
 

@@ -20,6 +20,7 @@ from ..control import (
     linearise_loop,
     margins,
 )
+from ..parts import Diaphragm
 from ._cases import Cases
 from ._loops import Row, rows_of
 
@@ -34,8 +35,9 @@ def sliding_margins(
 ) -> dict[str, dict[str, Margins]]:
     """Margins of every plant's loop, by the plant's name and whether the rod is `rising` or `falling`.
 
-    The loop is linearised where the rod passes the middle of its travel along a slow sine, at the turbine and reservoir
-    pressures of the plant's last case, without noise and disturbances.
+    The loop is linearised where the rod passes the middle of its travel, or of the printed one where it has no stops,
+    along a slow sine, at the turbine and reservoir pressures of the plant's last case, without noise and
+    disturbances.
 
     **Arguments:** as those of [`close_loops`][], with a controller for each plant.
     """
@@ -66,7 +68,7 @@ def _linearise(period: float, rows: Row) -> tuple[Any, ...]:
 
 def _slide(plant: Any, scenario: Scenario) -> Scenario:
     """Along the sine, from its middle."""
-    travel = plant.diaphragm.travel
+    travel = jnp.where(jnp.isfinite(plant.diaphragm.travel), plant.diaphragm.travel, Diaphragm().travel)
     start = eqx.tree_at(lambda s: s.position, balanced_at(0.0), 0.5 * travel)
     return eqx.tree_at(
         lambda s: (s.reference, s.start), scenario, (Sine(SHARE * travel, jnp.asarray(RATE), 0.5 * travel), start)

@@ -1,6 +1,7 @@
 """Volute, pivoted vanes and wheel: a passage for every angle of the vanes, and the moment of the gas on one of them."""
 
 import functools
+import math
 
 import equinox as eqx
 import jax
@@ -123,7 +124,7 @@ class Nozzle(Part):
     def throat(self, vane_angle: Values) -> Values:
         """Width between two vanes, in m."""
         turned = jnp.cos(vane_angle) - jnp.cos(vane_angle + self.pitch)
-        return self.pivot_radius * turned - self.trail * np.sin(self.pitch) - self.thickness
+        return self.pivot_radius * turned - self.trail * math.sin(self.pitch) - self.thickness
 
     def flow_tangent(self, vane_angle: Values) -> Values:
         """Of the flow angle behind the vanes from the radial direction: its cosine is throat over spacing."""
@@ -197,19 +198,20 @@ class Nozzle(Part):
             rotor.inlet_radius,
         ]
         lengths = [ring[0] - ring[1], ring[1] - ring[2], ring[2] - ring[3], rotor.path, rotor.tail]
-        faces = [np.linspace(0, 1, count + 1)[(part > 0) :] for part, count in enumerate(counts)]
-        starts = jnp.concatenate([jnp.zeros(1), jnp.cumsum(jnp.stack(jnp.broadcast_arrays(*lengths)))])
+        dtype = jnp.result_type(*lengths, speed)
+        faces = [jnp.asarray(np.linspace(0, 1, count + 1)[(part > 0) :], dtype) for part, count in enumerate(counts)]
+        starts = jnp.concatenate([jnp.zeros(1, dtype), jnp.cumsum(jnp.stack(jnp.broadcast_arrays(*lengths)))])
         m = jnp.concatenate([starts[part] + lengths[part] * faces[part] for part in range(5)])
         radial = jnp.concatenate([ring[part] + (ring[part + 1] - ring[part]) * faces[part] for part in range(3)])
-        share, behind = faces[3], np.ones(counts[4])
+        share, behind = faces[3], jnp.ones(counts[4], dtype)
         radius = jnp.concatenate([radial, rotor.radius(share), rotor.outlet_radius * behind])
         annulus = 2 * jnp.pi * self.height * radial
         area = jnp.concatenate([annulus, rotor.area(share, self.height), rotor.outlet_area * behind])
         row = np.repeat([0, VANES, 0, WHEEL, 0], counts)
-        middle = [(np.arange(count) + 0.5) / count for count in counts]
+        middle = [jnp.asarray((np.arange(count) + 0.5) / count, dtype) for count in counts]
         turned = jnp.where(self.works(vane_angle), self._vane_tangent(vane_angle, middle[1]), jnp.nan)
         wheel = rotor.tangent(middle[3])
-        tangent = jnp.zeros(cells).at[row == VANES].set(turned).at[row == WHEEL].set(wheel)
+        tangent = jnp.zeros(cells, dtype).at[row == VANES].set(turned).at[row == WHEEL].set(wheel)
         length = jnp.where(
             row == VANES,
             self.loading_length * lengths[1],
@@ -224,8 +226,8 @@ class Nozzle(Part):
             tangent,
             length,
             jnp.where(row == WHEEL, speed, 0.0),
-            jnp.zeros(cells),
-            jnp.zeros(cells),
+            jnp.zeros(cells, dtype),
+            jnp.zeros(cells, dtype),
         )
         losses = {
             VANES: self.losses.vanes.coefficient(*self._vane_row(vane_angle), gas),

@@ -90,8 +90,15 @@ def _steady_from(
 
 
 def as_plain_arrays(tree: Tree) -> Tree:
-    """The same with arrays for numbers; those of Python, and JAX's of weak type, would make programs of their own."""
-    return jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.result_type(leaf)), tree)
+    """The same with arrays for numbers, real ones in one precision; those of Python, and JAX's of weak type, would make
+    programs of their own."""
+    real = [leaf for leaf in jax.tree.leaves(tree) if _is_real(leaf)]
+    precision = jnp.result_type(*real)
+    return jax.tree.map(lambda leaf: jnp.asarray(leaf, precision if _is_real(leaf) else jnp.result_type(leaf)), tree)
+
+
+def _is_real(leaf: Any) -> bool:
+    return jnp.issubdtype(jnp.result_type(leaf), jnp.inexact)
 
 
 class _Steady(AbstractProblem):

@@ -7,6 +7,7 @@ from support import EXAMPLE, optimised
 
 import vgtjax
 from calibrate.study.units import prepare
+from vgtjax.identification import Identified
 from vgtjax.parameters import move_inside
 
 LOOPS = EXAMPLE / "loops" / "study.toml"
@@ -105,3 +106,16 @@ def test_a_study_without_a_trace_to_use(tmp_path):
     (tmp_path / "a.csv").write_bytes((EXAMPLE / "step_50.csv").read_bytes())
     outcome = run_command("identify", tmp_path / "study.toml", "--out", tmp_path / "out")
     assert_refused(outcome, "study.toml: a fit needs at least one trace with use = 'fit'; mark one", tmp_path / "out")
+
+
+def test_what_is_found_is_kept_where_a_trace_cannot_be_simulated_with_it(tmp_path, monkeypatch):
+    def swallowed(model, _):
+        values = {"chamber.volume": 1e-6}
+        found = Identified("by hand", "2.41", values={name: np.asarray(value) for name, value in values.items()})
+        yield vgtjax.replace_parameters(model, values), found
+
+    monkeypatch.setattr("calibrate.identify.command.identify", swallowed)
+    outcome = run_command("identify", LOOPS, "--out", tmp_path / "out")
+    assert outcome.status == 0
+    assert "the simulation of unit_01_0000mbar with these values failed: " in outcome.out
+    assert read(tmp_path / "out" / "parameters.json")["parameters"]["chamber.volume"]["value"] == 1e-6

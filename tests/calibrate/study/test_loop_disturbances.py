@@ -187,23 +187,24 @@ def test_a_late_duty_has_its_limit(tmp_path):
     assert_refused(run_command("control", path, "--out", tmp_path / "out"), sentence, tmp_path / "out")
 
 
-def test_a_vacuum_lasts_as_long_as_the_slowest_reference(tmp_path):
-    """A period of which counts after all has settled: 2 pi / 0.1 + 2 s."""
+@pytest.mark.parametrize(
+    ("reservoir", "place"),
+    [
+        ("{drift = -9000.0}", "-16000 Pa absolute 4 s into a run of 4 s"),
+        ("{times = [1.0], depth = -30000.0}", "-10000 Pa absolute 1 s into a run of 4 s"),
+        # A period of the sine and what settles before it.
+        ("{drift = -2500.0}", "-707.5 Pa absolute 8.283 s into a run of 8.28319 s"),
+    ],
+)
+def test_a_vacuum_below_zero_is_refused(reservoir, place, tmp_path):
     path = tmp_path / "study.toml"
-    slow = '[[control.reference]]\nkind = "sine"\nname = "slow"\namplitude = 0.003\nrate = 0.1\noffset = 0.005\n'
-    path.write_text(f"[control]\nreservoir = {{drift = -1000.0}}\n{slow}", encoding="utf-8")
+    kind = 'kind = "sine"\namplitude = 1e-3\nrate = 1.0\noffset = 5e-3\n'
+    if "of 4 s" in place:
+        kind = 'kind = "steps"\ntimes = [0.5]\nlevels = [4e-3]\n'
+    reference = f"[[control.reference]]\n{kind}"
+    path.write_text(f"[control]\nduration = 4.0\nreservoir = {reservoir}\n{reference}", encoding="utf-8")
     sentence = (
-        "study.toml: along 'slow' the reservoir must stay at a pressure of zero or more, but its drift leads to "
-        "-44831.9 Pa absolute after 64.8319 s; correct drift, which is in Pa/s"
-    )
-    assert_refused(run_command("control", path, "--out", tmp_path / "out"), sentence, tmp_path / "out")
-
-
-def test_a_vacuum_below_zero_is_refused(tmp_path):
-    path = tmp_path / "study.toml"
-    path.write_text("[control]\nduration = 4.0\nreservoir = {drift = -9000.0}\n", encoding="utf-8")
-    sentence = (
-        "study.toml: the reservoir must stay at a pressure of zero or more, but its drift leads to -16000 Pa absolute "
-        "after 4 s; correct drift, which is in Pa/s"
+        f"study.toml: the reservoir must stay at a pressure of zero or more, but it comes to {place}; correct its "
+        "drift, which is in Pa/s, or its depth"
     )
     assert_refused(run_command("control", path, "--out", tmp_path / "out"), sentence, tmp_path / "out")

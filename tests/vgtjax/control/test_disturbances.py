@@ -203,3 +203,16 @@ def test_a_reference_beyond_the_stops_leaves_nothing_behind(actuator):
         return float(control.tracking_rms(run, 0.8))
 
     assert late(0.1) < 0.3 * late(np.inf)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.002, 0.0033])
+def test_a_late_duty_has_its_derivative_at_whole_periods_too(delay):
+    """Between this delay and the next whole one, the duty is the straight line between two."""
+    duties, latest = jnp.asarray([40.0, 30.0, 50.0, 20.0, 60.0, 10.0]), jnp.asarray(70.0)
+
+    def arrives(delay):
+        return LateDuty(delay, longest=0.005).arriving(duties, latest, 1e-3)[1]
+
+    step = 1e-6
+    slope = (float(arrives(jnp.asarray(delay + step))) - float(arrives(jnp.asarray(delay)))) / step
+    assert float(jax.grad(arrives)(jnp.asarray(delay))) == pytest.approx(slope, rel=1e-6)

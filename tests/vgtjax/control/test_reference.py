@@ -21,6 +21,14 @@ SIGNALS = {
 }
 
 
+@pytest.mark.parametrize("at", [0.0, 0.7, 2.0])
+def test_a_sampled_signal_has_its_derivatives_from_the_first_sample_to_the_last(at):
+    signal = Sampled.through(GRID, 0.002 + 0.01 * GRID + 0.02 * GRID**2)
+    reference = reference_at(signal, jnp.asarray(at))
+    assert float(reference.velocity) == pytest.approx(0.01 + 0.04 * at, rel=1e-6)
+    assert float(reference.acceleration) == pytest.approx(0.04, rel=1e-6)
+
+
 @pytest.mark.parametrize("signal", SIGNALS.values(), ids=SIGNALS.keys())
 def test_each_derivative_is_the_slope_of_the_one_before(signal):
     time, step = jnp.linspace(0.05, 1.95, 191), 1e-5

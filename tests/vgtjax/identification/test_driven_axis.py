@@ -8,6 +8,8 @@ from support import assert_recovered
 import vgtjax
 from vgtjax.identification import identify_axis
 from vgtjax.identification.mechanical._axis import moves_at_start
+from vgtjax.identification.mechanical._axis_regression import regress_axis
+from vgtjax.identification.mechanical._motion import read_motions
 
 AXIS = {
     "diaphragm.mass": 1.8,
@@ -52,3 +54,20 @@ def test_a_push_from_rest_is_no_motion():
     noise = np.random.default_rng(9).normal(0, 8e-6, len(time))
     pushed = vgtjax.Trace(time=time, f_drive=np.full_like(time, 60.0), x_d=15 * time**2 + noise)
     assert moves_at_start(pushed) is None
+
+
+@pytest.mark.parametrize("friction", [vgtjax.Coulomb(), vgtjax.LuGre(), vgtjax.PassiveLuGre()])
+def test_an_axis_without_dry_friction_is_identified(friction):
+    time = np.arange(0, 4, 1e-3)
+    force = 8 * np.sin(2 * np.pi * 1.3 * time) + 6 * np.sin(2 * np.pi * 3.1 * time)
+    trace = vgtjax.Trace(time=time, f_drive=force, x_d=np.zeros_like(time))
+    smooth = {"friction.coulomb_force": 0.0, "friction.viscous_damping": 10.0}
+    real = vgtjax.replace_parameters(axis(vgtjax.Coulomb(), mass=0.5), smooth)
+    noise = np.random.default_rng(3).normal(0, 8e-6, len(time))
+    record = trace.replace(x_d=np.asarray(vgtjax.simulate(real, trace).x_d) + noise)
+    model = vgtjax.replace_parameters(axis(friction), {"friction.coulomb_force": 0.0})
+    free = ["diaphragm.mass", *[name for name in vgtjax.parameter_table(model) if name.startswith("friction.")]]
+    free.remove("friction.coulomb_force")
+    start = regress_axis(model, read_motions(model, [record]), free)
+    assert start["diaphragm.mass"] == pytest.approx(0.5, rel=0.02)
+    assert np.all(np.isfinite(list(start.values())))

@@ -6,6 +6,7 @@ import pytest
 import vgtjax
 from vgtjax import ForcePolynomial, HysteresisMap, SpeedMap, simulate
 from vgtjax.identification import apply, identify_vane_map, identify_vane_polynomial, plan
+from vgtjax.identification.mechanical._vane_force import _count_pressures
 
 CLOSING = np.outer([1.0, 2.0], np.linspace(2.6, 1.3, 6)).ravel()
 OPENING = np.outer([1.0, 1.9], np.linspace(-1.9, -0.8, 6)).ravel()
@@ -122,3 +123,25 @@ def test_few_pressures_leave_high_powers_out():
     assert "2 turbine pressures do not determine powers of the ratio above 1" in found.limitations[0]
     assert coefficients[5] == coefficients[9] == 0.0
     assert np.isnan(found.std_errors["vane_force.coefficients"][9])
+
+
+def test_noise_makes_no_second_pressure():
+    """A plateau is one pressure wherever it lies; one that rises from none is as many as it passes."""
+    true = vgtjax.Actuator(vane_force=ForcePolynomial())
+    random = np.random.default_rng(4)
+    hot = bench(true, 1.525e5, 3, sensor=True)
+    noisy = hot.replace(p_trb=1.525e5 + random.normal(0, 300.0, len(hot.time)))
+    found = identify_vane_polynomial(true, [bench(true, 0.0, 3, sensor=True), noisy])
+    assert "2 turbine pressures do not determine powers of the ratio above 1" in found.limitations[0]
+    assert _count_pressures(np.linspace(0.0, 1e5, 500)) == 21
+
+
+def test_the_surface_counts_from_the_atmosphere_of_its_trace():
+    """The same pressures before and behind the turbine, of which gauges say others."""
+    true = vgtjax.Actuator(vane_force=ForcePolynomial())
+    traces = [bench(true, turbine, seed, sensor=True) for seed, turbine in enumerate((0.0, 0.4e5, 0.8e5, 1.2e5))]
+    low = 0.8 * 101013.0
+    high = [each.replace(p_trb=each.p_trb * 0.8, p_act=each.p_act + low - 101013.0, atmosphere=low) for each in traces]
+    found, moved = (identify_vane_polynomial(true, each).values["vane_force.coefficients"] for each in (traces, high))
+    # Where the rod rests is read off other pressures, by some micrometres.
+    np.testing.assert_allclose(moved, found, rtol=1e-2)

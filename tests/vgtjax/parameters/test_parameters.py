@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 import vgtjax
+from vgtjax.control import AdaptiveBackstepping, ImplicitLevantDifferentiator, LevantDifferentiator, ScheduledPI
+from vgtjax.exhaust import ExhaustGas
 from vgtjax.parameters import Transform, build_transform, match_entries, table_row
 
 HELD = {
@@ -38,6 +40,23 @@ def test_names_are_paths_of_attributes(actuator, table):
     ("build", "message"),
     [
         (lambda: vgtjax.Diaphragm(stiffness=-1), "'diaphragm.stiffness' must be finite and not negative, but it is -1"),
+        (
+            lambda: vgtjax.Air(heat_capacity_ratio=1.0),
+            "'air.heat_capacity_ratio' must be finite and above 1, but it is",
+        ),
+        (
+            lambda: ExhaustGas(heat_capacity_ratio=0.9),
+            "'gas.heat_capacity_ratio' must be finite and above 1, but it is",
+        ),
+        (lambda: vgtjax.SpeedMap(side_speed=0.0), "'vane_force.side_speed' must be finite and above 0, but it is 0"),
+        (
+            lambda: vgtjax.HysteresisMap(reversal_distance=0),
+            "'vane_force.reversal_distance' must be finite and above 0",
+        ),
+        (lambda: LevantDifferentiator(width=0.0), "'LevantDifferentiator.width' must be finite and above 0, but it is"),
+        (lambda: ImplicitLevantDifferentiator(0.0), "largest_second_derivative' must be finite and above 0, but it is"),
+        (lambda: ScheduledPI(sign_width=0.0), "'ScheduledPI.sign_width' must be finite and above 0, but it is 0"),
+        (lambda: AdaptiveBackstepping(reversal_width=0.0), "reversal_width' must be finite and above 0, but it is 0"),
         (lambda: vgtjax.Air(pressure=float("nan")), "'air.pressure' must be finite and not negative, but it is nan"),
         (lambda: vgtjax.Diaphragm(preload=float("inf")), "'diaphragm.preload' must be finite, but it is inf; correct"),
         (lambda: vgtjax.Converter(magnetic_force=[0, 1, float("nan"), 0, 0]), "'converter.magnetic_force' must be"),
@@ -257,3 +276,12 @@ def test_what_is_not_positive_has_no_logarithm(table):
 def test_a_positive_parameter_has_no_logarithm_at_zero(table):
     with pytest.raises(vgtjax.InputError, match="must be positive to be fitted, but it is 0; change it, or hold"):
         build_transform(table, ["diaphragm.stiffness"], np.array([0.0]), {})
+
+
+def test_a_search_keeps_off_the_end_of_an_open_domain():
+    table = vgtjax.parameter_table(vgtjax.Air())
+    transform = build_transform(table, ["heat_capacity_ratio"], np.array([1.396]), {})
+    nearest = float(transform.to_physical(transform.clip(np.array([-5.0])))[0])
+    assert 1 < nearest < 1.001
+    with pytest.raises(vgtjax.InputError, match=r"'heat_capacity_ratio' must be finite and above 1, but it is 0\.5"):
+        vgtjax.replace_parameters(vgtjax.Air(), {"heat_capacity_ratio": 0.5})

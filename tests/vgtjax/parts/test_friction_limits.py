@@ -1,6 +1,8 @@
 """Where one friction becomes another, or something that is known: simulated."""
 
 import diffrax
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from axis import drag, pull, run
@@ -154,3 +156,14 @@ def test_every_member_under_another_integrator(name):
     assert rms(simulate(model, WAVE, stepping=FixedStep(max_step=2e-5)).x_d - exact) < 1e-9
     # Measured 0.25 um; a load makes the bristles' damping too fast for half a millisecond, 4.5 um.
     assert rms(simulate(model, WAVE).x_d - exact) < (6e-6 if name == "adaptive" else 4e-7)
+
+
+@pytest.mark.parametrize("exponent", [1, 2])
+def test_a_stribeck_velocity_of_zero_is_no_stribeck_effect(exponent):
+    """From the first turn on: the sliding force is the Coulomb force, with derivatives that are numbers."""
+    none = LuGre(stribeck_velocity=0.0, stribeck_exponent=exponent)
+    flat = LuGre(static_force=2.8, stribeck_exponent=exponent)
+    np.testing.assert_allclose(position(none), position(flat), rtol=0, atol=1e-15)
+    sliding = jax.grad(lambda width: LuGre(stribeck_velocity=width).stribeck(jnp.asarray(0.0)))
+    assert float(sliding(jnp.asarray(0.0))) == 0.0
+    assert float(none.stribeck_slope(jnp.asarray(0.0))) == 0.0

@@ -151,5 +151,5 @@ def test_tables_move_to_other_knots_and_bad_values_are_refused():
     assert force(moved, 0.1) == pytest.approx(force(MAP, 0.1), rel=1e-12)
     with pytest.raises(InputError, match=r"vane_force.opening needs 12 numbers, .* it has 5"):
         SpeedMap(opening=np.zeros(5))
-    with pytest.raises(InputError, match=r"'vane_force.side_speed' must be finite and not negative"):
+    with pytest.raises(InputError, match=r"'vane_force.side_speed' must be finite and above 0"):
         SpeedMap(side_speed=-1e-3)

@@ -162,6 +162,15 @@ def test_a_trace_comes_to_few_pressures_of_the_table(turbine, pressure, swing, e
     assert np.flatnonzero(read).tolist() == expected
 
 
+def test_pressure_counts_from_the_atmosphere_of_the_trace(turbine, plant):
+    """The same absolute pressure on a mountain is the same force, off the same rows."""
+    usual = trace(1.5e5, 0.0)
+    mountain = usual.replace(p_trb=usual.p_trb + 2e4, atmosphere=101013.0 - 2e4)
+    assert np.flatnonzero(turbine.rows(mountain.drive())).tolist() == [10, 11]
+    forces = [float(simulate(plant, each).f_vane[0]) for each in (usual, mountain)]
+    assert forces[1] == pytest.approx(forces[0], rel=1e-9)
+
+
 def test_where_its_sensor_is_off_a_trace_comes_to_other_pressures(plant):
     """A sensor that shows 0.3 bar too much: 1.5 bar are two intervals of 0.14 bar lower."""
     bench = replace_parameters(Instrumented(plant), {"offset.p_trb": 0.3e5})
@@ -295,6 +304,12 @@ def test_a_turbine_with_soderbergs_losses():
     assert float(found[80]) == pytest.approx((0.04 + 0.06 * ((vanes[0] - vanes[1]) / 100) ** 2) / 0.08, rel=1e-9)
     assert float(found[150]) == pytest.approx((0.04 + 0.06 * 0.58**2) / 0.25, rel=1e-9)
     assert set(vgtjax.parameter_table(other)) >= {"nozzle.vanes.base", "nozzle.rotor.rise"}
+
+
+def test_in_single_precision_its_table_is_too(turbine):
+    single = jax.tree.map(lambda leaf: leaf.astype(jnp.float32), turbine.stage)
+    table, _ = eqx.filter_eval_shape(_stage_table.solve_table, single, jnp.ones(len(PRESSURES), bool))
+    assert table.dtype == jnp.float32
 
 
 def test_a_law_that_does_not_know_the_nozzle_is_refused_when_the_turbine_is_built():

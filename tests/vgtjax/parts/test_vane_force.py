@@ -64,6 +64,18 @@ def test_crank_angle_is_the_printed_line():
     assert crank.opening(crank.angle(jnp.asarray(3.3e-3))) == pytest.approx(3.3e-3, rel=1e-12)
 
 
+def test_derivatives_of_a_rod_without_stops_are_numbers():
+    """Its vanes are infinitely far open, where every table is held."""
+
+    def force(ratio):
+        law = dataclasses.replace(MAP, crank=Crank(ratio=ratio))
+        return law.force(vanes(jnp.inf, 2e5), jnp.asarray(1.0))
+
+    value, slope = jax.value_and_grad(force)(jnp.asarray(3120.0))
+    assert float(value) == pytest.approx(float(MAP.force(vanes(1.0, 2e5), jnp.asarray(1.0))))
+    assert float(slope) == 0.0
+
+
 def test_bilinear_is_scipys_inside_and_held_outside():
     rng = np.random.default_rng(0)
     rows, columns = np.array([0.0, 1.0, 4.0]), np.array([-1.0, 0.5, 0.6, 3.0])
@@ -242,6 +254,21 @@ def test_polynomial_acts_at_the_ratio_of_inlet_to_ambient(turbine):
     force, _ = ForcePolynomial()(vanes(6e-3, turbine), jnp.asarray(0.0), None)
     # Terms of hundreds of newtons cancel.
     assert float(force) == pytest.approx(printed, rel=1e-10)
+
+
+def test_polynomial_counts_from_the_atmosphere_of_the_trace():
+    """The same ratio of absolute pressures, on a mountain; a derivative goes the same way."""
+    model = vgtjax.MechanicalActuator(vane_force=ForcePolynomial())
+    trace = vgtjax.Trace(np.arange(5) * 1e-3, p_act=np.full(5, 6.0e4), p_trb=np.full(5, 0.8e5), x_d=np.full(5, 2e-3))
+    high = trace.replace(atmosphere=0.8 * 101013.0, p_trb=0.8 * trace.p_trb)
+    run, mountain = (vgtjax.simulate(model, each) for each in (trace, high))
+    assert float(mountain.f_vane[0]) == pytest.approx(float(run.f_vane[0]), rel=1e-12)
+
+    def force(shift):
+        return ForcePolynomial()(Vanes(jnp.asarray(5e-3), jnp.asarray(0.8e5), shift), jnp.asarray(0.0), None)[0]
+
+    moved = [float(force(jnp.asarray(-2e4 + step))) for step in (-1.0, 1.0)]
+    assert float(jax.grad(force)(jnp.asarray(-2e4))) == pytest.approx((moved[1] - moved[0]) / 2, rel=1e-6)
 
 
 def test_polynomial_is_held_beyond_its_range():

@@ -139,6 +139,17 @@ def test_a_flow_out_of_reach_gets_the_duty_at_the_end(kind, fits):
     assert jax.grad(flow_map.duty_for)(jnp.asarray(5e-2), pressure) == 0
 
 
+@pytest.mark.parametrize("kind", OVER_DUTY)
+def test_no_number_gets_no_number_for_a_duty(kind, fits):
+    """A duty of zero would hide from a closed loop that its controller has failed."""
+    nothing, flow, pressure = jnp.asarray(jnp.nan), jnp.asarray(0.0), jnp.asarray(8.0e4)
+    flow_map = fits[kind].flow_map
+    assert np.isnan(flow_map.duty_for(nothing, pressure))
+    assert np.isnan(flow_map.duty_for(flow, nothing))
+    assert np.isnan(flow_map.working_pressure(nothing))
+    assert np.isfinite(flow_map.duty_for(flow, pressure))
+
+
 def test_where_the_orifice_is_saturated_any_duty_that_gives_the_flow_will_do(fits):
     flow_map, pressure = fits["steady-plunger"].flow_map, jnp.asarray(9e4)
     flow = flow_map(jnp.asarray(100.0), pressure)

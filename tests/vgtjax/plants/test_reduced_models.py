@@ -252,6 +252,14 @@ def test_a_batch_is_its_members_and_single_precision_is_near():
     assert rms(run.x_d - alone) < 2e-6
 
 
+@pytest.mark.parametrize("reduce", [vgtjax.reduce_to_plunger_map, vgtjax.reduce_to_static_map])
+def test_what_is_made_of_a_model_in_single_precision_is_in_it_as_well(reduce):
+    single = jax.tree.map(lambda leaf: leaf.astype(jnp.float32), FULL)
+    run = simulate(reduce(single), STEP_80)
+    assert run.x_d.dtype == jnp.float32
+    assert rms(run.x_d - simulate(reduce(FULL), STEP_80).x_d) < 2e-6
+
+
 def test_an_atmosphere_that_a_trace_states_moves_both_sides():
     """At the same gauge pressures flow hardly differs: position over gauge pressure stays."""
     higher = STEP_50.replace(atmosphere=102013.0)

@@ -117,7 +117,11 @@ def test_a_duty_that_stops_early_is_held_no_longer_than_a_gap(tmp_path):
     noted = (f"of 0.04 s of {name} only 0.025 s are in the time that all channels share" for name in others)
     assert sorted(trace.notes) == sorted(noted)
     assert trace.window(0.0, 0.023).time[-1] == pytest.approx(0.023)
-    for otherwise in (trace.with_late_duty(0.0015), trace.with_ramped_duty(), trace.with_ramped_duty().with_held_duty()):
+    for otherwise in (
+        trace.with_late_duty(0.0015),
+        trace.with_ramped_duty(),
+        trace.with_ramped_duty().with_held_duty(),
+    ):
         assert otherwise.time[-1] == pytest.approx(0.025)  # a duty that is read otherwise goes on no longer
 
 

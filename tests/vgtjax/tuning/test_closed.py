@@ -10,6 +10,7 @@ import vgtjax
 from vgtjax import control
 from vgtjax.control import PI, Constant, Sine, StaticBalance, Steps, close_loop
 from vgtjax.tuning import close_loops, cross_cases
+from vgtjax.tuning._sliding_margins import _slide
 
 STIFF = {"diaphragm.stiffness": 14_000.0}
 SETTLED = 0.1
@@ -93,3 +94,11 @@ def test_a_plant_without_converter_begins_at_its_stop():
     with pytest.raises(vgtjax.InputError, match="needs a converter, but StaticMapActuator has none"):
         cross_cases(plants, {"middle": Constant(0.005)}, duration=0.1)
     assert cross_cases(plants, {"stop": Constant(0.0)}, duration=0.1).labels[0].plant == "static"
+
+
+def test_a_rod_without_stops_has_its_margins_about_the_printed_middle():
+    endless = vgtjax.replace_parameters(vgtjax.Actuator(), {"diaphragm.travel": np.inf})
+    cases = cross_cases({"endless": endless}, {"hold": Constant(4e-3)}, duration=0.1)
+    plant, scenario = (jax.tree.map(lambda leaf: leaf[0], each) for each in (cases.plants, cases.scenarios))
+    slide = _slide(plant, scenario)
+    assert float(slide.start.position) == float(slide.reference.offset) == 0.5 * 10.13e-3

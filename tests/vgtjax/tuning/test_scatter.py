@@ -256,6 +256,8 @@ def test_what_a_quadratic_model_expects(cliff):
     assert np.isfinite(low)
     assert low < np.log(model.cost) - 1
     assert high == pytest.approx(np.log(model.cost) + 4.0)
+    farther = here - 1e5 * model.slope / np.linalg.norm(model.slope)
+    assert falling.expected(farther[None], 4.0) == pytest.approx(np.log(model.cost) - 4.0)
 
 
 def test_a_model_that_was_kept_is_the_same(cliff):

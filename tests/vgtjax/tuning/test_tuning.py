@@ -357,6 +357,13 @@ def test_shaking_is_the_standard_error_of_a_slope_that_chance_made(problem):
     np.testing.assert_allclose(shaking(problem, at), np.std(slopes) / np.mean(costs), rtol=0.04)
 
 
+def test_a_loop_without_cost_does_not_shake(problem):
+    at = problem.linearise(problem.start)
+    nothing = dataclasses.replace(at.cases, terms=0 * at.cases.terms)
+    still = dataclasses.replace(at, cases=nothing, slopes=0 * at.slopes, curvatures=0 * at.curvatures)
+    np.testing.assert_array_equal(shaking(problem, still), 0.0)
+
+
 def test_candidates_side_by_side_cost_what_each_costs_alone(problem):
     candidates = problem.start + np.array([[0.0], [0.1], [-0.2]])
     together = dataclasses.replace(problem, lanes=3 * LANES).evaluate_all(candidates)

@@ -227,6 +227,12 @@ def test_a_start_outside_the_conditions_is_refused(actuator):
         plan_tuning(edge, cross_cases({"a": actuator}, REFERENCES, duration=0.1), OBJECTIVE)
 
 
+def test_runs_that_are_over_before_they_count_are_refused(actuator):
+    cases = cross_cases({"a": actuator}, REFERENCES, duration=0.1)
+    with pytest.raises(vgtjax.InputError, match=r"before the end of runs after 0\.1 s, but it is 2 s; correct it"):
+        plan_tuning(PI.for_plant(actuator), cases, Objective())
+
+
 def test_a_problem_without_gains_is_refused(actuator):
     cases = cross_cases({"a": actuator}, REFERENCES, duration=0.1)
     with pytest.raises(vgtjax.InputError, match="at least one free gain, but free and fixed leave none; free one"):

@@ -172,6 +172,23 @@ def test_a_search_that_fails_says_how_far_it_came():
     assert float(easier.ending.imbalance) < 1e-11
 
 
+def test_in_single_precision_it_is_the_same_flow():
+    def single(tree):
+        return jax.tree.map(lambda leaf: leaf.astype(jnp.float32) if eqx.is_inexact_array(leaf) else leaf, tree)
+
+    nozzle, angle = single(Nozzle()), jnp.asarray(np.radians(30.0), jnp.float32)
+    passage = nozzle.passage(angle, jnp.asarray(12000.0, jnp.float32), 56)
+    assert {leaf.dtype for leaf in jax.tree.leaves(passage) if eqx.is_inexact_array(leaf)} == {jnp.dtype(jnp.float32)}
+    flow = steady(passage, single(Nozzle().inlet(2e5, 900.0)), jnp.asarray(1.05e5, jnp.float32), single(GAS))
+    double = steady(Nozzle().passage(np.radians(30.0), 12000.0, 56), Nozzle().inlet(2e5, 900.0), 1.05e5, GAS)
+    assert bool(flow.converged)
+    assert flow.pressure.dtype == jnp.float32
+    # The imbalance that single precision leaves.
+    np.testing.assert_allclose(flow.pressure, double.pressure, rtol=1e-4)
+    mixed = steady(passage, Nozzle().inlet(2e5, 900.0), 1.05e5, GAS)
+    assert float(mixed.mass_flow) == pytest.approx(float(double.mass_flow), rel=1e-5)
+
+
 def test_bad_passages():
     good = duct()
     with pytest.raises(vgtjax.InputError, match=r"passage\.area must be areas in m2 above zero, but entry 0 is -1"):

@@ -91,7 +91,9 @@ class AdaptiveBackstepping(AbstractController):
     largest_drift: Scalar = parameter(3e5, symbol="r_max", unit="Pa/s", source="assumed", held=True)
     forgetting_time: Scalar = parameter(0.3, symbol="T_f", unit="s", source="assumed", held=True)
     # Tuned at a velocity that the noise of the sensors reaches through the differentiator.
-    reversal_width: Scalar = parameter(1e-2, symbol="v_w", unit="m/s", source="assumed", held=True, tuning_width=2e-3)
+    reversal_width: Scalar = parameter(
+        1e-2, symbol="v_w", unit="m/s", source="assumed", held=True, above=0.0, tuning_width=2e-3
+    )
     model: DesignModel = eqx.field(default_factory=DesignModel)
     observer: DualFrictionObserver = eqx.field(default_factory=DualFrictionObserver)
     differentiator: AbstractDifferentiator = eqx.field(default_factory=lambda: LevantDifferentiator(1.1, width=0.022))

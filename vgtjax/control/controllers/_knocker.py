@@ -37,7 +37,7 @@ class Knocker(AbstractController):
     width: Scalar = parameter(0.02, symbol="tau", unit="s", source="5.3.1", held=True)
     interval: Scalar = parameter(0.04, symbol="t_k", unit="s", source="5.3.1", held=True)
     # Tuned at a tenth of a usual pulse.
-    sign_width: Scalar = parameter(1e-9, symbol="w", unit="%", source="assumed", held=True, tuning_width=0.2)
+    sign_width: Scalar = parameter(1e-9, symbol="w", unit="%", source="assumed", held=True, above=0.0, tuning_width=0.2)
 
     @classmethod
     def for_plant(cls, plant: Actuator, **settings: Any) -> "Knocker":

@@ -39,7 +39,7 @@ class ScheduledPI(AbstractController):
     tracking_time: Scalar = parameter(0.1, symbol="T_t", unit="s", source="assumed", infinite=True)
     friction_duty: Scalar = parameter(2.0, symbol="u_f", unit="%", source="assumed")
     velocity_gain: Scalar = parameter(1100.0, symbol="k_v", unit="% s/m", source="assumed", positive=False)
-    sign_width: Scalar = parameter(2e-4, symbol="v_w", unit="m/s", source="assumed", held=True)
+    sign_width: Scalar = parameter(2e-4, symbol="v_w", unit="m/s", source="assumed", held=True, above=0.0)
     knots: Float[Array, " 3"] = parameter(
         (0.002, 0.005, 0.008), symbol="x_k", unit="m", source="assumed", held=True, positive=False
     )

@@ -76,7 +76,7 @@ class LevantDifferentiator(AbstractDifferentiator):
 
     largest_second_derivative: Scalar = parameter(5.0, symbol="L", unit="m/s2", source="assumed")
     # Tuned above the noise of the sensors, so that its sign is not tossed by it.
-    width: Scalar = parameter(1e-9, symbol="w", unit="m", source="assumed", held=True, tuning_width=3e-5)
+    width: Scalar = parameter(1e-9, symbol="w", unit="m", source="assumed", held=True, above=0.0, tuning_width=3e-5)
 
     def initial_state(self, value: Scalar) -> FilteredSlope:
         """See the base class."""
@@ -106,7 +106,7 @@ class ImplicitLevantDifferentiator(AbstractDifferentiator):
     period. Noise reaches the slope by some `sqrt(2 L noise)`.
     """
 
-    largest_second_derivative: Scalar = parameter(0.05, symbol="L", unit="m/s2", source="assumed")
+    largest_second_derivative: Scalar = parameter(0.05, symbol="L", unit="m/s2", source="assumed", above=0.0)
 
     def initial_state(self, value: Scalar) -> FilteredSlope:
         """See the base class."""

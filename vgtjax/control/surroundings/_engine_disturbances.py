@@ -123,6 +123,6 @@ class LateDuty(AbstractDutyPath):
         late = self.delay / period
         # Far less than a sample, so that a delay of whole periods is no part of one by rounding.
         whole = jnp.floor(late + 1e-6)
-        part = jnp.maximum(late - whole, 0.0)
+        part = jnp.where(late >= whole, late - whole, 0.0)  # `maximum` would halve the derivative of whole periods
         index = whole.astype(int)
         return duties, (1 - part) * duties[index] + part * duties[index + 1]

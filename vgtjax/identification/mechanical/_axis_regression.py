@@ -106,8 +106,8 @@ def _in_proportion(model: MechanicalActuator, values: dict[str, float], free: Co
     friction = model.friction.dry()
     if friction is None:
         return {name: value for name, value in values.items() if name in free}
-    coulomb = values.get("friction.coulomb_force", float(friction.coulomb_force))
-    larger = coulomb / float(friction.coulomb_force)
+    old = float(friction.coulomb_force)
+    larger = values.get("friction.coulomb_force", old) / old if old > 0 else 1.0
     heavier = values.get("diaphragm.mass", _value(model, "diaphragm.mass")) / _value(model, "diaphragm.mass")
     grown = {"static_force": larger, "stribeck_drop": larger, "bristle_stiffness": larger}
     grown["bristle_damping"] = np.sqrt(larger * heavier)  # so that bristles stay as well damped as they were
@@ -116,7 +116,7 @@ def _in_proportion(model: MechanicalActuator, values: dict[str, float], free: Co
             values[f"friction.{name}"] = _value(model, f"friction.{name}") * factor
     damping = friction.bristle_damping
     if damping is not None and "friction.excess_damping" in free and "friction.viscous_damping" in values:
-        least = float(damping * (friction.static_force / friction.coulomb_force - 1))
+        least = float(damping * (friction.stiction - 1))
         values["friction.excess_damping"] = max(
             values["friction.viscous_damping"] - least * float(grown["bristle_damping"]), 0.0
         )

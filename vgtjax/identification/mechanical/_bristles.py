@@ -8,7 +8,7 @@ import scipy
 from jaxtyping import Bool
 
 from ...estimation import NULL, least_squares
-from ...parts import DryFriction
+from ...parts import DryFriction, LuGre
 from ...plants import MechanicalActuator
 from .. import _limits as limits
 from .._filters import Samples
@@ -99,11 +99,11 @@ def fit_bristles(model: MechanicalActuator, paths: Sequence[Path], stribeck: boo
         )
     friction = dry_friction(model)
     stiffness = USUAL_STIFFNESS if friction.bristle_stiffness is None else float(friction.bristle_stiffness)
-    usual = float(friction.coulomb_force) / stiffness
+    usual = float(friction.coulomb_force or LuGre().coulomb_force) / stiffness
     shape = []
     if stribeck:
         assert friction.stribeck_velocity is not None
-        shape = [float(friction.static_force / friction.coulomb_force), float(friction.stribeck_velocity)]
+        shape = [float(friction.stiction), float(friction.stribeck_velocity or LuGre().stribeck_velocity)]
     law = _Law(model, paths, friction)
     ends = np.log(np.array(list(ENDS.values()))[: 1 + len(shape)]).T
     trials = [np.clip(np.log([usual * scale, *shape]), ends[0] + STEP, ends[1] - STEP) for scale in SCALES]

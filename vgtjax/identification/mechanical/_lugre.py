@@ -56,7 +56,7 @@ def start_from_bristles(half: MechanicalActuator, found: Bristles) -> Mechanical
     coulomb = float(old.coulomb_force)
     if determined("coulomb"):
         new["coulomb_force"] = coulomb = found.values["coulomb"]
-        new["static_force"] = coulomb * float(old.static_force / old.coulomb_force)
+        new["static_force"] = coulomb * float(old.stiction)
     if determined("coulomb", "deflection"):
         new["bristle_stiffness"] = coulomb / found.values["deflection"]
     if determined("ratio", "stribeck"):

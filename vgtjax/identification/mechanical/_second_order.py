@@ -78,6 +78,5 @@ def _with_law(half: MechanicalActuator, found: Sliding) -> MechanicalActuator:
             values[name] = found.values[term]
     if friction is not None and "friction.coulomb_force" in values and "friction.static_force" in table:
         # Stiction keeps its proportion until it is found itself.
-        ratio = float(friction.static_force / friction.coulomb_force)
-        values["friction.static_force"] = ratio * values["friction.coulomb_force"]
+        values["friction.static_force"] = float(friction.stiction) * values["friction.coulomb_force"]
     return replace_parameters(half, values)

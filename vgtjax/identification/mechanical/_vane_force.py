@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 from ...estimation import LeastSquares, least_squares
 from ...parts import POWERS, AbstractTabulated, AbstractVaneMap, ForcePolynomial, polynomial_terms
 from ...plants import Actuator, MechanicalActuator
-from ...traces import Trace, noise_level
+from ...traces import STANDARD_ATMOSPHERE, Trace, noise_level
 from .. import _limits as limits
 from .._filters import Samples, resting, sensor_offset, smooth
 from .._result import Curve, Identified, NotPossible, bench_test, thinned
@@ -109,14 +109,30 @@ def _slow_samples(model: Model, vane_force: AbstractVaneMap, trace: Trace, sense
 
 
 def _on_visited_knots(vane_force: AbstractVaneMap, used: list[SlowSamples]) -> AbstractVaneMap:
-    visited = np.sort(np.concatenate([samples.turbine for samples in used]))
-    groups = np.split(visited, np.flatnonzero(np.diff(visited) > limits.SAME_TURBINE) + 1)
+    groups = _plateaus(np.concatenate([samples.turbine for samples in used]))
     means = np.array([np.round(np.mean(group), -2) for group in groups if np.mean(group) > limits.NO_GAS])
-    steady = all(np.ptp(group) < 2 * limits.SAME_TURBINE for group in groups)
+    steady = all(_stays(group) for group in groups)
     given = np.asarray(vane_force.turbine_pressure)
     if not steady or (len(given) == len(means) and np.all(np.abs(given - means) < limits.SAME_TURBINE)):
         return vane_force
     return vane_force.on_knots(jnp.asarray(means), vane_force.crank_angle)
+
+
+def _plateaus(turbine: Samples) -> list[Float[np.ndarray, " _"]]:
+    """Turbine pressures in Pa, sorted, between which there are gaps."""
+    visited = np.sort(turbine)
+    return np.split(visited, np.flatnonzero(np.diff(visited) > limits.SAME_TURBINE) + 1)
+
+
+def _stays(group: Float[np.ndarray, " _"]) -> bool:
+    """Whether pressures without gaps are one."""
+    return bool(np.ptp(group) < 2 * limits.SAME_TURBINE)
+
+
+def _count_pressures(turbine: Samples) -> int:
+    """How many turbine pressures there are; one that runs from here to there counts by how far it goes."""
+    groups = _plateaus(turbine)
+    return sum(1 if _stays(group) else 1 + int(np.ptp(group) // limits.SAME_TURBINE) for group in groups)
 
 
 def hats(knots: Float[np.ndarray, " knots"], at: Samples) -> Float[np.ndarray, "samples knots"]:
@@ -247,10 +263,12 @@ def identify_vane_polynomial(model: Model, traces: Sequence[Trace]) -> Identifie
     position = np.concatenate([_true_position(model, trace) for trace in sensed])
     angle = np.asarray(vane_force.crank.angle(travel - position))
     turbine = np.concatenate([np.zeros_like(t.time) if t.p_trb is None else t.p_trb for t in sensed])
+    shift = np.concatenate([np.full_like(t.time, t.atmosphere - STANDARD_ATMOSPHERE) for t in sensed])
     force = np.concatenate([np.asarray(trace.f_vane) for trace in sensed])
-    distinct = len(np.unique(np.round(turbine / limits.SAME_TURBINE)))
+    distinct = _count_pressures(turbine)
     used = np.array([power < distinct for _, power in POWERS])
-    terms = np.stack(np.broadcast_arrays(*polynomial_terms(angle, np.asarray(vane_force.ratio(turbine)))), axis=1)
+    ratio = np.asarray(vane_force.ratio(turbine, float(vane_force.ambient_pressure) + shift))
+    terms = np.stack(np.broadcast_arrays(*polynomial_terms(angle, ratio)), axis=1)
     noise = noise_level(force, "f_vane")
     solution = _solve(terms[:, used] / noise, force / noise)
     values, errors = np.zeros(len(POWERS)), np.full(len(POWERS), np.nan)

@@ -19,7 +19,8 @@ NEARBY = 1e-3
 def falling_root(function: Callable[[Values], Values], low: Values, high: Values) -> Values:
     """Where a falling function is zero, by bisection; the nearer end where it is not zero between `low` and `high`.
 
-    Elementwise. One step of Newton's follows, for the derivatives with respect to all that `function` depends on.
+    Elementwise, and NaN where the function is. One step of Newton's follows, for the derivatives with respect to all
+    that `function` depends on.
     """
 
     def halve(_: Int[Array, ""], ends: tuple[Values, Values]) -> tuple[Values, Values]:
@@ -36,7 +37,10 @@ def falling_root(function: Callable[[Values], Values], low: Values, high: Values
     falls = -slope * NEARBY * (high - low) > jnp.abs(lax.stop_gradient(value))
     step = jnp.where(falls, value / jnp.where(falls, slope, 1.0), 0.0)
     inside = jnp.clip(root - step, low, high)
-    return jnp.where(function(low) <= 0, low, jnp.where(function(high) >= 0, high, inside))
+    first, last = function(low), function(high)
+    found = jnp.where(first <= 0, low, jnp.where(last >= 0, high, inside))
+    # Bisection takes NaN for too low a value, and would walk to an end that nothing tells from a root.
+    return jnp.where(jnp.isnan(first) | jnp.isnan(last) | jnp.isnan(value), jnp.nan, found)
 
 
 def polynomial(coefficients: Float[Array, " powers"], at: Values) -> Values:

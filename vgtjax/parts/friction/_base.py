@@ -4,6 +4,7 @@ import abc
 from typing import Any, ClassVar
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
 from ..._types import StateLeaf, Values
@@ -38,6 +39,12 @@ class DryFriction(eqx.Module):
     stribeck_velocity: Values | None = None
     """`v_s` in m/s; `None` where the sliding force does not fall with speed."""
     stribeck_exponent: int = eqx.field(static=True, default=1)
+
+    @property
+    def stiction(self) -> Values:
+        """`F_s / F_c`; 1 without a Coulomb force, which has no share to give."""
+        rubs = jnp.asarray(self.coulomb_force > 0)
+        return jnp.where(rubs, self.static_force / jnp.where(rubs, self.coulomb_force, 1.0), 1.0)
 
 
 class AbstractFriction(Part):

@@ -57,15 +57,17 @@ class AbstractLuGre(AbstractFriction):
 
     def stribeck_slope(self, velocity: Values) -> Values:
         """`dg/dv` in N s/m; zero where the velocity is, a jump when the exponent is 1."""
-        power, ratio = self.stribeck_exponent, jnp.abs(velocity) / self.stribeck_velocity
-        steepness = power * ratio ** (power - 1) / self.stribeck_velocity
+        power, falls = self.stribeck_exponent, self.stribeck_velocity > 0
+        width = jnp.where(falls, self.stribeck_velocity, 1.0)
+        steepness = power * (jnp.abs(velocity) / width) ** (power - 1) / width
         drop = (self.static_force - self.coulomb_force) * steepness * self._falling(velocity)
         return -drop * jnp.sign(velocity)
 
     def _falling(self, velocity: Values) -> Values:
-        """`exp(-(|v|/v_s)^n)`"""
-        ratio = jnp.abs(velocity) / self.stribeck_velocity
-        return jnp.exp(-ratio if self.stribeck_exponent == 1 else -ratio * ratio)
+        """`exp(-(|v|/v_s)^n)`; zero where `v_s` is."""
+        falls = self.stribeck_velocity > 0
+        ratio = jnp.abs(velocity) / jnp.where(falls, self.stribeck_velocity, 1.0)
+        return jnp.where(falls, jnp.exp(-ratio if self.stribeck_exponent == 1 else -ratio * ratio), 0.0)
 
     def steady_force(self, contact: Contact) -> Values:
         """`theta (g(v) sign(v) + sigma_2 v)`."""

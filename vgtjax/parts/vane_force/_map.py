@@ -26,7 +26,7 @@ class HysteresisMap(AbstractVaneMap):
     kinds of map have.
     """
 
-    reversal_distance: Scalar = parameter(65e-6, symbol="x_rev", unit="m", source="assumed")
+    reversal_distance: Scalar = parameter(65e-6, symbol="x_rev", unit="m", source="assumed", above=0.0)
     crank: Crank = eqx.field(default_factory=Crank)
 
     def initial_state(self) -> Direction:

@@ -37,7 +37,7 @@ class ForcePolynomial(AbstractVaneForce):
     )
     """In the order of `POWERS`."""
     ambient_pressure: Scalar = parameter(101013.0, symbol="p_atm", unit="Pa", source="B.2", held=True)
-    """Pa absolute at the turbine's outlet."""
+    """Pa absolute at the turbine's outlet, on a day with the standard atmosphere."""
     crank: Crank = eqx.field(default_factory=Crank)
     angle_range: tuple[float, float] = eqx.field(static=True, default=(4.0, 36.0))
     ratio_range: tuple[float, float] = eqx.field(static=True, default=(1.0, 3.0))
@@ -45,9 +45,10 @@ class ForcePolynomial(AbstractVaneForce):
     def initial_state(self) -> None:
         """Nothing to remember."""
 
-    def ratio(self, turbine_pressure: Values) -> Values:
-        """Pressure ratio across the turbine at an inlet pressure in Pa gauge."""
-        return 1 + turbine_pressure / self.ambient_pressure
+    def ratio(self, turbine_pressure: Values, ambient: Values | None = None) -> Values:
+        """Pressure ratio across the turbine at an inlet pressure in Pa gauge; `ambient` in Pa absolute, that of a
+        standard day where it is `None`."""
+        return 1 + turbine_pressure / (self.ambient_pressure if ambient is None else ambient)
 
     def force(self, angle: Values, ratio: Values) -> Values:
         """Force in N at a crank angle in degrees and a pressure ratio, both held inside their ranges."""
@@ -56,7 +57,8 @@ class ForcePolynomial(AbstractVaneForce):
 
     def __call__(self, vanes: Vanes, velocity: Values, state: None) -> tuple[Values, None]:
         """Force in N, the same in both directions."""
-        return self.force(self.crank.angle(vanes.opening), self.ratio(vanes.turbine_pressure)), None
+        ratio = self.ratio(vanes.turbine_pressure, vanes.ambient(self.ambient_pressure))
+        return self.force(self.crank.angle(vanes.opening), ratio), None
 
     def relaxation(self, vanes: Vanes, velocity: Values, state: None) -> None:
         """No state, no rate."""

@@ -18,7 +18,7 @@ class SpeedMap(AbstractVaneMap):
     and a loaded rod creeps. [`AbstractVaneMap`][] lists what both kinds of map have.
     """
 
-    side_speed: Scalar = parameter(1e-3, symbol="v_side", unit="m/s", source="assumed")
+    side_speed: Scalar = parameter(1e-3, symbol="v_side", unit="m/s", source="assumed", above=0.0)
     crank: Crank = eqx.field(default_factory=Crank)
 
     def initial_state(self) -> None:

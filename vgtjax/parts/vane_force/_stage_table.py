@@ -82,7 +82,7 @@ class StageTable(AbstractVaneForce, AbstractTable):
 
     def __call__(self, vanes: Vanes, velocity: Values, state: None) -> tuple[Values, None]:
         """Force in N, the same in both directions: it follows the pressure within a tenth of a millisecond."""
-        pressure = self.ambient_pressure + vanes.turbine_pressure
+        pressure = vanes.ambient(self.ambient_pressure) + vanes.turbine_pressure
         return self.read(self.forces, pressure, self.crank.angle(vanes.opening)), None
 
     def relaxation(self, vanes: Vanes, velocity: Values, state: None) -> None:
@@ -101,8 +101,9 @@ def rows_along(stage: Stage, ambient_pressure: Scalar, drives: Sequence[Drive]) 
     crossed = jnp.zeros(PRESSURES + 1, int)
     for drive in drives:
         ramp = drive.turbine
-        ends = jnp.stack(jnp.broadcast_arrays(ramp.start, ramp.start + ramp.rate * drive.duration))
-        at = (PRESSURES - 1) * _share(ambient_pressure + ends, stage.outlet_pressure)
+        ambient = ambient_pressure + drive.ambient_shift
+        ends = [ambient + pressure for pressure in (ramp.start, ramp.start + ramp.rate * drive.duration)]
+        at = (PRESSURES - 1) * _share(jnp.stack(jnp.broadcast_arrays(*ends)), stage.outlet_pressure)
         first, last = jnp.floor(jnp.min(at, axis=0) - MARGIN), jnp.floor(jnp.max(at, axis=0) + MARGIN)
         first, last = (jnp.clip(row, 0, PRESSURES - 2).astype(int).ravel() for row in (first, last))
         # Between its rows each interval counts one, and reads the row behind them as well.
@@ -117,7 +118,7 @@ def solve_table(
     """Rod force and mass flow at the knots of some pressures or of all, and where a steady state was found; zero at the
     outlet's pressure."""
     outlet = stage.outlet_pressure
-    pressures = outlet + (HIGHEST_PRESSURE - outlet) * jnp.linspace(0.0, 1.0, PRESSURES)[1:]
+    pressures = outlet + (HIGHEST_PRESSURE - outlet) * jnp.linspace(0.0, 1.0, PRESSURES, dtype=outlet.dtype)[1:]
 
     def column(angle: Array) -> tuple[Array, Array]:
         # Each pressure is searched from the flow at the one below.
@@ -134,7 +135,7 @@ def solve_table(
         guess = first_guess(*stage.passage(pressures[0], angle, cells), stage.gas)
         return jax.lax.scan(rising, jax.lax.stop_gradient(guess), (pressures, jnp.asarray(rows)[1:]))[1]
 
-    values, found = jax.lax.map(column, jnp.linspace(*CRANK_RANGE, ANGLES))
+    values, found = jax.lax.map(column, jnp.linspace(*CRANK_RANGE, ANGLES, dtype=outlet.dtype))
     table, found = jnp.transpose(values, (2, 1, 0)), found.T
     still = jnp.zeros_like(table[:, :1])
     return jnp.concatenate([still, table], axis=1), jnp.concatenate([jnp.ones_like(found[:1]), found])

@@ -59,7 +59,7 @@ class Turbine(AbstractVaneForce, AbstractTabulated):
     )
     """Of a wheel that turns at one speed whatever the pressure, in place of the ratio."""
     ambient_pressure: Scalar = parameter(101013.0, symbol="p_atm", unit="Pa", source="B.2", held=True)
-    """Pa absolute, from which turbine pressure counts."""
+    """Pa absolute, from which turbine pressure counts on a day with the standard atmosphere."""
     crank: Crank = eqx.field(default_factory=Crank)
     _made: tuple[tuple[Array, ...], ForceTable] | None = None
 

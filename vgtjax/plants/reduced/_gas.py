@@ -2,12 +2,15 @@
 
 from typing import Any
 
+import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..._types import Values
 from ...parts import Air, Flow, Gas, IsothermalChamber
 from .._actuator import Actuator
+from ._fitting import FlowMap
 
 
 def pressure_rate(
@@ -27,9 +30,12 @@ def flow_signals(pressure: Values, flow: Values) -> dict[str, Array]:
     return {"p_act": pressure, "m_dot_in": jnp.maximum(flow, 0.0), "m_dot_out": jnp.maximum(-flow, 0.0)}
 
 
-def common_parts(model: Actuator) -> dict[str, Any]:
-    """The parts that a reduced model takes over; line and heat are what it leaves out."""
+def parts_around(flow_map: FlowMap, model: Actuator) -> dict[str, Any]:
+    """A map in the precision of a full model, and the parts of that which a reduced one takes over; line and heat are
+    what it leaves out."""
+    dtype = jnp.result_type(*[leaf for leaf in jax.tree.leaves(model) if eqx.is_inexact_array(leaf)])
     return {
+        "flow_map": jax.tree.map(lambda leaf: leaf.astype(dtype) if eqx.is_inexact_array(leaf) else leaf, flow_map),
         "chamber": IsothermalChamber(volume=model.chamber.volume),
         "diaphragm": model.diaphragm,
         "friction": model.friction,

@@ -27,7 +27,7 @@ from .._base import Inner, assemble
 from .._plant import AbstractPlant
 from .._rod import Rod
 from ._fitting import FlowMap, fit_flow_map, printed_flow_map
-from ._gas import common_parts, flow_signals, pressure_rate
+from ._gas import flow_signals, parts_around, pressure_rate
 
 
 class LiftMapState(eqx.Module):
@@ -143,4 +143,4 @@ def reduce_to_plunger_map(model: Actuator, flow_map: FlowMap | None = None) -> P
             f"the model with six states needs a map over plunger position, but this is a {type(found).__name__}; "
             "fit one of kind 'lift-table'"
         )
-    return PlungerMapActuator(flow_map=found, converter=model.converter, **common_parts(model))
+    return PlungerMapActuator(converter=model.converter, **parts_around(found, model))

@@ -18,7 +18,7 @@ from .._base import Inner, assemble
 from .._plant import AbstractPlant
 from .._rod import Rod
 from ._fitting import FlowMap, fit_flow_map, printed_flow_map
-from ._gas import common_parts, flow_signals, pressure_rate
+from ._gas import flow_signals, parts_around, pressure_rate
 
 
 class FlowMapPath(AbstractAirPath):
@@ -117,4 +117,4 @@ def reduce_to_static_map(model: Actuator, flow_map: FlowMap | None = None) -> St
             f"the model with four states needs a map over duty, but this is a {type(found).__name__}; fit one of kind "
             "'steady-plunger' or 'polynomial'"
         )
-    return StaticMapActuator(flow_map=found, **common_parts(model))
+    return StaticMapActuator(**parts_around(found, model))
