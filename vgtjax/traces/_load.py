@@ -81,10 +81,9 @@ def load_trace(
         signals[signal] = Channel(clocks.time[signal], values, valid)
     # Without a duty nothing flows to a reservoir.
     if "pwm" in signals and not {"p_res", "f_drive"} & signals.keys():
-        reservoir = f"{ASSUMED_RESERVOIR:.0f} Pa absolute is assumed for the reservoir"
-        notes.append(f"no {recording.noun} p_res; {reservoir}")
-    trace = Trace(clocks.alone, **signals, atmosphere=atmosphere, name=path.stem if name is None else name)
-    trace = _while_driven(trace)
+        notes.append(f"no {recording.noun} p_res; {ASSUMED_RESERVOIR:.0f} Pa absolute is assumed for the reservoir")
+    found = Trace(clocks.alone, **signals, atmosphere=atmosphere, name=path.stem if name is None else name)
+    trace = _while_driven(found)
     return trace.replace(notes=(*notes, *_unshared(trace, clocks.time)))
 
 
