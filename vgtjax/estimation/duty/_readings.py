@@ -23,6 +23,9 @@ EVIDENT = 25.0
 """Difference of chi^2 between the ends of both readings from which one of them is out of the question: five standard
 errors, and less than of any of those above."""
 
+STUCK = 1.05
+"""Times the misfit of the other search from which one was stuck: the wrong reading leaves one or two percent more."""
+
 
 def leaves_hold_open(task: Task) -> bool:
     """Whether a fit is to tell how the duty was held, and all of its traces are slow."""
@@ -51,7 +54,9 @@ def reading_both_ways(calibrator: C, report: Report) -> Computation[C]:
     else:
         best, second = sorted((calibrator, other), key=_misfit)
         second = None if _misfit(second) - _misfit(best) > EVIDENT else second
-    decided = second is None and leaves_only_noise(best.task, best.minimiser)
+    # A search that was stuck says nothing of its reading: one held unit of twenty was called linear for that.
+    stuck = calibrator.minimiser.progress.searched > STUCK * best.minimiser.progress.searched
+    decided = second is None and not stuck and leaves_only_noise(best.task, best.minimiser)
     otherwise = () if second is None else second.minimiser.progress.coordinates
     best.minimiser.progress = dataclasses.replace(
         best.minimiser.progress, otherwise=otherwise, hold_decided=decided and not best.minimiser.progress.late
