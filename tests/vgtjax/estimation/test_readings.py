@@ -11,7 +11,7 @@ import vgtjax
 from vgtjax.estimation import Unknown, plan_task, start_calibration
 from vgtjax.estimation._finish import AS_LIKELY
 from vgtjax.estimation.derivatives._programs import run_alone
-from vgtjax.estimation.duty._readings import leaves_hold_open, reading_both_ways
+from vgtjax.estimation.duty._readings import STUCK, _is_stuck, _unstuck, leaves_hold_open, reading_both_ways
 from vgtjax.estimation.search._beginning import first_progress
 from vgtjax.estimation.search._progress import quiet
 
@@ -76,6 +76,18 @@ def test_a_reading_that_is_out_of_the_question_is_no_part_of_errors():
     assert found.linear == (1e-2,)
     assert found.otherwise == ()
     assert found.hold_decided
+
+
+def test_a_search_that_was_stuck_begins_again_where_the_other_reading_ended(ended):
+    """One that has not left its start, far above the noise, is as stuck as any."""
+    stuck = start_calibration(task_of(ramp(louder=50.0)))
+    stuck.minimiser.progress = dataclasses.replace(stuck.minimiser.progress, history=(STUCK * 2.0,))
+    assert _is_stuck(stuck, ended)
+    found = run_alone(_unstuck(stuck, ended)).minimiser.progress
+    assert (found.linear, found.late) == (stuck.minimiser.progress.linear, False)
+    # Either reading meets these traces.
+    assert found.searched == pytest.approx(ended.minimiser.progress.searched, rel=0.02)
+    assert run_alone(_unstuck(ended, stuck)) is ended
 
 
 def test_a_fit_that_knows_both_does_not_ask_again(ended):

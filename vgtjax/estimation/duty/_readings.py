@@ -24,7 +24,8 @@ EVIDENT = 25.0
 errors, and less than of any of those above."""
 
 STUCK = 1.05
-"""Times the misfit of the other search from which one was stuck: the wrong reading leaves one or two percent more."""
+"""Times the misfit of the other search from which one was stuck: of the actuators above the wrong reading left at most
+two percent more."""
 
 
 def leaves_hold_open(task: Task) -> bool:
@@ -46,7 +47,11 @@ def reading_both_ways(calibrator: C, report: Report) -> Computation[C]:
     asked = progress.otherwise is not None or (progress.late and not early) or progress.edges
     if asked or not leaves_hold_open(calibrator.task) or calibrator.is_lost():
         return calibrator
-    other = yield from _read_otherwise(calibrator, progress)
+    every = tuple(sorted({sample_interval(trace) for trace in calibrator.task.fit}))
+    other = yield from _read(calibrator, () if progress.linear else every)
+    if other is not None and not early:
+        calibrator = yield from _unstuck(calibrator, other)
+        other = yield from _unstuck(other, calibrator)
     if other is None:
         best, second = calibrator, None
     elif early:
@@ -54,8 +59,7 @@ def reading_both_ways(calibrator: C, report: Report) -> Computation[C]:
     else:
         best, second = sorted((calibrator, other), key=_misfit)
         second = None if _misfit(second) - _misfit(best) > EVIDENT else second
-    # A search that was stuck says nothing of its reading: one held unit of twenty was called linear for that.
-    stuck = calibrator.minimiser.progress.searched > STUCK * best.minimiser.progress.searched
+    stuck = other is not None and not early and (_is_stuck(calibrator, other) or _is_stuck(other, calibrator))
     decided = second is None and not stuck and leaves_only_noise(best.task, best.minimiser)
     otherwise = () if second is None else second.minimiser.progress.coordinates
     best.minimiser.progress = dataclasses.replace(
@@ -77,16 +81,32 @@ def _misfit(end: AbstractCalibrator) -> float:
     return 0.5 * (searched + search.point.chi2 + levels)
 
 
-def _read_otherwise(calibrator: C, progress: Progress) -> Computation[C | None]:
-    """The end of a fit that reads the duty the other way, not late, or `None` if it leaves more than noise."""
-    every = {sample_interval(trace) for trace in calibrator.task.fit}
-    linear = () if progress.linear else tuple(sorted(every))
-    begin = progress.began or first_progress(calibrator.task).coordinates
+def _is_stuck(end: AbstractCalibrator, other: AbstractCalibrator) -> bool:
+    """Whether a search has ended so far above the other one that this says nothing of its reading."""
+    return end.minimiser.progress.searched > STUCK * other.minimiser.progress.searched
+
+
+def _unstuck(end: C, other: C) -> Computation[C]:
+    """The end of a reading or, if its search was stuck, that of one which begins where the other reading has ended: of
+    one held unit of twenty only that of a linear duty had met the traces."""
+    if not _is_stuck(end, other):
+        return end
+    progress = other.minimiser.progress
+    again = yield from _read(end, end.minimiser.progress.linear, progress.found or progress.coordinates)
+    better = again is not None and again.minimiser.progress.searched < end.minimiser.progress.searched
+    return again if again is not None and better else end
+
+
+def _read(calibrator: C, linear: tuple[float, ...], begin: tuple[float, ...] | None = None) -> Computation[C | None]:
+    """The end of a fit that reads the duty as linear at these intervals and else as held, not late, from where the
+    search began or from another place; `None` if it leaves more than noise."""
+    progress = calibrator.minimiser.progress
+    begin = begin or progress.began or first_progress(calibrator.task).coordinates
     afresh = Progress((*begin[:-1], 0.0), linear=linear, finer=progress.finer, waterfall=progress.waterfall)
     try:
-        other = yield from calibrator.searching_from(afresh, quiet)
-        if other.is_lost() or not leaves_only_noise(other.task, other.minimiser):
+        end = yield from calibrator.searching_from(afresh, quiet)
+        if end.is_lost() or not leaves_only_noise(end.task, end.minimiser):
             return None
-        return (yield from other.corrected_to_its_end(quiet))
+        return (yield from end.corrected_to_its_end(quiet))
     except SimulationError:
         return None
