@@ -218,11 +218,11 @@ class ReportSensor(Table):
     calibrated: Text | None = None
     """Date."""
     uncertainty: Positive | None = None
-    """Standard uncertainty (k = 1) of its offset, in m, Pa or N; counts where `[fit.unknown] offset` names the sensor,
-    as other offsets are found from the traces."""
+    """Standard uncertainty (k = 1) of its offset, in m, Pa or N: of an input a part of every error, or what is known
+    beforehand where `[fit.unknown] offset` names the sensor; other offsets are found from the traces."""
     relative_uncertainty: Annotated[float, pydantic.Field(gt=0, lt=0.5)] | None = None
-    """Standard uncertainty (k = 1) of its gain, e.g. 0.001 for 0.1 %: of `x_d` and `p_act` a part of every error, of
-    others where `[fit.unknown] gain` names the sensor."""
+    """Standard uncertainty (k = 1) of its gain, e.g. 0.001 for 0.1 %: a part of every error, or what is known
+    beforehand where `[fit.unknown] gain` names the sensor."""
 
 
 class ReportTable(Table):

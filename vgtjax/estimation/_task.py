@@ -207,9 +207,8 @@ def plan_task(
       positive ones move by their logarithm by default, others linearly.
     - `starts`: from how many places a search begins: the start values, and others around them.
     - `gains`: relative standard uncertainty of the gain of each sensor, by channel: of one that `unknown` frees what is
-      known beforehand, and else, of one that is fitted, a part of every error. Those of inputs that are not freed are
-      not looked at.
-    - `offsets`: the same of the offset of inputs, in their unit, where `unknown` frees them.
+      known beforehand, and else a part of every error.
+    - `offsets`: the same of the offset of inputs, in their unit; not that of a pressure that is read from its rest.
 
     **Raises:** `InputError` for unknown names, another scale, a deviation or uncertainty that is not positive, a
     center that its entry can't have, a sensor that can't be free, a search from no place, and when no trace is to be
@@ -224,8 +223,10 @@ def plan_task(
     fit, inputs = read_inputs(model, fit, unknown)
     validate, _ = read_inputs(model, validate, unknown)
     selection, known, gains = select(model, free, fixed), _deviations(model, deviations or {}), dict(gains or {})
-    if unknown.gain or unknown.offset or unknown.start_state:
-        found = instrumented(model, selection, fit, unknown, gains, dict(offsets or {}))
+    if unknown.gain or unknown.offset or unknown.start_state or gains or offsets:
+        read = any(sensor is not None and sensor.offset_error for sensor in inputs)  # an offset that is found at rest
+        shifts = {channel: size for channel, size in (offsets or {}).items() if not (read and channel == "p_act")}
+        found = instrumented(model, selection, fit, unknown, gains, shifts)
         model, selection, known, fit = found.model, found.selection, known | found.deviations, found.traces
         gains = {channel: part for channel, part in gains.items() if channel not in unknown.gain}
     task = Task(

@@ -55,8 +55,8 @@ def fit(
     - `starts`: from how many places the search begins: the start values, and others around them by up to a factor of
       1.5, or by two standard deviations of what is known beforehand; the best end counts.
     - `gains`: relative standard uncertainty (k = 1) of the gain of each sensor, by channel: of one that `unknown` frees
-      what is known beforehand, of another that is fitted a part of every error.
-    - `offsets`: the same of the offset of an input that `unknown` frees, in its unit (m, Pa or N).
+      what is known beforehand, of another a part of every error.
+    - `offsets`: the same of the offset of an input, in its unit (m, Pa or N).
     - `report`: called with the progress after every step.
 
     **Returns:** values, standard errors, and how the traces are met; it prints itself as a table. Ask `converged`.

@@ -111,6 +111,10 @@ def _without_errors(
     """Mean, deviation and correlation of what the units would be found as without errors; as `_moments` has them."""
     scores = np.where(positive, np.log(np.where(positive, units, 1.0)), units)
     slopes = np.where(positive, units, 1.0)
+    # A variance of zero is a value that is known exactly.
+    exact = np.einsum("uii->ui", covariances) == 0
+    sizes = np.where(exact, SMALLEST * np.maximum(units**2, np.finfo(float).tiny), 0.0)
+    covariances = covariances + sizes[:, :, None] * np.eye(units.shape[1])
     relative = covariances / slopes[:, :, None] / slopes[:, None, :]
     precisions = np.zeros_like(relative)
     for precision, errors in zip(precisions, relative, strict=True):

@@ -135,3 +135,23 @@ def test_gains_and_start_states_keep_to_their_domains():
 def test_the_offset_of_what_is_fitted_is_no_further_unknown():
     assert task(offset=("x_d", "p_act")).selection.entries == task().selection.entries
     assert NOISE.keys() == {"x_d", "p_act"}
+
+
+def test_a_stated_gain_of_the_drive_is_in_every_error_and_a_stated_offset_too(mechanical):
+    """As values move when the sensor is taken for one that shows more: back from a fit of what it would have shown,
+    linear to a percent of that, or of its error."""
+    free = ["diaphragm.stiffness", "diaphragm.preload"]
+    true, sizes = mechanical.replace(p_act=mechanical.p_act - 150.0), {"p_act": 0.01}
+
+    def fit(shown, gains=None, offsets=None):
+        values = {name: TRUTH[name] for name in free}
+        choices = {"free": free, "values": values, "unknown": unknown(input_noise=False)}
+        return calibrate(plan_task(vgtjax.MechanicalActuator(), [shown], gains=gains, offsets=offsets, **choices))
+
+    plain, stated = fit(true), fit(true, sizes, {"p_act": 150.0})
+    too_much = true.replace(p_act=true.atmosphere + 1.01 * (true.p_act - true.atmosphere))
+    for source, shown in (("gain.p_act", too_much), ("offset.p_act", mechanical)):
+        moved, wanted = stated.budget.moved[source], plain.values - fit(shown).values
+        assert np.all(np.abs(moved - wanted) < 0.02 * np.hypot(wanted, plain.std_errors))
+    np.testing.assert_allclose(stated.std_errors, np.hypot(plain.std_errors, stated.budget.type_b), rtol=1e-3)
+    np.testing.assert_allclose(stated.values, plain.values, rtol=1e-6)  # the same search, through a gain of one

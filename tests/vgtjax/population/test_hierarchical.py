@@ -7,7 +7,7 @@ import pytest
 import vgtjax
 from vgtjax import Selection
 from vgtjax.population import fitted_population
-from vgtjax.population._hierarchical import separate_each
+from vgtjax.population._hierarchical import separate, separate_each
 
 ENTRIES = ("diaphragm.mass", "diaphragm.preload", "diaphragm.stiffness", "friction.static_force")
 MEAN = np.array([0.63, 49.0, 12000.0, 3.2])
@@ -104,3 +104,38 @@ def test_what_no_unit_determines_does_not_spread(found):
     freed = population(estimates, blind)
     assert "diaphragm.mass" not in freed.factors.entries
     assert float(freed.model.diaphragm.mass) == pytest.approx(np.exp(np.log(estimates[:, 0]).mean()), rel=1e-9)
+
+
+def test_a_spread_below_the_errors_settles():
+    """Where all errors are alike the likeliest variance of the units is what they scatter by, less that of the errors;
+    steps of the expectation-maximisation alone stopped at several times the spread."""
+    values = np.random.default_rng(4).normal(size=(20, 2))
+    values = (values - values.mean(axis=0)) / values.std(axis=0, ddof=1)
+    error, spread = 0.1, np.array([0.02, 0.3])
+    found = np.sqrt(spread**2 + error**2) * values
+    # By 1e-4 of the scatter between units, of which the smaller variance is a twenty-fifth.
+    each = separate_each(found, np.full((20, 2), error**2))[1]
+    np.testing.assert_allclose(each, spread**2, rtol=3e-3)
+    for column in range(2):
+        one = separate(found[:, [column]], np.full((20, 1, 1), error**-2))[1]
+        np.testing.assert_allclose(one[0, 0], spread[column] ** 2, rtol=3e-3)
+
+
+def test_one_unit_says_nothing_of_a_spread(found):
+    """Its own error stood as the spread of all."""
+    _, estimates, covariances = found
+    blind = [covariance.copy() for covariance in covariances]
+    for covariance in blind[1:]:
+        covariance[0], covariance[:, 0] = np.nan, np.nan
+    assert ENTRIES[0] not in population(estimates, blind).factors.entries
+
+
+def test_an_error_of_zero_is_a_value_that_is_known(found):
+    """By another tool, or by hand: our own fits leave no such thing."""
+    _, estimates, covariances = found
+    exact = [covariance.copy() for covariance in covariances]
+    for covariance in exact:
+        covariance[0], covariance[:, 0] = 0.0, 0.0
+    scatter = np.std(np.log(estimates[:, 0]), ddof=1)
+    # The likeliest spread of what is known exactly is its scatter; a lognormal's relative one is larger by its square.
+    assert deviations(population(estimates, exact))[0] == pytest.approx(scatter, rel=0.01)

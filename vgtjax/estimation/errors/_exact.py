@@ -26,7 +26,8 @@ def _held(task: Task, deviations: str, gains: str) -> str | None:
     held = [name for name in table if name not in known and not name.startswith("air.")]
     held = [name for name in held if np.any(get_parameter(plant, name))]
     held.sort(key=lambda name: not table[name].held)  # those first that no trace tells
-    exact = [channel for channel in task.channels if channel not in (*task.gains, *task.unknown.gain)]
+    sensors = [*task.channels, *_driving(task)]
+    exact = [channel for channel in sensors if channel not in (*task.gains, *task.unknown.gain)]
     if not held and not exact:
         return None
     more = f" and {len(held) - NAMED} more" if len(held) > NAMED else ""
@@ -38,6 +39,13 @@ def _held(task: Task, deviations: str, gains: str) -> str | None:
         f"all errors take {' and '.join(what)} for exact: a value that is not measured is a start value; say how well "
         f"these are known ({', '.join(how)})"
     )
+
+
+def _driving(task: Task) -> list[str]:
+    """The sensor of what drives a rod alone, by which every force is known."""
+    if "pwm" in task.plant.needs:
+        return []
+    return ["f_drive" if any("f_drive" in trace.channels for trace in task.fit) else "p_act"]
 
 
 def _assumed(task: Task, deviations: str) -> str | None:

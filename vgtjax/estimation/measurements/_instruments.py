@@ -42,8 +42,8 @@ def instrumented(
     gains: Mapping[str, float],
     offsets: Mapping[str, float],
 ) -> Bench:
-    """A model and what is free of it, with the gains, offsets and start states that are unknown; a model alone where
-    there are none.
+    """A model and what is free of it, with the gains, offsets and start states that are unknown, and those of inputs
+    that are known to a tolerance; a model alone where there are none.
 
     **Arguments:** `gains`, `offsets` by channel: how well they are known beforehand, relative and in the unit.
 
@@ -53,7 +53,13 @@ def instrumented(
     # The offset of what is fitted is eliminated in every trace: there is nothing more to find.
     shifted = [channel for channel in unknown.offset if channel in inputs or channel not in CHANNELS]
     starting = _starting(model, traces, unknown)
-    if not (unknown.gain or shifted or starting):
+    wanted = [*(f"gain.{channel}" for channel in unknown.gain), *(f"offset.{channel}" for channel in shifted)]
+    known = {f"gain.{channel}": part for channel, part in gains.items()}
+    known |= {f"offset.{channel}": size for channel, size in offsets.items()}
+    recorded = [channel for channel in inputs if any(channel in trace.channels for trace in traces)]
+    counted = {*wanted, *(f"{kind}.{channel}" for channel in recorded for kind in ("gain", "offset"))}
+    stated = {entry: size for entry, size in known.items() if entry in counted}
+    if not (wanted or starting or stated):
         return Bench(model, selection, {}, traces)
     for channel in unknown.gain:
         _require(channel, "gain", (*CHANNELS, *inputs), traces)
@@ -61,12 +67,8 @@ def instrumented(
         _require(channel, "offset", inputs, traces)
     later = {id(trace): _numbered(model, trace, number) for number, trace in enumerate(starting, 1)}
     bench = Instrumented(model, initial=_initial(model, [(trace, later[id(trace)]) for trace in starting]))
-    wanted = [*(f"gain.{channel}" for channel in unknown.gain), *(f"offset.{channel}" for channel in shifted)]
     for number, trace in enumerate(starting):
         wanted += [f"initial.{state}[{number}]" for state in _free_states(model, trace)]
-    known = {f"gain.{channel}": part for channel, part in gains.items()}
-    known |= {f"offset.{channel}": size for channel, size in offsets.items()}
-    stated = {entry: size for entry, size in known.items() if entry in wanted}
     numbered = [later.get(id(trace), trace) for trace in traces]
     return Bench(bench, select(bench, [*selection.entries, *wanted]), stated, numbered)
 
