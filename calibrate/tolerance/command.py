@@ -5,11 +5,11 @@ import pathlib
 import numpy as np
 
 from vgtjax import SimulationError
-from vgtjax.population import Evaluator, Results, make_sample
+from vgtjax.population import Evaluator, Factors, Results, differing_factors, make_sample
 
 from ..output.console import say
 from ..output.files import REPORT, SUMMARY, read_json, write_json, write_text
-from ..population import ChunkStore, Plan, carry_out, prepare_population
+from ..population import ChunkStore, Plan, PopulationJob, carry_out, prepare_population
 from ..processes import agree, leads, together
 from ..study.places import of_study
 from .report import render
@@ -43,15 +43,24 @@ def _plan(study: pathlib.Path | None, parameters: pathlib.Path | None) -> Plan:
     job = prepare_population(study, parameters, levels=False)
     table, population = job.study.tolerance, job.population
     sample = make_sample(population.dimensions, table.samples, table.sampler, table.seed)
-    lanes, dtype = min(table.lanes, table.samples), np.float64 if table.precision == "double" else np.float32
-    evaluator = Evaluator(population.model, population.factors, job.experiments, lanes=lanes, dtype=dtype)
+    lanes = min(table.lanes, table.samples)
+    evaluator = _evaluator(job, population.factors, lanes)
     with of_study():
         check_limits(evaluator.outputs, table.limits)
     return Plan(job, evaluator, sample, evaluator.outputs, CURVES, lanes)
 
 
+def _evaluator(job: PopulationJob, factors: Factors, lanes: int) -> Evaluator:
+    dtype = np.float64 if job.study.tolerance.precision == "double" else np.float32
+    return Evaluator(job.population.model, factors, job.experiments, lanes=lanes, dtype=dtype)
+
+
 def known_actuators(plan: Plan) -> Results:
-    """The experiments on the nominal actuator and on each fitted unit, which are no samples."""
-    factors = plan.job.population.factors
+    """The experiments on the nominal actuator and on each fitted unit, as it was fitted, which are no samples."""
     models = [plan.job.population.model, *plan.job.fitted.values()]
-    return plan.evaluator(np.stack([np.asarray(factors.pack(model)) for model in models]))
+    factors, apart = plan.job.population.factors, differing_factors(models)
+    if set(apart.entries) <= set(factors.entries):
+        evaluator = plan.evaluator
+    else:  # what no unit determines, or not all of them have free, is no quantity of the population
+        factors, evaluator = apart, _evaluator(plan.job, apart, len(models))
+    return evaluator(np.stack([np.asarray(factors.pack(model)) for model in models]))

@@ -113,8 +113,10 @@ def _finest(runs: Sequence[StandardRun]) -> StandardRun:
 def _recorded(
     run: StandardRun, whole: StandardRun, shown: Float[np.ndarray, "time channel columns"], noise: dict[str, float]
 ) -> Float[np.ndarray, "rows columns"]:
-    """The samples of a run among those of the whole one, weighed, less what an offset of each sensor explains."""
-    kept = shown[: round(run.seconds * whole.rate) : round(whole.rate / run.rate)]
+    """The samples of a run among those of the whole one, the nearest ones, weighed, less what an offset of each sensor
+    explains."""
+    places = np.round(np.arange(round(run.seconds * run.rate)) * (whole.rate / run.rate)).astype(int)
+    kept = shown[np.minimum(places, len(shown) - 1)]
     rows = [kept[:, CHANNELS.index(name)] / size for name, size in noise.items()]
     return np.concatenate([each - each.mean(axis=0) for each in rows])
 

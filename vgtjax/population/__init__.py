@@ -1,7 +1,7 @@
 """Populations of actuators: who varies how, samples of them, and experiments on many at once."""
 
 from ._evaluate import Evaluator as Evaluator, run as run
-from ._factors import Factors as Factors, choose_factors as choose_factors
+from ._factors import Factors as Factors, choose_factors as choose_factors, differing_factors as differing_factors
 from ._fitted import fitted_levels as fitted_levels, fitted_population as fitted_population
 from ._population import (
     Margin as Margin,

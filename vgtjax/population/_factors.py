@@ -52,6 +52,15 @@ class Factors(eqx.Module):
         return ["1" if is_curve(table, e) else str(table_row(table, e).unit) for e in self.entries]
 
 
+def differing_factors(models: Sequence[AbstractModel]) -> Factors:
+    """The entries whose values are not the same in all models, which are alike but for these."""
+    table = parameter_table(models[0])
+    entries = tuple(entry_names(table))
+    values = np.stack([Selection(entries).values(model) for model in models])
+    differ = np.any(values != values[0], axis=0)
+    return Factors(tuple(entry for entry, apart in zip(entries, differ, strict=True) if apart))
+
+
 def is_curve(table: dict, entry: str) -> bool:
     """Whether a name of a population is that of a whole vector."""
     return entry in table and table[entry].size is not None

@@ -172,11 +172,11 @@ def _correlation(
     """The correlation of all quantities, `None` where none is stated."""
     if not correlations:
         return None
-    matrix = np.eye(len(factors.entries))
+    matrix, stated = np.eye(len(factors.entries)), dict[tuple[int, int], float]()
     for names, value in correlations:
         _check_names(names, factors, "correlation", "correlations")
         for i, j in itertools.permutations([factors.entries.index(name) for name in names], 2):
-            if matrix[i, j] not in (0.0, value):
+            if stated.setdefault((i, j), value) != value:
                 both = f"'{factors.entries[min(i, j)]}' and '{factors.entries[max(i, j)]}'"
                 sentence = f"the correlation of {both} is stated twice, and differently; drop one"
                 raise InputError(sentence, "correlations")

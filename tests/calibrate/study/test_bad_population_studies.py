@@ -117,6 +117,15 @@ BAD = [
         "(see [[population.correlation]] in the study)",
     ),
     (
+        "correlated after nothing",
+        "".join(
+            f'[[population.correlation]]\nparameters = ["diaphragm.mass", "chamber.volume"]\nvalue = {value}\n'
+            for value in (0.0, 0.5)
+        ),
+        "the correlation of 'chamber.volume' and 'diaphragm.mass' is stated twice, and differently; drop one "
+        "(see [[population.correlation]] in the study)",
+    ),
+    (
         "units and spread",
         f'[components]\nvane_force = "speed-map"\n[population]\nrelative = 0.1\nunits = "{EXAMPLE}/fleet/units"',
         "a population of fitted units has their spread, but [population] states relative too; drop that, or give the "

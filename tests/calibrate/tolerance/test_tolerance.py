@@ -116,6 +116,25 @@ def test_fitted_units_are_the_population(tmp_path):
     widths = [unit["hysteresis_3000mbar"] for unit in found["simulated_units"].values()]
     plain = [unit["hysteresis_0mbar"] for unit in found["simulated_units"].values()]
     assert np.all(np.array(widths) > np.array(plain) + 5), "gas widens the loop of every unit"
+    # What no unit determines is no quantity of the population, and still a value of each unit.
+    entry = "friction.coulomb_force"
+    for name in list(found["simulated_units"])[:3]:
+        fitted = read(units / name / "parameters.json")
+        place, matrix = fitted["covariance"]["entries"].index(entry), fitted["covariance"]["matrix"]
+        for row in matrix:
+            row[place] = None
+        matrix[place] = [None] * len(matrix)
+        (tmp_path / "units" / name).mkdir(parents=True)
+        (tmp_path / "units" / name / "parameters.json").write_text(json.dumps(fitted))
+    outcome = run_command("tolerance", study, "--parameters", tmp_path / "units", "--out", tmp_path / "again")
+    assert outcome.status == 0, outcome.err
+    again = read(tmp_path / "again" / "summary.json")
+    assert entry in found["quantities"]
+    assert entry not in again["quantities"]
+    for name, unit in again["simulated_units"].items():
+        alone = {output: value for output, value in found["simulated_units"][name].items() if value is not None}
+        # The same simulations beside others, but for rounding.
+        assert {output: unit[output] for output in alone} == pytest.approx(alone, rel=1e-9), name
 
 
 def test_samples_are_those_of_the_stated_distributions(samples):

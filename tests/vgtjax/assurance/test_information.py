@@ -149,6 +149,17 @@ def test_a_run_tells_the_same_beside_a_longer_one(task, kind):
     assert list(beside.after.values()) == pytest.approx(list(alone.after.values()), rel=1e-3)
 
 
+def test_a_run_has_its_own_number_of_samples_beside_one_whose_rate_its_own_does_not_divide(task):
+    """At 400 Hz beside 1 kHz every second sample was counted, 500 of a second."""
+    known, slow = examine(task), StandardRun("levels", 1.0, 400.0)
+    (alone,) = next_runs(task, known, [slow])
+    beside = next(
+        gain for gain in next_runs(task, known, [slow, StandardRun("levels", 1.0, 1000.0)]) if gain.run == slow
+    )
+    # By the same samples to half a millisecond, and a duty that is held for as long; errors would be 11 % smaller.
+    assert list(beside.after.values()) == pytest.approx(list(alone.after.values()), rel=0.03)
+
+
 def test_a_run_is_named_only_for_what_it_would_determine():
     """What no standard run feels either, and what one would tell, but badly."""
     known = Information(("a", "b"), np.ones(2), np.array([[1.0, 0.0]]))
