@@ -11,6 +11,7 @@ import plotly.graph_objects as go
 
 import vgtjax
 from vgtjax.parts import AbstractVaneMap, Contact, Vanes
+from vgtjax.plants import as_actuator
 
 from .figures import MEASURED, PALETTE, curve, styled
 
@@ -23,7 +24,8 @@ ROUNDED = 1e4
 def component_figures(model: Any, traces: Sequence[vgtjax.Trace]) -> list[tuple[str, go.Figure]]:
     """Title and figure of every law that the model has: magnet, areas, flow function, friction, vane force; the last at
     the mean turbine pressures of traces."""
-    figures = _air_path_figures(model) if isinstance(model, vgtjax.Actuator) else []
+    full = as_actuator(model)
+    figures = _air_path_figures(full) if full else []
     figures.append(("Friction against velocity [3.7]", friction_figure(model)))
     if not isinstance(model.vane_force, vgtjax.NoVaneForce):
         figures.append((_vane_force_title(model.vane_force), vane_force_figure(model, _turbine_pressures(traces))))

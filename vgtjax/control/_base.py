@@ -9,7 +9,7 @@ from jaxtyping import Array, PyTree
 
 from .._types import Scalar, Values
 from ..parts import FULL_DUTY
-from ..plants import Actuator
+from ..plants import AbstractPlant
 from ._design import AbstractDesign
 
 Memory = PyTree[Array]
@@ -58,7 +58,7 @@ class AbstractController(AbstractDesign):
     """
 
     @classmethod
-    def for_plant(cls, plant: Actuator, **settings: Any) -> "AbstractController":
+    def for_plant(cls, plant: AbstractPlant, **settings: Any) -> "AbstractController":
         """The design for a plant: its beliefs are that plant, its gains scaled to it; `settings` are fields as given.
 
         Here it believes nothing, and has its default gains.

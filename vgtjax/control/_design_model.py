@@ -1,6 +1,6 @@
 """The model that the backstepping controllers are designed on: four states and a flow map [5.4]."""
 
-from typing import Any, cast
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -21,7 +21,7 @@ from ..parts import (
     PolynomialFlow,
     Vanes,
 )
-from ..plants import Actuator, StaticMapActuator, fit_flow_map
+from ..plants import AbstractPlant, FlowMapPath, reduce_to_static_map
 
 LEAST_VOLUME = 0.1
 """Of the chamber's volume on the open stop; half of it is left on the closed one."""
@@ -93,16 +93,15 @@ class DesignModel(Part):
     stop_margin: Scalar = parameter(2e-5, symbol="x_s", unit="m", source="assumed", held=True)
 
     @classmethod
-    def for_plant(
-        cls, plant: Actuator | StaticMapActuator, flow_map: AbstractFlowMap | None = None, **settings: Any
-    ) -> "DesignModel":
-        """That of a plant with LuGre friction; without a flow map, with a [`SteadyPlungerFlow`][] fitted to the plant.
+    def for_plant(cls, plant: AbstractPlant, flow_map: AbstractFlowMap | None = None, **settings: Any) -> "DesignModel":
+        """That of a plant with LuGre friction; without a flow map, with the plant's own over the duty, or a
+        [`SteadyPlungerFlow`][] fitted to it.
 
-        **Raises:** `InputError` for a plant with another friction.
+        **Raises:** `InputError` for a plant with another friction, or one to which no flow map can be fitted.
         """
-        friction = lugre_of(plant)
+        friction, path = lugre_of(plant), plant.air_path
         if flow_map is None:
-            flow_map = cast(AbstractFlowMap, fit_flow_map(cast(Actuator, plant), "steady-plunger").flow_map)
+            flow_map = path.flow_map if isinstance(path, FlowMapPath) else reduce_to_static_map(plant).flow_map
         chamber = IsothermalChamber(volume=plant.chamber.volume)
         return cls(flow_map, chamber, plant.diaphragm, friction, plant.vane_force, plant.air, **settings)
 
@@ -217,7 +216,7 @@ class DesignModel(Part):
         )
 
 
-def lugre_of(plant: Actuator | StaticMapActuator) -> LuGre:
+def lugre_of(plant: AbstractPlant) -> LuGre:
     """The friction of a plant.
 
     **Raises:** `InputError` where its bristles can't be observed.

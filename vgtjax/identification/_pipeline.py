@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from ..estimation import bundle_traces, observe
 from ..parameters import parameter_table, replace_parameters
 from ..parts import AbstractVaneMap, ForcePolynomial
-from ..plants import AbstractModel, AbstractRodModel, Actuator, AirPath, MechanicalActuator, Plant
+from ..plants import AbstractModel, AbstractRodModel, MechanicalActuator, Plant, as_actuator, assemble
 from ..simulation import first_failure
 from ..traces import Trace
 from ._filters import has_gas
@@ -52,7 +52,7 @@ def plan(model: AbstractRodModel, traces: Sequence[Trace]) -> list[tuple[Test, l
     if isinstance(model, MechanicalActuator) and driven:
         return [(identify_axis, driven)]
     quiet = [trace for trace in traces if not has_gas(trace)] or everything
-    pneumatic = PNEUMATIC if isinstance(model, Actuator) else (own_air_path,) if isinstance(model, Plant) else ()
+    pneumatic = PNEUMATIC if as_actuator(model) else (own_air_path,) if isinstance(model, Plant) else ()
     tests: list[tuple[Test, list[Trace]]] = [(test, quiet) for test in SPRING]
     tests += [(test, everything) for test in pneumatic]
     tests += [(test, quiet) for test in MECHANICAL]
@@ -70,9 +70,8 @@ def identify(model: Any, traces: Sequence[Trace]) -> Iterator[tuple[Any, Identif
     identified as one; an air path of another make has no test, which is said. A test whose values leave a model that
     can't be simulated along the traces any more, whatever their errors, changes nothing and says so.
     """
-    of_parts = isinstance(model, Plant) and isinstance(model.air_path, AirPath)
-    if of_parts:
-        model = Actuator(air_path=model.air_path, rod=model.rod, air=model.air)
+    given, full = model, as_actuator(model)
+    model = full or model
     for test, mine in plan(model, traces):
         found = test(model, mine)
         moved = apply(model, found)
@@ -81,7 +80,7 @@ def identify(model: Any, traces: Sequence[Trace]) -> Iterator[tuple[Any, Identif
             limitations = (*found.limitations, refused)
             moved, found = model, dataclasses.replace(found, values={}, std_errors={}, limitations=limitations)
         model = moved
-        yield (Plant(model.air_path, model.rod, model.air) if of_parts else model), found
+        yield (assemble(given, air_path=model.air_path, rod=model.rod, air=model.air) if full else model), found
 
 
 def apply(model: Any, found: Identified) -> Any:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from .._errors import InputError
-from ..plants import AbstractModel, AbstractRodModel
+from ..plants import AbstractModel, AbstractRodModel, as_actuator
 from ..traces import Trace
 from ._pipeline import apply, plan
 from .mechanical import identify_spring
@@ -26,6 +26,7 @@ def second_guess(model: AbstractModel, traces: Sequence[Trace]) -> dict[str, Any
     found: dict[str, Any] = {}
     if not isinstance(model, AbstractRodModel):
         return found
+    model = as_actuator(model) or model
     for test, mine in plan(model, traces):
         if test in DIRECT:
             # It is only a guess: where its equations have no solution, or one that no actuator has, there is none.

@@ -1,6 +1,6 @@
 """Parts put together: models of the actuator with their states and vector fields."""
 
-from ._actuator import Actuator as Actuator
+from ._actuator import Actuator as Actuator, as_actuator as as_actuator, require_actuator as require_actuator
 from ._air_path import (
     AbstractAirPath as AbstractAirPath,
     AbstractConverterPath as AbstractConverterPath,

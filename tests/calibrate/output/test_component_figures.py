@@ -27,3 +27,11 @@ def test_a_law_over_pressure_is_shown_at_those_of_the_traces(gauge, expected):
     model = vgtjax.MechanicalActuator(vane_force=vgtjax.ForcePolynomial())
     _, figure = component_figures(model, traces)[-1]
     assert [each.name.strip() for each in figure.data] == expected
+
+
+def test_a_plant_of_parts_shows_the_laws_of_the_actuator_of_these():
+    whole = vgtjax.Actuator(converter=vgtjax.Converter(return_spring_stiffness=900.0))
+    parts = vgtjax.Plant(whole.air_path, whole.rod, whole.air)
+    theirs, ours = (component_figures(model, []) for model in (whole, parts))
+    assert [title for title, _ in ours] == [title for title, _ in theirs]
+    assert [figure.to_json() for _, figure in ours] == [figure.to_json() for _, figure in theirs]

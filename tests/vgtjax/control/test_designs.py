@@ -8,6 +8,7 @@ import pytest
 
 import vgtjax
 from vgtjax.control import (
+    LQG,
     PI,
     PID,
     AdaptiveBackstepping,
@@ -15,10 +16,16 @@ from vgtjax.control import (
     DesignModel,
     FrictionCompensation,
     Knocker,
+    LoadBackstepping,
     PressureObserver,
+    Scenario,
     StaticBalance,
     check,
+    close_loop,
+    signal_1,
+    tracking_rms,
 )
+from vgtjax.plants import FlowMapPath, Plant
 
 
 @pytest.fixture(scope="module")
@@ -44,6 +51,29 @@ def test_designs_for_a_plant_believe_in_it(heavy, model):
     with pytest.raises(vgtjax.InputError, match=r"must have LuGre friction, .* has Coulomb; use LuGre") as info:
         FrictionCompensation.for_plant(vgtjax.Actuator(friction=vgtjax.Coulomb()))
     assert info.value.argument == "plant"
+
+
+@pytest.mark.parametrize("design", [Backstepping, AdaptiveBackstepping, LoadBackstepping, LQG, PI])
+def test_a_plant_of_parts_gets_the_gains_of_the_actuator_of_these(heavy, design):
+    parts = Plant(heavy.air_path, heavy.rod, heavy.air)
+    assert eqx.tree_equal(design.for_plant(parts), design.for_plant(heavy))
+
+
+@pytest.mark.parametrize("design", [Backstepping, AdaptiveBackstepping, LQG])
+def test_a_plant_with_a_flow_map_of_its_own_is_followed_by_what_is_designed_on_it(design):
+    plant = vgtjax.StaticMapActuator()
+    controller = design.for_plant(plant)
+    assert all(bool(jnp.all(jnp.isfinite(leaf))) for leaf in jax.tree.leaves(controller))
+    assert eqx.tree_equal(DesignModel.for_plant(plant).flow_map, plant.flow_map)
+    run = close_loop(plant, controller, Scenario(signal_1()), 4.0)
+    assert float(tracking_rms(run, settled=1.0)) < 1e-4
+
+
+def test_a_plant_that_no_flow_map_describes_is_named(heavy):
+    with pytest.raises(vgtjax.InputError, match="is made of the full model, an Actuator, but this is a PlungerMapAct"):
+        DesignModel.for_plant(vgtjax.PlungerMapActuator())
+    with pytest.raises(vgtjax.InputError, match="needs a converter, but Plant has none"):
+        PI.for_plant(Plant(air_path=FlowMapPath()))
 
 
 def test_gains_for_a_plant_keep_their_forces_and_their_conditions(heavy, model):

@@ -13,7 +13,7 @@ from vgtjax.identification import _pipeline, identify_flow_areas, identify_magne
 from vgtjax.identification._filters import holds, sensor_offset, slow_blocks, smooth
 from vgtjax.identification.pneumatic._chamber_flow import read_chamber
 from vgtjax.identification.pneumatic._flow_areas import plunger_lift
-from vgtjax.plants import AirPath, Plant, Rod
+from vgtjax.plants import AirPath, FlowMapPath, Plant, Rod
 
 TRUTH = {
     "converter.membrane_stiffness": 2200.0,
@@ -346,9 +346,10 @@ def test_a_plant_of_parts_is_identified_as_the_actuator_of_these(clean):
 
 
 def test_an_air_path_of_another_make_is_not_passed_over_without_a_word(clean):
-    tests = [test for test, _ in _pipeline.plan(Plant(), clean)]
+    plant = Plant(air_path=FlowMapPath())
+    tests = [test for test, _ in _pipeline.plan(plant, clean)]
     assert not set(tests) & set(_pipeline.PNEUMATIC)
-    found = _pipeline.own_air_path(Plant(), clean)
+    found = _pipeline.own_air_path(plant, clean)
     assert (found.values, tests.count(_pipeline.own_air_path)) == ({}, 1)
     assert "fit its parameters to the traces instead" in found.limitations[0]
 

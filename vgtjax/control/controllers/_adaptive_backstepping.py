@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from ..._types import Scalar
 from ...parameters import parameter
 from ...parts import FULL_DUTY
-from ...plants import Actuator
+from ...plants import AbstractPlant
 from .._base import AbstractController, Log, Measurement, Memory, Reference
 from .._design import Condition, positive
 from .._design_model import DesignModel, Motion, lighter
@@ -99,7 +99,9 @@ class AdaptiveBackstepping(AbstractController):
     differentiator: AbstractDifferentiator = eqx.field(default_factory=lambda: LevantDifferentiator(1.1, width=0.022))
 
     @classmethod
-    def for_plant(cls, plant: Actuator, model: DesignModel | None = None, **settings: Any) -> "AdaptiveBackstepping":
+    def for_plant(
+        cls, plant: AbstractPlant, model: DesignModel | None = None, **settings: Any
+    ) -> "AdaptiveBackstepping":
         """On the plant's [`DesignModel`][] or another one; `w3` and `gamma_d` in inverse proportion to its mass.
 
         The mass, right or wrong, is a gain of the loop: the default gains are those of the printed one.

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 
 from ..._types import Scalar
 from ...parameters import parameter
-from ...plants import Actuator
+from ...plants import AbstractPlant
 from .._base import AbstractController, Log, Measurement, Memory, Reference, saturate
 from .._design import Condition, positive
 from ._balance import StaticBalance
@@ -43,7 +43,7 @@ class ADRC(AbstractController):
     base: AbstractController = eqx.field(default_factory=StaticBalance)
 
     @classmethod
-    def for_plant(cls, plant: Actuator, **settings: Any) -> "ADRC":
+    def for_plant(cls, plant: AbstractPlant, **settings: Any) -> "ADRC":
         """Around the plant's [`StaticBalance`][], with `b_0` from its duty per metre."""
         gain = POLE**2 / duty_slope(plant)
         return cls(**{"base": StaticBalance.for_plant(plant), "input_gain": gain} | settings)

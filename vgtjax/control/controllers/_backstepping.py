@@ -8,7 +8,7 @@ from jaxtyping import Array
 
 from ..._types import Scalar
 from ...parameters import parameter
-from ...plants import Actuator
+from ...plants import AbstractPlant
 from .._base import AbstractController, Log, Measurement, Memory, Reference, saturate
 from .._design import Condition, positive
 from .._design_model import DesignModel, Motion, lighter
@@ -46,7 +46,7 @@ class Backstepping(AbstractController):
     differentiator: AbstractDifferentiator = eqx.field(default_factory=_differentiator)
 
     @classmethod
-    def for_plant(cls, plant: Actuator, model: DesignModel | None = None, **settings: Any) -> "Backstepping":
+    def for_plant(cls, plant: AbstractPlant, model: DesignModel | None = None, **settings: Any) -> "Backstepping":
         """On the plant's [`DesignModel`][] or another one; `K_d` and `w` in inverse proportion to its mass.
 
         The mass is a gain of the loop: the default gains are those of the printed one, and keep their forces like this.

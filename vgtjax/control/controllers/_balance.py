@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from ..._types import Scalar
 from ...parameters import parameter
 from ...parts import FULL_DUTY, Converter, Diaphragm
-from ...plants import Actuator, require_converter
+from ...plants import AbstractPlant, require_converter
 from .._base import AbstractController, Log, Measurement, Reference, saturate
 
 HALVINGS = 12
@@ -46,7 +46,7 @@ class StaticBalance(AbstractController):
     diaphragm: Diaphragm = eqx.field(default_factory=Diaphragm)
 
     @classmethod
-    def for_plant(cls, plant: Actuator, **settings: Any) -> "StaticBalance":
+    def for_plant(cls, plant: AbstractPlant, **settings: Any) -> "StaticBalance":
         """Of the plant's own converter and diaphragm."""
         believed = {"converter": require_converter(plant, cls.__name__), "diaphragm": plant.diaphragm}
         return cls(**believed | settings)

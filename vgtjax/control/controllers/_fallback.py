@@ -11,7 +11,7 @@ from jaxtyping import Array, Bool, PyTree
 
 from ..._types import Scalar, Tree
 from ...parameters import parameter
-from ...plants import Actuator
+from ...plants import AbstractPlant
 from .._base import AbstractController, Log, Measurement, Memory, Reference
 from .._held import nominal, numbers
 from ._backstepping import Backstepping
@@ -49,7 +49,7 @@ class WithFallback(AbstractController):
     patience: Scalar = parameter(0.05, symbol="t_p", unit="s", source="assumed", held=True, infinite=True)
 
     @classmethod
-    def for_plant(cls, plant: Actuator, **settings: Any) -> "WithFallback":
+    def for_plant(cls, plant: AbstractPlant, **settings: Any) -> "WithFallback":
         """Around [`Backstepping`][] for the plant unless another is given; good is up to 0.5 mm beyond its stops."""
         if "controller" not in settings:
             settings["controller"] = Backstepping.for_plant(plant)

@@ -9,7 +9,7 @@ from jaxtyping import PyTree
 from ..._types import Scalar
 from ...parameters import parameter
 from ...parts import AbstractVaneForce, Converter, Diaphragm, LuGre, NoVaneForce
-from ...plants import Actuator, require_converter
+from ...plants import AbstractPlant, require_converter
 from .._base import AbstractController, Log, Measurement, Memory, Reference
 from .._design import Condition
 from .._design_model import Motion, lugre_of, vane_load, vane_state_after
@@ -48,7 +48,7 @@ class FrictionCompensation(AbstractController):
     differentiator: AbstractDifferentiator = eqx.field(default_factory=lambda: LevantDifferentiator(0.7, width=2e-3))
 
     @classmethod
-    def for_plant(cls, plant: Actuator, **settings: Any) -> "FrictionCompensation":
+    def for_plant(cls, plant: AbstractPlant, **settings: Any) -> "FrictionCompensation":
         """With the default damping, or with half as much again as [5.9] asks for; the vane force is left unknown."""
         body, friction = plant.diaphragm, lugre_of(plant)
         gain = jnp.maximum(cls.derivative_gain, ABOVE_BOUND * least_derivative_gain(body, friction))

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 
 from ..._types import Scalar
 from ...parameters import parameter
-from ...plants import Actuator
+from ...plants import AbstractPlant
 from .._base import AbstractController, Log, Measurement, Memory, Reference
 from .._design import Condition, positive
 from ._pid import PI
@@ -40,7 +40,7 @@ class Knocker(AbstractController):
     sign_width: Scalar = parameter(1e-9, symbol="w", unit="%", source="assumed", held=True, above=0.0, tuning_width=0.2)
 
     @classmethod
-    def for_plant(cls, plant: Actuator, **settings: Any) -> "Knocker":
+    def for_plant(cls, plant: AbstractPlant, **settings: Any) -> "Knocker":
         """Around the [`PI`][] for the plant."""
         return cls(**{"controller": PI.for_plant(plant)} | settings)
 

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from ..._types import Scalar
 from ...parameters import parameter
 from ...parts import FULL_DUTY
-from ...plants import Actuator
+from ...plants import AbstractPlant
 from .._base import AbstractController, Log, Measurement, Memory, Reference, saturate
 from .._design import Condition, positive
 from .._design_model import DesignModel, lighter
@@ -61,7 +61,7 @@ class LoadBackstepping(AbstractController):
     differentiator: AbstractDifferentiator = eqx.field(default_factory=lambda: LevantDifferentiator(1.0, width=2e-3))
 
     @classmethod
-    def for_plant(cls, plant: Actuator, model: DesignModel | None = None, **settings: Any) -> "LoadBackstepping":
+    def for_plant(cls, plant: AbstractPlant, model: DesignModel | None = None, **settings: Any) -> "LoadBackstepping":
         """On the plant's [`DesignModel`][] or another one; `K_d` in inverse proportion to its mass."""
         model = DesignModel.for_plant(plant) if model is None else model
         scaled = {"velocity_gain": lighter(model) * cls.velocity_gain}

@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 from ..._errors import InputError
 from ..._types import Scalar
 from ...parameters import parameter
-from ...plants import Actuator
+from ...plants import AbstractPlant
 from .._base import AbstractController, Log, Measurement, Reference, saturate
 from .._design_model import DesignModel, lugre_of
 from ..surroundings import POSITION_NOISE
@@ -88,7 +88,7 @@ class LQG(AbstractController):
     model: LinearModel = eqx.field(kw_only=True)
 
     @classmethod
-    def for_plant(cls, plant: Actuator, *, period: float = PERIOD, **settings: Any) -> "LQG":
+    def for_plant(cls, plant: AbstractPlant, *, period: float = PERIOD, **settings: Any) -> "LQG":
         """Designed for the plant's [`DesignModel`][], for samples of `period` s and noise of an assumed sensor."""
         model = linearise(DesignModel.for_plant(plant), plant, period)
         feedback, correction = design(model)
@@ -121,7 +121,7 @@ class LQG(AbstractController):
         return LQGState(estimate, saturate(command) - model.duty), command, log
 
 
-def linearise(model: DesignModel, plant: Actuator, period: float) -> LinearModel:
+def linearise(model: DesignModel, plant: AbstractPlant, period: float) -> LinearModel:
     """A design model about the middle of its travel, sliding: its dry friction is a load. One sample is `period` s."""
     body, ambient = model.diaphragm, plant.air.pressure
     position = body.middle

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 
 from ..._types import Scalar
 from ...parameters import parameter
-from ...plants import Actuator
+from ...plants import AbstractPlant
 from .._base import AbstractController, Log, Measurement, Memory, Reference, saturate
 from ..observers import AbstractDifferentiator, FilteredDifference
 from ._balance import ConstantDuty, StaticBalance
@@ -34,7 +34,7 @@ class PI(AbstractController):
     base: AbstractController = eqx.field(default_factory=ConstantDuty)
 
     @classmethod
-    def for_plant(cls, plant: Actuator, **settings: Any) -> "PI":
+    def for_plant(cls, plant: AbstractPlant, **settings: Any) -> "PI":
         """Around the plant's [`StaticBalance`][]."""
         return cls(**{"base": StaticBalance.for_plant(plant)} | settings)
 
@@ -76,7 +76,7 @@ class PID(AbstractController):
     differentiator: AbstractDifferentiator = eqx.field(default_factory=FilteredDifference)
 
     @classmethod
-    def for_plant(cls, plant: Actuator, **settings: Any) -> "PID":
+    def for_plant(cls, plant: AbstractPlant, **settings: Any) -> "PID":
         """With the [`PI`][] for the plant."""
         return cls(**{"pi": PI.for_plant(plant)} | settings)
 

@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from ..._types import Scalar
 from ...parameters import parameter
-from ...plants import Actuator, require_converter
+from ...plants import AbstractPlant, require_converter
 from ...traces import ASSUMED_RESERVOIR
 from .._base import AbstractController, Log, Measurement, Reference
 from .._design_model import DesignModel, lugre_of
@@ -47,7 +47,7 @@ class ScheduledPI(AbstractController):
     base: AbstractController = eqx.field(default_factory=StaticBalance)
 
     @classmethod
-    def for_plant(cls, plant: Actuator, model: DesignModel | None = None, **settings: Any) -> "ScheduledPI":
+    def for_plant(cls, plant: AbstractPlant, model: DesignModel | None = None, **settings: Any) -> "ScheduledPI":
         """Around the plant's [`StaticBalance`][], with its friction as a duty and knots over its travel; the duty of a
         velocity is that of the plant's [`DesignModel`][], or another one."""
         model = DesignModel.for_plant(plant) if model is None else model
@@ -80,7 +80,7 @@ class ScheduledPI(AbstractController):
         )
 
 
-def friction_as_duty(plant: Actuator) -> Scalar:
+def friction_as_duty(plant: AbstractPlant) -> Scalar:
     """Half the width of a plant's hysteresis in the middle of its travel, as a duty in percent.
 
     **Raises:** `InputError` for a plant without LuGre friction.
@@ -103,13 +103,13 @@ def velocity_as_duty(model: DesignModel) -> Scalar:
     return (duty(slow) - duty(-slow)) / (2 * SLOW)
 
 
-def duty_slope(plant: Actuator) -> Scalar:
+def duty_slope(plant: AbstractPlant) -> Scalar:
     """Duty in percent per metre of position that holds a plant in the middle of its travel."""
     force = plant.diaphragm.stiffness * 1e-3
     return (_duty_against(plant, force) - _duty_against(plant, -force)) / 2e-3
 
 
-def _duty_against(plant: Actuator, force: Scalar) -> Scalar:
+def _duty_against(plant: AbstractPlant, force: Scalar) -> Scalar:
     """Duty in percent that holds the rod in the middle of its travel against one more force in N along -x."""
     body, ambient = plant.diaphragm, plant.air.pressure
     middle = body.middle

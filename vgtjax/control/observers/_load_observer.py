@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from ..._types import Scalar
 from ...parameters import parameter
-from ...plants import Actuator, require_converter
+from ...plants import AbstractPlant, require_converter
 from .._design import AbstractDesign, Condition, positive
 from .._design_model import DesignModel
 from ..surroundings import POSITION_NOISE
@@ -103,7 +103,7 @@ class LoadObserver(AbstractDesign):
     """Of the filter of the position on the stop."""
 
     @classmethod
-    def for_plant(cls, plant: Actuator, model: DesignModel | None = None, **settings: Any) -> "LoadObserver":
+    def for_plant(cls, plant: AbstractPlant, model: DesignModel | None = None, **settings: Any) -> "LoadObserver":
         """On the plant's [`DesignModel`][] or another one, with the mean time constant of its plunger up and down."""
         model = DesignModel.for_plant(plant) if model is None else model
         valve = require_converter(plant, cls.__name__)

@@ -11,7 +11,7 @@ from ..._errors import InputError
 from ..._types import Scalar
 from ...parameters import parameter
 from ...parts import FULL_DUTY, AbstractFlowMap
-from ...plants import Actuator
+from ...plants import AbstractPlant
 from .._design import AbstractDesign, Condition, positive
 from .._design_model import DesignModel, Motion
 
@@ -60,7 +60,7 @@ class PressureObserver(AbstractDesign):
     them."""
 
     @classmethod
-    def for_plant(cls, plant: Actuator, model: DesignModel | None = None, **settings: Any) -> "PressureObserver":
+    def for_plant(cls, plant: AbstractPlant, model: DesignModel | None = None, **settings: Any) -> "PressureObserver":
         """On the plant's [`DesignModel`][] or another one, with the friction rate halved until [5.21] holds for it."""
         model = DesignModel.for_plant(plant) if model is None else model
         rate = cls.friction_rate

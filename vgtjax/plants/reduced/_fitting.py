@@ -24,7 +24,7 @@ from ...parts import (
     SteadyPlungerFlow,
 )
 from ...traces import ASSUMED_RESERVOIR
-from .._actuator import Actuator
+from .._actuator import Actuator, require_actuator
 from .._base import AbstractModel
 from ._polynomial_fit import fit_polynomial_flow
 
@@ -129,17 +129,13 @@ def fit_flow_map(
     """
     if kind not in FLOW_MAPS:
         raise InputError(f"kind must be one of {', '.join(FLOW_MAPS)}, but it is {kind!r}; choose one of these")
-    if not isinstance(model, Actuator):
-        raise InputError(
-            f"a flow map is fitted to the full model, an Actuator, but this is a {type(model).__name__}; give the full "
-            "model"
-        )
-    low, high = _pressures(model, reservoir, pressure_range)
+    full = require_actuator(model, "a flow map is fitted to")
+    low, high = _pressures(full, reservoir, pressure_range)
     duty, pressure = np.meshgrid(np.linspace(0.0, FULL_DUTY, DUTIES), np.linspace(low, high, PRESSURES), indexing="ij")
-    samples = _sample(model, duty, pressure, reservoir)
+    samples = _sample(full, duty, pressure, reservoir)
     flow_map = FLOW_MAPS[kind](samples)
     at = samples.position if isinstance(flow_map, AbstractLiftMap) else duty
-    return assess_flow_map(model, flow_map, at, pressure, samples.flow, (0.0, FULL_DUTY), reservoir)
+    return assess_flow_map(full, flow_map, at, pressure, samples.flow, (0.0, FULL_DUTY), reservoir)
 
 
 def _pressures(model: Actuator, reservoir: float, wanted: tuple[float, float] | None) -> tuple[float, float]:

@@ -21,9 +21,9 @@ from ...parts import (
     IsothermalChamber,
 )
 from ...traces import Drive
-from .._actuator import Actuator
+from .._actuator import require_actuator
 from .._air_path import AbstractConverterPath, ambient_pressure, reservoir_pressure
-from .._base import Inner, assemble
+from .._base import AbstractModel, Inner, assemble
 from .._plant import AbstractPlant
 from .._rod import Rod
 from ._fitting import FlowMap, fit_flow_map, printed_flow_map
@@ -130,17 +130,18 @@ class PlungerMapActuator(AbstractPlant):
     converter = Inner[Converter]("air_path")
 
 
-def reduce_to_plunger_map(model: Actuator, flow_map: FlowMap | None = None) -> PlungerMapActuator:
+def reduce_to_plunger_map(model: AbstractModel, flow_map: FlowMap | None = None) -> PlungerMapActuator:
     """The model with six states [5.2] of a full actuator.
 
     **Arguments:** `flow_map`: over plunger position and pressure, by default fitted to `model`.
 
-    **Raises:** `InputError` for a map over duty.
+    **Raises:** `InputError` for a map over duty, or for another model.
     """
-    found = fit_flow_map(model, "lift-table").flow_map if flow_map is None else flow_map
+    full = require_actuator(model, "a reduced model is made of")
+    found = fit_flow_map(full, "lift-table").flow_map if flow_map is None else flow_map
     if not isinstance(found, AbstractLiftMap):
         raise InputError(
             f"the model with six states needs a map over plunger position, but this is a {type(found).__name__}; "
             "fit one of kind 'lift-table'"
         )
-    return PlungerMapActuator(converter=model.converter, **parts_around(found, model))
+    return PlungerMapActuator(converter=full.converter, **parts_around(found, full))

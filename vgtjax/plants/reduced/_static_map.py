@@ -12,9 +12,9 @@ from ..._types import Values
 from ...parameters import nested
 from ...parts import AbstractFlowMap, AbstractFriction, AbstractVaneForce, Air, Diaphragm, IsothermalChamber
 from ...traces import Drive
-from .._actuator import Actuator
+from .._actuator import require_actuator
 from .._air_path import AbstractAirPath, ambient_pressure
-from .._base import Inner, assemble
+from .._base import AbstractModel, Inner, assemble
 from .._plant import AbstractPlant
 from .._rod import Rod
 from ._fitting import FlowMap, fit_flow_map, printed_flow_map
@@ -104,17 +104,18 @@ class StaticMapActuator(AbstractPlant):
     flow_map = Inner[AbstractFlowMap]("air_path")
 
 
-def reduce_to_static_map(model: Actuator, flow_map: FlowMap | None = None) -> StaticMapActuator:
+def reduce_to_static_map(model: AbstractModel, flow_map: FlowMap | None = None) -> StaticMapActuator:
     """The model with four states [5.4] of a full actuator.
 
     **Arguments:** `flow_map`: over duty and pressure, by default the steady plunger's, fitted to `model`.
 
-    **Raises:** `InputError` for a map over plunger position.
+    **Raises:** `InputError` for a map over plunger position, or for another model.
     """
-    found = fit_flow_map(model).flow_map if flow_map is None else flow_map
+    full = require_actuator(model, "a reduced model is made of")
+    found = fit_flow_map(full).flow_map if flow_map is None else flow_map
     if not isinstance(found, AbstractFlowMap):
         raise InputError(
             f"the model with four states needs a map over duty, but this is a {type(found).__name__}; fit one of kind "
             "'steady-plunger' or 'polynomial'"
         )
-    return StaticMapActuator(**parts_around(found, model))
+    return StaticMapActuator(**parts_around(found, full))
