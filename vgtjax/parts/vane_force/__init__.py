@@ -1,7 +1,10 @@
 """Exhaust gas force on the vanes, on one interface."""
 
 from ._absent import NoVaneForce as NoVaneForce
-from ._base import AbstractVaneForce as AbstractVaneForce
+from ._base import (
+    AbstractStatelessVaneForce as AbstractStatelessVaneForce,
+    AbstractVaneForce as AbstractVaneForce,
+)
 from ._map import Direction as Direction, HysteresisMap as HysteresisMap
 from ._polynomial import (
     POWERS as POWERS,

@@ -8,6 +8,7 @@ from jaxtyping import Array, PyTree
 
 from ..._types import StateLeaf, Values
 from ...parameters import Part
+from .._stateless import Stateless
 from .._vanes import Vanes
 
 
@@ -44,3 +45,11 @@ class AbstractVaneForce(Part):
     @abc.abstractmethod
     def typical_state(self) -> PyTree[StateLeaf]:
         """The usual size of each state, by which an absolute tolerance is scaled."""
+
+
+class AbstractStatelessVaneForce(Stateless, AbstractVaneForce):
+    """A force that remembers nothing: it follows gas and motion at once."""
+
+    def signals(self, vanes: Vanes, velocity: Values, state: None) -> dict[str, Array]:
+        """`f_vane` in N."""
+        return {"f_vane": self(vanes, velocity, state)[0]}

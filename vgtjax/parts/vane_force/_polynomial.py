@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 from ..._types import Scalar, Values
 from ...parameters import parameter
 from .._vanes import Crank, Vanes
-from ._base import AbstractVaneForce
+from ._base import AbstractStatelessVaneForce
 
 POWERS = (
     (0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0, 3),
@@ -25,7 +25,7 @@ def _unit(angle: int, ratio: int) -> str:
     return "N" if angle == 0 else "N/deg" if angle == 1 else f"N/deg^{angle}"
 
 
-class ForcePolynomial(AbstractVaneForce):
+class ForcePolynomial(AbstractStatelessVaneForce):
     """Polynomial in crank angle (deg) and pressure ratio across the turbine, `1 + p_trb / p_atm`; no state [3.15].
 
     Angle and ratio are held at the ends of `angle_range` and `ratio_range`, beyond which it makes no sense (erratum
@@ -42,9 +42,6 @@ class ForcePolynomial(AbstractVaneForce):
     angle_range: tuple[float, float] = eqx.field(static=True, default=(4.0, 36.0))
     ratio_range: tuple[float, float] = eqx.field(static=True, default=(1.0, 3.0))
 
-    def initial_state(self) -> None:
-        """Nothing to remember."""
-
     def ratio(self, turbine_pressure: Values, ambient: Values | None = None) -> Values:
         """Pressure ratio across the turbine at an inlet pressure in Pa gauge; `ambient` in Pa absolute, that of a
         standard day where it is `None`."""
@@ -59,16 +56,6 @@ class ForcePolynomial(AbstractVaneForce):
         """Force in N, the same in both directions."""
         ratio = self.ratio(vanes.turbine_pressure, vanes.ambient(self.ambient_pressure))
         return self.force(self.crank.angle(vanes.opening), ratio), None
-
-    def relaxation(self, vanes: Vanes, velocity: Values, state: None) -> None:
-        """No state, no rate."""
-
-    def signals(self, vanes: Vanes, velocity: Values, state: None) -> dict[str, Array]:
-        """`f_vane` in N."""
-        return {"f_vane": self(vanes, velocity, state)[0]}
-
-    def typical_state(self) -> None:
-        """No state, no size."""
 
 
 def polynomial_terms(angle: Values | np.ndarray, ratio: Values | np.ndarray) -> list:

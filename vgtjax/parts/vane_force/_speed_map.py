@@ -2,15 +2,15 @@
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array
 
 from ..._types import Scalar, Values
 from ...parameters import parameter
 from .._vanes import Crank, Vanes
+from ._base import AbstractStatelessVaneForce
 from ._tables import AbstractVaneMap
 
 
-class SpeedMap(AbstractVaneMap):
+class SpeedMap(AbstractVaneMap, AbstractStatelessVaneForce):
     """The tables of [`HysteresisMap`][], between which the force goes with the speed; no state [3.16, 3.17].
 
     The direction is `tanh(v / side_speed)`, 1 while the vanes close, -1 while they open, between the two within a few
@@ -20,9 +20,6 @@ class SpeedMap(AbstractVaneMap):
 
     side_speed: Scalar = parameter(1e-3, symbol="v_side", unit="m/s", source="assumed", above=0.0)
     crank: Crank = eqx.field(default_factory=Crank)
-
-    def initial_state(self) -> None:
-        """Nothing to remember."""
 
     def steady_direction(self, velocity: Values) -> Values:
         """`tanh(v / side_speed)`, also of vanes that don't move steadily."""
@@ -40,13 +37,3 @@ class SpeedMap(AbstractVaneMap):
         """
         across = jnp.abs(self.read(self.closing, vanes) - self.read(self.opening, vanes))
         return 0.5 * across / jnp.sqrt(velocity**2 + self.side_speed**2)
-
-    def relaxation(self, vanes: Vanes, velocity: Values, state: None) -> None:
-        """No state, no rate."""
-
-    def signals(self, vanes: Vanes, velocity: Values, state: None) -> dict[str, Array]:
-        """`f_vane` in N."""
-        return {"f_vane": self(vanes, velocity, state)[0]}
-
-    def typical_state(self) -> None:
-        """No state, no size."""

@@ -16,7 +16,7 @@ from ...traces import Drive
 from ...turbine import CELLS, States, first_guess
 from .._tabulated import AbstractTable, Rows
 from .._vanes import Crank, Vanes
-from ._base import AbstractVaneForce
+from ._base import AbstractStatelessVaneForce
 from ._stage import CRANK_RANGE, HIGHEST_PRESSURE, Stage, flow_at, no_steady_flow
 
 PRESSURES, ANGLES = 25, 25
@@ -35,7 +35,7 @@ MARGIN = 1e-3
 """Of an interval between two pressures, for rounding of what is read there."""
 
 
-class StageTable(AbstractVaneForce, AbstractTable):
+class StageTable(AbstractStatelessVaneForce, AbstractTable):
     """Rod force read off a table over total pressure and crank angle; linear between its knots, held beyond them, zero
     at or below the outlet's pressure. No state.
 
@@ -48,9 +48,6 @@ class StageTable(AbstractVaneForce, AbstractTable):
     total_temperature: Scalar
     ambient_pressure: Scalar
     outlet_pressure: Scalar
-
-    def initial_state(self) -> None:
-        """Nothing to remember."""
 
     def read(self, values: Knots, total_pressure: Values, crank_angle: Values) -> Values:
         """Value of one of its tables at Pa absolute and deg."""
@@ -84,16 +81,6 @@ class StageTable(AbstractVaneForce, AbstractTable):
         """Force in N, the same in both directions: it follows the pressure within a tenth of a millisecond."""
         pressure = vanes.ambient(self.ambient_pressure) + vanes.turbine_pressure
         return self.read(self.forces, pressure, self.crank.angle(vanes.opening)), None
-
-    def relaxation(self, vanes: Vanes, velocity: Values, state: None) -> None:
-        """No state, no rate."""
-
-    def signals(self, vanes: Vanes, velocity: Values, state: None) -> dict[str, Array]:
-        """`f_vane` in N."""
-        return {"f_vane": self(vanes, velocity, state)[0]}
-
-    def typical_state(self) -> None:
-        """No state, no size."""
 
 
 def rows_along(stage: Stage, ambient_pressure: Scalar, drives: Sequence[Drive]) -> Rows:

@@ -12,7 +12,7 @@ from ...traces import Drive
 from ...turbine import CELLS, Flow, Gas, Nozzle
 from .._tabulated import AbstractTabulated, Rows
 from .._vanes import Crank, Vanes
-from ._base import AbstractVaneForce
+from ._base import AbstractStatelessVaneForce
 from ._stage import (
     OUTLET_PRESSURE,
     SPEED_RATIO,
@@ -27,7 +27,7 @@ from ._stage import (
 from ._stage_table import ALL, ForceTable, StageTable, checked_table, current_table, make_table, rows_along
 
 
-class Turbine(AbstractVaneForce, AbstractTabulated):
+class Turbine(AbstractStatelessVaneForce, AbstractTabulated):
     """Force of one-dimensional flow through the nozzle on its vanes, at the rod (3.21-3.72, corrected; section 3.5).
 
     Made of steady solutions, when it is built, as a table over total pressure and crank angle; the force of an unsteady
@@ -158,22 +158,9 @@ class Turbine(AbstractVaneForce, AbstractTabulated):
         """In kg/s at Pa absolute and deg, read off the table, of gas at `total_temperature`."""
         return self.with_table(self.table()).mass_flow(total_pressure, crank_angle)
 
-    def initial_state(self) -> None:
-        """Nothing to remember."""
-
     def __call__(self, vanes: Vanes, velocity: Values, state: None) -> tuple[Values, None]:
         """Force in N, the same in both directions; see [`StageTable`][]."""
         return self.with_table(self.table())(vanes, velocity, state)
-
-    def relaxation(self, vanes: Vanes, velocity: Values, state: None) -> None:
-        """No state, no rate."""
-
-    def signals(self, vanes: Vanes, velocity: Values, state: None) -> dict[str, Array]:
-        """`f_vane` in N."""
-        return self.with_table(self.table()).signals(vanes, velocity, state)
-
-    def typical_state(self) -> None:
-        """No state, no size."""
 
 
 def _make(stage: Stage) -> tuple[tuple[Array, ...], ForceTable] | None:
