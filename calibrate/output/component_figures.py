@@ -10,13 +10,15 @@ import numpy as np
 import plotly.graph_objects as go
 
 import vgtjax
-from vgtjax.parts import AbstractVaneMap, Contact, Vanes
+from vgtjax.parts import AbstractGasTables, Contact, Vanes
 from vgtjax.plants import as_actuator
 
 from .figures import MEASURED, PALETTE, curve, styled
 
 USUAL_PRESSURES = (0.5e5, 1.0e5, 1.5e5)
 """Pa gauge before the turbine, where no trace says others."""
+WAYS = {"closing": 0.1, "opening": -0.1}
+"""m/s; usual speeds of the rod, at which no law lies between its sides."""
 ROUNDED = 1e4
 """Pa to which pressures of traces are rounded, so that loops at nearly one pressure are one curve."""
 
@@ -27,18 +29,15 @@ def component_figures(model: Any, traces: Sequence[vgtjax.Trace]) -> list[tuple[
     full = as_actuator(model)
     figures = _air_path_figures(full) if full else []
     figures.append(("Friction against velocity [3.7]", friction_figure(model)))
-    if not isinstance(model.vane_force, vgtjax.NoVaneForce):
+    if model.vane_force.feels_gas:
         figures.append((_vane_force_title(model.vane_force), vane_force_figure(model, _turbine_pressures(traces))))
     return figures
 
 
 def _vane_force_title(vane_force: vgtjax.AbstractVaneForce) -> str:
-    if isinstance(vane_force, vgtjax.Turbine):
-        return (
-            "Exhaust gas force on the rod by flow through the nozzle [3.21-3.72]: sizes and the state of the gas are "
-            "assumed, and no measured vane force validates it"
-        )
-    return "Exhaust gas force on the rod [3.15-3.17]"
+    source = f" [{vane_force.equations}]" if vane_force.equations else ""
+    caveat = f", {vane_force.caveat}" if vane_force.caveat else ""
+    return f"Exhaust gas force on the rod{source}{caveat}"
 
 
 def _air_path_figures(model: vgtjax.Actuator) -> list[tuple[str, go.Figure]]:
@@ -80,23 +79,20 @@ def _turbine_pressures(traces: Sequence[vgtjax.Trace]) -> Sequence[float]:
 
 
 def vane_force_figure(model: Any, turbine_pressures: Sequence[float] = USUAL_PRESSURES) -> go.Figure:
-    """Force over the crank angle at several turbine pressures in Pa gauge, those of its knots where it has any, closing
-    and opening."""
+    """Force over the crank angle at several turbine pressures in Pa gauge, those of its knots where it has any; closing
+    and opening, where that makes a difference."""
     vane_force, travel = model.vane_force, float(model.diaphragm.travel)
     opening = np.linspace(0.0, travel, 201)
-    both_ways = isinstance(vane_force, AbstractVaneMap)
-    pressures = vane_force.turbine_pressure if both_ways else np.array(turbine_pressures)
-    curves = []
-    for pressure in np.asarray(pressures):
+    tabulated = isinstance(vane_force, AbstractGasTables)
+    pressures = np.asarray(vane_force.turbine_pressure if tabulated else turbine_pressures)
+    angle, curves = np.asarray(vane_force.crank.angle(opening)), []
+    steady = jax.vmap(vane_force.steady_force)
+    for pressure in pressures:
         vanes = Vanes(opening, np.full_like(opening, pressure))
-        ways = ((1.0, "closing"), (-1.0, "opening")) if both_ways else ((0.0, ""),)
-        for direction, name in ways:
-            if name:
-                force = jax.vmap(lambda at, direction=direction: vane_force.force(at, direction))(vanes)
-            else:
-                force = jax.vmap(lambda at: vane_force(at, np.zeros(()), None)[0])(vanes)
-            label = f"{pressure / 100:.0f} mbar {name}"
-            curves.append((np.asarray(vane_force.crank.angle(opening)), force, label))
+        ways = {name: steady(vanes, np.full_like(opening, speed)) for name, speed in WAYS.items()}
+        if np.array_equal(*ways.values()):
+            ways = {"": ways["closing"]}
+        curves += [(angle, force, f"{pressure / 100:.0f} mbar {name}".strip()) for name, force in ways.items()]
     return _plot(curves, "crank angle, deg", "force against closing, N")
 
 

@@ -4,7 +4,6 @@ import dataclasses
 import pathlib
 
 import jax.numpy as jnp
-import numpy as np
 
 import vgtjax
 from vgtjax.experiments import (
@@ -16,7 +15,8 @@ from vgtjax.experiments import (
     measure_loops,
     nominal_target,
 )
-from vgtjax.parts import OPERATING_POINTS, AbstractVaneMap, feels_gas
+from vgtjax.parts import OPERATING_POINTS, feels_gas
+from vgtjax.plants import AbstractRodModel
 from vgtjax.population import Population
 
 from ..study.models import start_values
@@ -74,8 +74,7 @@ def _more_notes(
     name: str, model: vgtjax.AbstractModel, sources: list[TraceSource], measured: dict[str, MeasuredLoops]
 ) -> tuple[str, ...]:
     notes = []
-    vanes = getattr(model, "vane_force", None)
-    if isinstance(vanes, AbstractVaneMap) and not np.any(vanes.closing) and not np.any(vanes.opening):
+    if isinstance(model, AbstractRodModel) and model.vane_force.feels_gas and not model.vane_force.acts:
         notes.append(
             f"the tables of vane_force = '{name}' are all zero, so gas acts on nothing; give --parameters of a fit"
         )

@@ -7,7 +7,6 @@ from typing import Any
 from .._errors import InputError
 from ..estimation import Calibration, Calibrator, Computation, Progress, Task, Unknown, plan_task, run_alone, starting
 from ..parameters import Bounds
-from ..parts import NoVaneForce
 from ..plants import AbstractModel, AbstractRodModel, require_physical
 from ..traces import Trace
 from ._filters import gas_pressure, has_gas
@@ -134,7 +133,7 @@ def _moving_starts(task: Task) -> list[str]:
 
 def _unheard_gas(task: Task) -> list[str]:
     """That a trace has exhaust gas and the model no force of it, if so."""
-    if not isinstance(task.plant, AbstractRodModel) or not isinstance(task.plant.vane_force, NoVaneForce):
+    if not isinstance(task.plant, AbstractRodModel) or task.plant.vane_force.feels_gas:
         return []
     most = max(task.fit, key=gas_pressure)
     if not has_gas(most):

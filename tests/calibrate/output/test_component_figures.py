@@ -25,8 +25,9 @@ def test_a_law_over_pressure_is_shown_at_those_of_the_traces(gauge, expected):
     clock = np.arange(3.0)
     traces = [vgtjax.Trace(clock, p_act=9e4 + 0 * clock, p_trb=each + 0 * clock) for each in gauge]
     model = vgtjax.MechanicalActuator(vane_force=vgtjax.ForcePolynomial())
-    _, figure = component_figures(model, traces)[-1]
-    assert [each.name.strip() for each in figure.data] == expected
+    title, figure = component_figures(model, traces)[-1]
+    assert title == "Exhaust gas force on the rod [3.15]"
+    assert [each.name for each in figure.data] == expected
 
 
 def test_a_plant_of_parts_shows_the_laws_of_the_actuator_of_these():

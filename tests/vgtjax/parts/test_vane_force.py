@@ -87,6 +87,23 @@ def test_bilinear_is_scipys_inside_and_held_outside():
     assert bilinear(rows, columns, jnp.asarray(values), 9.0, -7.0) == pytest.approx(values[2, 0])
 
 
+@pytest.mark.parametrize("law", [MAP, vgtjax.SpeedMap(closing=CLOSING, opening=OPENING), ForcePolynomial()])
+@pytest.mark.parametrize("velocity", [-2e-3, 0.1])
+def test_the_steady_force_is_the_one_with_which_nothing_changes_any_more(law, velocity):
+    at, speed = vanes(4e-3, 2e5), jnp.asarray(velocity)
+    settled = Direction(jnp.sign(speed)) if isinstance(law, HysteresisMap) else None
+    force, rates = law(at, speed, settled)
+    assert float(law.steady_force(at, speed)) == float(force)
+    assert not any(map(float, jax.tree.leaves(rates)))
+
+
+def test_a_map_acts_once_a_table_has_something_in_it():
+    laws = (vgtjax.NoVaneForce(), HysteresisMap(), dataclasses.replace(vgtjax.SpeedMap(), opening=OPENING), MAP)
+    assert [law.acts for law in laws] == [False, False, True, True]
+    assert ForcePolynomial().acts
+    assert float(vgtjax.NoVaneForce().steady_force(vanes(4e-3, 2e5), jnp.asarray(0.1))) == 0.0
+
+
 def test_map_reads_its_knots_and_is_linear_to_zero_without_gas():
     for row, pressure in enumerate(PRESSURES):
         for column, angle in enumerate(ANGLES):

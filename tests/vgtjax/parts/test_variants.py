@@ -22,8 +22,10 @@ class LaggingVanes(vgtjax.AbstractVaneForce):
         return jnp.zeros_like(self.area)
 
     def __call__(self, vanes, velocity, state):
-        push = self.area * vanes.turbine_pressure * vanes.opening / 10e-3
-        return state, self.rate * (push - state)
+        return state, self.rate * (self.steady_force(vanes, velocity) - state)
+
+    def steady_force(self, vanes, velocity):
+        return self.area * vanes.turbine_pressure * vanes.opening / 10e-3
 
     def relaxation(self, vanes, velocity, state):
         return self.rate

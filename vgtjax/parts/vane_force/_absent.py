@@ -17,4 +17,8 @@ class NoVaneForce(Stateless, AbstractVaneForce):
 
     def __call__(self, vanes: Vanes, velocity: Values, state: None) -> tuple[Values, None]:
         """Zero."""
-        return jnp.zeros_like(velocity), None
+        return self.steady_force(vanes, velocity), None
+
+    def steady_force(self, vanes: Vanes, velocity: Values) -> Values:
+        """Zero."""
+        return jnp.zeros_like(velocity)

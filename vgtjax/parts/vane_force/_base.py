@@ -18,6 +18,15 @@ class AbstractVaneForce(Part):
     place: ClassVar[str] = "vane_force"
     feels_gas: ClassVar[bool] = True
     """Whether turbine pressure changes it."""
+    equations: ClassVar[str] = ""
+    """Where it comes from, by the numbers of equations."""
+    caveat: ClassVar[str] = ""
+    """What is to be said wherever its force is shown."""
+
+    @property
+    def acts(self) -> bool:
+        """Whether its force is other than zero anywhere."""
+        return self.feels_gas
 
     @abc.abstractmethod
     def initial_state(self) -> PyTree[StateLeaf]:
@@ -29,6 +38,10 @@ class AbstractVaneForce(Part):
 
         **Arguments:** where the vanes are and the turbine pressure; `velocity` of the rod in m/s.
         """
+
+    @abc.abstractmethod
+    def steady_force(self, vanes: Vanes, velocity: Values) -> Values:
+        """Force in N of vanes that move steadily at a velocity of the rod in m/s."""
 
     @abc.abstractmethod
     def relaxation(self, vanes: Vanes, velocity: Values, state: Any) -> PyTree[StateLeaf]:
@@ -49,6 +62,10 @@ class AbstractVaneForce(Part):
 
 class AbstractStatelessVaneForce(Stateless, AbstractVaneForce):
     """A force that remembers nothing: it follows gas and motion at once."""
+
+    def steady_force(self, vanes: Vanes, velocity: Values) -> Values:
+        """The force at once."""
+        return self(vanes, velocity, None)[0]
 
     def signals(self, vanes: Vanes, velocity: Values, state: None) -> dict[str, Array]:
         """`f_vane` in N."""

@@ -1,5 +1,7 @@
 """The force-sensor polynomial [3.15]."""
 
+from typing import ClassVar
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -32,6 +34,7 @@ class ForcePolynomial(AbstractStatelessVaneForce):
     13).
     """
 
+    equations: ClassVar[str] = "3.15"
     coefficients: Float[Array, " 18"] = parameter(
         PRINTED, symbol="a", unit=tuple(_unit(*power) for power in POWERS), source="3.15", positive=False
     )

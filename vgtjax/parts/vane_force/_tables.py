@@ -1,7 +1,9 @@
 """What the maps of the force have in common: a table for closing vanes and one for opening ones [3.16-3.17]."""
 
 import abc
+from typing import ClassVar
 
+import numpy as np
 from jaxtyping import Array, Float
 
 from ..._types import Values
@@ -23,6 +25,7 @@ class AbstractVaneMap(AbstractVaneForce, AbstractGasTables):  # type: ignore[mis
     zero at zero gauge pressure, linear from there to the first knot.
     """
 
+    equations: ClassVar[str] = "3.16-3.17"
     closing: Table = parameter(EMPTY, symbol="F_cl", unit="N", source="3.16", positive=False, assumed=True)
     """Force in N while the vanes close; a row of angles for every pressure, one row after the other."""
     opening: Table = parameter(EMPTY, symbol="F_op", unit="N", source="3.16", positive=False, assumed=True)
@@ -39,9 +42,18 @@ class AbstractVaneMap(AbstractVaneForce, AbstractGasTables):  # type: ignore[mis
         """`closing` and `opening`."""
         return {"closing": self.closing, "opening": self.opening}
 
+    @property
+    def acts(self) -> bool:
+        """Whether its tables have anything in them."""
+        return any(np.any(table) for table in self.tables.values())
+
     @abc.abstractmethod
     def steady_direction(self, velocity: Values) -> Values:
         """Direction, from -1 to 1, of vanes that move steadily at a velocity in m/s."""
+
+    def steady_force(self, vanes: Vanes, velocity: Values) -> Values:
+        """That of the steady direction."""
+        return self.force(vanes, self.steady_direction(velocity))
 
     def force(self, vanes: Vanes, direction: Values) -> Values:
         """Force in N while the vanes close (direction 1), open (-1), or reverse (between)."""

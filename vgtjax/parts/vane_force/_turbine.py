@@ -1,5 +1,7 @@
 """Vane force from first principles: one-dimensional flow through the variable nozzle (section 3.5)."""
 
+from typing import ClassVar
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -43,6 +45,11 @@ class Turbine(AbstractStatelessVaneForce, AbstractTabulated):
     ratio and a speed of the wheel; `SimulationError` that names the point, if a steady state is not found.
     """
 
+    equations: ClassVar[str] = "3.21-3.72"
+    caveat: ClassVar[str] = (
+        "by flow through a nozzle whose sizes are assumed, as is the state of the gas, and no measured vane force "
+        "validates it"
+    )
     nozzle: Nozzle = eqx.field(default_factory=Nozzle)
     linkage: Linkage = eqx.field(default_factory=Linkage)
     gas: Gas = eqx.field(default_factory=Gas)
