@@ -1,14 +1,10 @@
 """From the results of a fit to a data set of characteristics."""
 
-from typing import Any
-
-import equinox as eqx
 import numpy as np
 
 import vgtjax
 from vgtjax.parameters import table_row
-from vgtjax.parts import AbstractGasTables
-from vgtjax.parts.flow_map import LiftTable
+from vgtjax.plants import converter_of
 
 from ..study.characteristics import DERIVED, Characteristic, DataSet
 from .results import Results, Row
@@ -19,15 +15,15 @@ DUTIES = np.linspace(0.0, 100.0, 21)
 
 def to_data_set(results: Results, version: str, date: str) -> DataSet:
     """All parameters as characteristics; a vector whose entries differ in their units becomes a value for each."""
-    axes = table_axes(results.model)
-    knots = {axis for pair in axes.values() for axis in pair}
+    table = vgtjax.parameter_table(results.model)
+    knots = {axis for row in table.values() for axis in row.axes}
     found: list[Characteristic] = []
-    for name in vgtjax.parameter_table(results.model):
+    for name, described in table.items():
         rows = results.rows_of(name)
         if len({row.unit for row in rows}) > 1:
             found += [_of_entry(results, row) for row in rows]
         else:
-            found.append(_of_parameter(results, name, rows, axes.get(name, ()), name in knots))
+            found.append(_of_parameter(results, name, rows, described.axes, name in knots))
     found += _derived(results)
     found.sort(key=lambda each: not each.is_axis)  # some readers want axes before the maps that refer to them
     names = results.study.components.names()
@@ -36,7 +32,7 @@ def to_data_set(results: Results, version: str, date: str) -> DataSet:
 
 def _derived(results: Results) -> list[Characteristic]:
     """The steady magnetic force over the duty, of which the parameters are only coefficients."""
-    converter = getattr(results.model, "converter", None)
+    converter = converter_of(results.model)
     if converter is None:
         return []
     force = np.array([float(converter.magnetic_force.steady_pull(duty, 0.0)) for duty in DUTIES])
@@ -45,28 +41,6 @@ def _derived(results: Results) -> list[Characteristic]:
         Characteristic(duty, "duty cycle", "%", DUTIES, is_axis=True, remarks=remarks),
         Characteristic(f"{DERIVED}magnetic_force", "steady, plunger at zero", "N", force, (duty,), remarks=remarks),
     ]
-
-
-def table_axes(model: eqx.Module) -> dict[str, tuple[str, str]]:
-    """The parameters of a model that are maps, each with those that are the knots of its rows and of its columns."""
-    found: dict[str, tuple[str, str]] = {}
-    for part in ("vane_force", "friction", "flow_map", "flow_map.table"):
-        try:
-            component = _part(model, part)
-        except AttributeError:
-            continue
-        if isinstance(component, AbstractGasTables):
-            pair = (f"{part}.turbine_pressure", f"{part}.crank_angle")
-            found |= {f"{part}.{table}": pair for table in component.tables}
-        elif isinstance(component, LiftTable):
-            found[f"{part}.flow"] = (f"{part}.position", f"{part}.pressure")
-    return found
-
-
-def _part(model: Any, path: str) -> Any:
-    for name in path.split("."):
-        model = getattr(model, name)
-    return model
 
 
 def _of_entry(results: Results, row: Row) -> Characteristic:

@@ -36,7 +36,8 @@ class Parameter:
     is a value too. `default` is the printed value. `held` parameters are measured, or can't be distinguished from
     others; a fit leaves them alone unless they are freed by name. `assumed` marks values that no source states. An
     `optional` one may be `None`, and is no parameter of that model then. `anonymous` parameters have the name of the
-    module that they belong to.
+    module that they belong to. `axes` of a map are the parameters with the knots of its rows and of its columns, by the
+    names of their fields in a declaration and by their own in a table.
     """
 
     symbol: str
@@ -55,6 +56,7 @@ class Parameter:
     size: int | None = None
     usual: float = 0.0
     """Size of a large but sane change of one whose printed value is zero."""
+    axes: tuple[str, ...] = ()
     tuning_width: float = 0.0
     """Least width of a law that switches while gains are tuned; zero for what is no width."""
 
@@ -163,9 +165,9 @@ def parameter(
 
     - `default`: value in `unit`; tuples of both for a vector.
     - `symbol`, `unit`, `source`: as printed in the thesis.
-    - `row`: `positive`, `lower`, `above`, `infinite`, `held`, `assumed`, `anonymous`, `optional`, `usual` and
-      `tuning_width` of [`Parameter`][]. What has a `lower` end is not positive, and what `source` says is assumed is
-      so; neither has to be said again.
+    - `row`: `positive`, `lower`, `above`, `infinite`, `held`, `assumed`, `anonymous`, `optional`, `axes`, `usual`
+      and `tuning_width` of [`Parameter`][]. What has a `lower` end is not positive, and what `source` says is
+      assumed is so; neither has to be said again.
     """
     implied: dict[str, Any] = {"positive": "lower" not in row, "assumed": "assumed" in source}
     what = f"the parameter {symbol}" + (f" in {unit}" if isinstance(unit, str) else "")
@@ -196,10 +198,13 @@ def _walk(module: eqx.Module, prefix: str) -> Iterator[tuple[str, Parameter, Arr
 
 def parameter_table(model: eqx.Module) -> dict[str, Parameter]:
     """Every parameter of `model` by name, in the order of its fields."""
-    return {
-        name: dataclasses.replace(row, name=name, size=None if np.ndim(value) == 0 else np.shape(value)[-1])
-        for name, row, value in _walk(model, "")
-    }
+    return {name: _in_table(name, row, value) for name, row, value in _walk(model, "")}
+
+
+def _in_table(name: str, row: Parameter, value: Array) -> Parameter:
+    owner = name[: name.rfind(".") + 1]
+    size = None if np.ndim(value) == 0 else np.shape(value)[-1]
+    return dataclasses.replace(row, name=name, size=size, axes=tuple(owner + axis for axis in row.axes))
 
 
 def get_parameter(model: eqx.Module, name: str) -> Array:

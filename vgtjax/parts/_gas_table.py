@@ -1,6 +1,5 @@
 """Tables over turbine pressure and crank angle (section 3.4.2)."""
 
-import abc
 import dataclasses
 from collections.abc import Sequence
 from typing import Any, TypeVar
@@ -20,6 +19,8 @@ OPERATING_POINTS = (0.0, 1.5e5, 3.0e5)
 
 Table = Float[Array, " knots"]
 """A row of crank angles for every turbine pressure, one row after the other."""
+AXES = ("turbine_pressure", "crank_angle")
+"""Of such a table, as [`parameter`][vgtjax.parameters.parameter] declares it."""
 GasTables = TypeVar("GasTables", bound="AbstractGasTables")
 
 
@@ -39,9 +40,10 @@ class AbstractGasTables(eqx.Module):
     crank: eqx.AbstractVar[Crank]
 
     @property
-    @abc.abstractmethod
     def tables(self) -> dict[str, Table]:
-        """Tables by the names of their fields."""
+        """Tables by the names of their fields: parameters with the axes `AXES`."""
+        rows = {field.name: field.metadata.get("parameter") for field in dataclasses.fields(self)}
+        return {name: getattr(self, name) for name, row in rows.items() if row is not None and row.axes == AXES}
 
     def __check_init__(self) -> None:
         if is_traced(self.turbine_pressure, self.crank_angle):

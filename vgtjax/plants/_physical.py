@@ -1,15 +1,14 @@
 """Whether an actuator with these parameters can exist."""
 
-from typing import Any
-
 import jax.numpy as jnp
 import numpy as np
 
 from .._errors import InputError, is_traced
 from .._types import Values
-from ._air_path import AbstractAirPathModel
+from ..parts import Diaphragm
 from ._base import AbstractModel
 from ._plant import AbstractPlant
+from ._pneumatic import PneumaticActuator
 
 
 def least_volume(model: AbstractModel) -> Values | None:
@@ -18,11 +17,12 @@ def least_volume(model: AbstractModel) -> Values | None:
     Infinite where the rod has no end stop; `None` for a model without a chamber.
     """
     # The pneumatic half has a diaphragm of its own.
-    if not isinstance(model, AbstractPlant | AbstractAirPathModel):
+    if not isinstance(model, AbstractPlant | PneumaticActuator):
         return None
-    part: Any = model
-    swept = part.diaphragm.displaced_volume(jnp.where(jnp.isfinite(part.diaphragm.travel), part.diaphragm.travel, 0.0))
-    return jnp.where(jnp.isfinite(part.diaphragm.travel), part.chamber.volume - swept, jnp.inf)
+    diaphragm: Diaphragm = model.diaphragm
+    stops = jnp.isfinite(diaphragm.travel)
+    swept = diaphragm.displaced_volume(jnp.where(stops, diaphragm.travel, 0.0))
+    return jnp.where(stops, model.chamber.volume - swept, jnp.inf)
 
 
 def is_physical(model: AbstractModel) -> bool:
@@ -36,10 +36,10 @@ def require_physical(model: AbstractModel) -> None:
 
     **Raises:** `InputError`.
     """
-    if is_traced(model) or is_physical(model):
+    if not isinstance(model, AbstractPlant | PneumaticActuator) or is_traced(model) or is_physical(model):
         return
-    part: Any = model
-    volume, swept = part.chamber.volume, part.diaphragm.displaced_volume(part.diaphragm.travel)
+    diaphragm: Diaphragm = model.diaphragm
+    volume, swept = model.chamber.volume, diaphragm.displaced_volume(diaphragm.travel)
     raise InputError(
         f"'chamber.volume' must be larger than what the diaphragm sweeps, diaphragm.area times diaphragm.travel "
         f"({float(swept):.4g} m3), but it is {float(volume):.4g} m3; enlarge it, or correct area or travel",

@@ -285,3 +285,15 @@ def test_a_search_keeps_off_the_end_of_an_open_domain():
     assert 1 < nearest < 1.001
     with pytest.raises(vgtjax.InputError, match=r"'heat_capacity_ratio' must be finite and above 1, but it is 0\.5"):
         vgtjax.replace_parameters(vgtjax.Air(), {"heat_capacity_ratio": 0.5})
+
+
+def test_a_map_names_the_parameters_with_its_knots():
+    model = vgtjax.PlungerMapActuator(flow_map=vgtjax.parts.LiftTable(), vane_force=vgtjax.SpeedMap())
+    axes = {name: row.axes for name, row in vgtjax.parameter_table(model).items() if row.axes}
+    pair = ("vane_force.turbine_pressure", "vane_force.crank_angle")
+    expected = {"flow_map.flow": ("flow_map.position", "flow_map.pressure")}
+    assert axes == expected | {f"vane_force.{side}": pair for side in ("closing", "opening")}
+    assert list(vgtjax.SpeedMap().tables) == ["closing", "opening"]
+    assert list(vgtjax.AdaptiveLuGre().tables) == ["load"]
+    steady = vgtjax.parameter_table(vgtjax.parts.SteadyPlungerFlow())
+    assert steady["table.flow"].axes == ("table.position", "table.pressure")

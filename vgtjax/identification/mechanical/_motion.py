@@ -2,14 +2,13 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool
 
 from ...parts import Contact, DryFriction, LuGre, Vanes
-from ...plants import AbstractModel, Actuator, MechanicalActuator
+from ...plants import AbstractModel, AbstractRodModel, Actuator, MechanicalActuator
 from ...traces import MOVES, SENSOR_PRESSURE_OFFSET, START_WINDOW, Trace, drift_of
 from .. import _limits as limits
 from .._filters import Samples, resting
@@ -64,8 +63,8 @@ class MotionRecord:
 
 def mechanical_half(model: AbstractModel) -> MechanicalActuator:
     """Diaphragm, friction and vanes of a model."""
-    whole: Any = model
-    return MechanicalActuator(whole.diaphragm, whole.friction, whole.vane_force, whole.air)
+    assert isinstance(model, AbstractRodModel), "mechanical tests are asked of models with a rod"
+    return MechanicalActuator(rod=model.rod, air=model.air)
 
 
 def dry_friction(model: MechanicalActuator) -> DryFriction:

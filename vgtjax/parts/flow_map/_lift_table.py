@@ -26,7 +26,13 @@ class LiftTable(AbstractLiftMap):
     )
     """Knots, increasing."""
     flow: Float[Array, " knots"] = parameter(
-        (0.0,) * 4, symbol="lambda", unit="kg/s", source="fitted", positive=False, held=True
+        (0.0,) * 4,
+        symbol="lambda",
+        unit="kg/s",
+        source="fitted",
+        positive=False,
+        held=True,
+        axes=("position", "pressure"),
     )
     """A row of pressures for every position, one row after the other."""
     ambient: Scalar = parameter(101013.0, symbol="p_map", unit="Pa", source="B.2", held=True)

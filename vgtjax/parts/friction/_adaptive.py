@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from ..._types import Scalar, Values
 from ...parameters import parameter
-from .._gas_table import OPERATING_POINTS, AbstractGasTables, Table
+from .._gas_table import AXES, OPERATING_POINTS, AbstractGasTables, Table
 from .._vanes import Crank, Vanes
 from ._bristles import SMALLEST_FORCE, AbstractLuGre
 from ._lugre import warn_unless_passive
@@ -35,7 +35,13 @@ class AdaptiveLuGre(AbstractLuGre, AbstractGasTables):
     viscous_damping: Scalar = parameter(206.0, symbol="sigma_2", unit="N s/m", source="B.2")
     stribeck_velocity: Scalar = parameter(1e-3, symbol="v_s", unit="m/s", source="B.2")
     load: Table = parameter(
-        (0.0,) * (len(PRESSURES) * len(ANGLES)), symbol="F_load", unit="N", source="3.20", lower=0.0, assumed=True
+        (0.0,) * (len(PRESSURES) * len(ANGLES)),
+        symbol="F_load",
+        unit="N",
+        source="3.20",
+        lower=0.0,
+        assumed=True,
+        axes=AXES,
     )
     """Sliding force in N that exhaust gas adds; a row of angles for every pressure, one row after the other."""
     turbine_pressure: Float[Array, " pressures"] = parameter(
@@ -50,11 +56,6 @@ class AdaptiveLuGre(AbstractLuGre, AbstractGasTables):
 
     def __check_init__(self) -> None:
         warn_unless_passive(self)
-
-    @property
-    def tables(self) -> dict[str, Table]:
-        """`load`."""
-        return {"load": self.load}
 
     def passivity_margin(self) -> Values:
         """`sigma_2` beyond its bound; while the load changes, friction may store and give back what it changes."""

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from ..._types import Values
 from ...parameters import parameter
-from .._gas_table import OPERATING_POINTS, AbstractGasTables, Table
+from .._gas_table import AXES, OPERATING_POINTS, AbstractGasTables, Table
 from .._vanes import Vanes
 from ._base import AbstractVaneForce
 
@@ -26,9 +26,9 @@ class AbstractVaneMap(AbstractVaneForce, AbstractGasTables):  # type: ignore[mis
     """
 
     equations: ClassVar[str] = "3.16-3.17"
-    closing: Table = parameter(EMPTY, symbol="F_cl", unit="N", source="3.16", positive=False, assumed=True)
+    closing: Table = parameter(EMPTY, symbol="F_cl", unit="N", source="3.16", positive=False, assumed=True, axes=AXES)
     """Force in N while the vanes close; a row of angles for every pressure, one row after the other."""
-    opening: Table = parameter(EMPTY, symbol="F_op", unit="N", source="3.16", positive=False, assumed=True)
+    opening: Table = parameter(EMPTY, symbol="F_op", unit="N", source="3.16", positive=False, assumed=True, axes=AXES)
     """Force in N while the vanes open."""
     turbine_pressure: Float[Array, " pressures"] = parameter(
         PRESSURES, symbol="p_trb", unit="Pa gauge", source="3.4.2", held=True
@@ -36,11 +36,6 @@ class AbstractVaneMap(AbstractVaneForce, AbstractGasTables):  # type: ignore[mis
     """Knots, increasing, above zero."""
     crank_angle: Float[Array, " angles"] = parameter(ANGLES, symbol="C_r", unit="deg", source="assumed", held=True)
     """Knots, increasing."""
-
-    @property
-    def tables(self) -> dict[str, Table]:
-        """`closing` and `opening`."""
-        return {"closing": self.closing, "opening": self.opening}
 
     @property
     def acts(self) -> bool:
