@@ -84,6 +84,11 @@ class AbstractController(AbstractDesign):
         scalars to be logged."""
 
 
+def room(duty: Scalar, enough: float) -> Scalar:
+    """From 1, where the duty in percent is `enough` percent off its limits or more, to 0 at them."""
+    return jnp.clip(jnp.minimum(duty, FULL_DUTY - duty) / enough, 0.0, 1.0)
+
+
 def saturate(duty: Scalar) -> Scalar:
     """The duty in percent that the converter can get: within 0 and 100."""
     return jnp.clip(duty, 0.0, FULL_DUTY)

@@ -23,6 +23,9 @@ from ..parts import (
 )
 from ..plants import AbstractPlant, FlowMapPath, reduce_to_static_map
 
+SECANT = 1e3
+"""Pa to either side of a pressure between which the slope of the map is taken: at a knot its tangent jumps, and a step
+that is linearised by the tangent jumps with it."""
 LEAST_VOLUME = 0.1
 """Of the chamber's volume on the open stop; half of it is left on the closed one."""
 
@@ -110,6 +113,11 @@ class DesignModel(Part):
         """`B` in N s/m."""
         return self.diaphragm.damping + self.load * (self.friction.bristle_damping + self.friction.viscous_damping)
 
+    @property
+    def sliding_damping(self) -> Scalar:
+        """`b = b_d + theta sigma_2` in N s/m: of the rod that slides."""
+        return self.diaphragm.damping + self.load * self.friction.viscous_damping
+
     def alpha(self, velocity: Scalar) -> Scalar:
         """`1/g(v)` in 1/N."""
         return 1 / self.friction.stribeck(velocity)
@@ -120,7 +128,7 @@ class DesignModel(Part):
 
     def relaxation_rate(self, velocity: Scalar) -> Scalar:
         """`sigma_0 alpha |v|` in 1/s, at which the bristles' deflection relaxes."""
-        return self.friction.bristle_stiffness * self.alpha(velocity) * jnp.abs(velocity)
+        return self.friction.relaxation_rate(velocity)
 
     def stiffness(self, velocity: Scalar) -> Scalar:
         """`S(v)` in N/m; negative for `|v| > g / sigma_1`, some 6.5 mm/s."""
@@ -138,8 +146,8 @@ class DesignModel(Part):
     ) -> Scalar:
         """Of the rod in m/s2, under a resistance in N along -x that takes in `theta F_f` and `F_v`."""
         body = self.diaphragm
-        spring = body.preload + body.stiffness * position + body.damping * velocity
-        return ((ambient - pressure) * body.area - spring - resistance) / body.mass
+        spring = body.balance_force(position) + body.damping * velocity
+        return (body.drive_force(ambient, pressure) - spring - resistance) / body.mass
 
     def stopped(self, position: Scalar, acceleration: Scalar) -> Scalar:
         """An acceleration in m/s2 without what drives the rod into an end stop, which takes that up."""
@@ -195,6 +203,25 @@ class DesignModel(Part):
         swept = self.diaphragm.area * velocity * pressure
         return self.exponent * (self.gas_energy * flow + swept) / self.volume(position)
 
+    def map_rate(self, duty: Scalar, position: Scalar, velocity: Scalar, pressure: Scalar, ambient: Scalar) -> Scalar:
+        """`p'` in Pa/s with the map's flow under a duty in percent."""
+        return self.pressure_rate(self.flow_map(duty, pressure, ambient), position, velocity, pressure)
+
+    def map_rate_slope(
+        self,
+        duty: Scalar,
+        position: Scalar,
+        velocity: Scalar,
+        pressure: Scalar,
+        ambient: Scalar,
+        secant: float = SECANT,
+    ) -> Scalar:
+        """Of that rate over the pressure in 1/s, between `secant` Pa below it and above it."""
+        below, above = (
+            self.map_rate(duty, position, velocity, at, ambient) for at in (pressure - secant, pressure + secant)
+        )
+        return (above - below) / (2 * secant)
+
     def flow_for(self, pressure_rate: Scalar, position: Scalar, velocity: Scalar, pressure: Scalar) -> Scalar:
         """Mass flow in kg/s into the chamber that gives a pressure rate in Pa/s."""
         swept = self.diaphragm.area * velocity * pressure
@@ -206,12 +233,11 @@ class DesignModel(Part):
         motion = Motion(position, velocity, ambient, turbine)
         load, vane_rates = self.vane_load(motion, state.vanes)
         resistance = self.friction_force(velocity, state.deflection) + load
-        flow = self.flow_map(duty, pressure, ambient)
         return DesignState(
             velocity,
             self.acceleration(position, velocity, resistance, pressure, ambient),
             self.deflection_rate(velocity, state.deflection),
-            self.pressure_rate(flow, position, velocity, pressure),
+            self.map_rate(duty, position, velocity, pressure, ambient),
             vane_rates,
         )
 

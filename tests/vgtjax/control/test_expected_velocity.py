@@ -15,7 +15,8 @@ from vgtjax.control import (
     Sensors,
     close_loop,
 )
-from vgtjax.control.controllers._load_backstepping import _following, _velocity_lag
+from vgtjax.control._base import room
+from vgtjax.control.controllers._load_backstepping import NEAR_LIMIT, _velocity_lag
 
 PERIOD = 1e-3
 JUMPS = np.random.default_rng(3).uniform(-30.0, 30.0, 400)
@@ -94,7 +95,7 @@ def test_the_lag_is_what_the_reference_gains_meanwhile_and_ends_with_it(duty, sh
     asked = control.Reference(nothing, *map(jnp.asarray, (velocity, acceleration)), nothing)
 
     def sample(lag, reference):
-        lag = _velocity_lag(lag, _following(jnp.asarray(duty)), reference, PERIOD)
+        lag = _velocity_lag(lag, room(jnp.asarray(duty), NEAR_LIMIT), reference, PERIOD)
         return lag, lag
 
     lag = np.asarray(jax.lax.scan(sample, jnp.asarray(0.0), asked)[1])

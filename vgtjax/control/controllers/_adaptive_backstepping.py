@@ -9,9 +9,8 @@ import jax.numpy as jnp
 
 from ..._types import Scalar
 from ...parameters import parameter
-from ...parts import FULL_DUTY
 from ...plants import AbstractPlant
-from .._base import AbstractController, Log, Measurement, Memory, Reference
+from .._base import AbstractController, Log, Measurement, Memory, Reference, room
 from .._design import Condition, positive
 from .._design_model import DesignModel, Motion, lighter
 from ..observers import (
@@ -256,7 +255,7 @@ class AdaptiveBackstepping(AbstractController):
         duty = self._duty(at, now, errors, _per_second(now, idle, period))
         kept = 1 / (1 + period / self.forgetting_time)
         decayed = AdaptiveEstimate(idle.friction, kept * idle.load, kept * idle.drift)
-        free = jnp.clip(jnp.minimum(duty, FULL_DUTY - duty) / NEARLY_SATURATED, 0.0, 1.0)
+        free = room(duty, NEARLY_SATURATED)
         return jax.tree.map(lambda one, other: other + free * (one - other), learned, decayed)
 
     def _step(self, now: AdaptiveEstimate, errors: Errors, velocity: Scalar, period: float) -> AdaptiveEstimate:

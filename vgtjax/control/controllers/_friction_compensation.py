@@ -114,9 +114,8 @@ class FrictionCompensation(AbstractController):
         return ObserverState(deflection, vanes, memory), duty, log
 
     def _observe(self, deflection: Scalar, velocity: Scalar, error: Scalar, period: float) -> tuple[Scalar, Scalar]:
-        """One implicit Euler step, as fast sliding relaxes within less than a sample; and the friction force in N."""
-        relaxed = 1 + period * self.friction.relaxation_rate(velocity)
-        onward = (deflection + period * (velocity - self.observer_gain * error)) / relaxed
+        """A deflection in m one sample later, and the friction force in N."""
+        onward = self.friction.deflection_after(deflection, velocity - self.observer_gain * error, velocity, period)
         return onward, self.load * self.friction.unloaded_force(onward, (onward - deflection) / period, velocity)
 
 

@@ -7,9 +7,8 @@ import jax.numpy as jnp
 
 from ..._types import Scalar
 from ...parameters import parameter
-from ...parts import FULL_DUTY
 from ...plants import AbstractPlant
-from .._base import AbstractController, Log, Measurement, Memory, Reference, saturate
+from .._base import AbstractController, Log, Measurement, Memory, Reference, room, saturate
 from .._design import Condition, positive
 from .._design_model import DesignModel, lighter
 from ..observers import AbstractDifferentiator, LevantDifferentiator, LoadEstimate, LoadObserver
@@ -69,7 +68,8 @@ class LoadBackstepping(AbstractController):
 
     def conditions(self) -> dict[str, Condition]:
         """Errors of the velocity are those of a mass with spring and damper; their damping is positive."""
-        bound = self.position_gain - self._damping / self.observer.model.diaphragm.mass
+        model = self.observer.model
+        bound = self.position_gain - model.sliding_damping / model.diaphragm.mass
         return positive(self, "position_gain", "pressure_gain") | {
             "pressure_gain above its bound": Condition(
                 (self.pressure_gain - bound) / self.position_gain,
@@ -96,7 +96,7 @@ class LoadBackstepping(AbstractController):
         `level`, the `pressure_deviation` in Pa, and the `wanted_pressure` in Pa absolute of the flow map.
         """
         # This velocity only drives the bristles, whose force is bounded: an error that stays for a while does no harm.
-        follows = _following(state.duty) * self.observer.free(state.estimate)
+        follows = room(state.duty, NEAR_LIMIT) * self.observer.free(state.estimate)
         lag = _velocity_lag(state.lag, follows, reference, period)
         position, ambient = measurement.position, measurement.ambient
         memory, slow = self.differentiator.update(state.differentiator, position, period, reference.velocity - lag)
@@ -133,34 +133,23 @@ class LoadBackstepping(AbstractController):
         model = self.observer.model
         elastic = model.load * model.friction.bristle_stiffness * (1 + estimate.level) * estimate.deflection_rate
         body = model.diaphragm
-        braking = self._damping * wanted.acceleration + body.mass * wanted.jerk
+        braking = model.sliding_damping * wanted.acceleration + body.mass * wanted.jerk
         return -(body.stiffness * wanted.velocity + elastic + braking) / body.area
 
     def lyapunov(self, estimate: LoadEstimate, reference: Reference, ambient: Scalar) -> Scalar:
         """`V_C` in m2/s4: the energy of the mass, spring and damper that the velocity's error is, over its mass."""
         body, wanted = self.observer.model.diaphragm, self.wanted(estimate, reference, ambient)
         surface = estimate.velocity - wanted.velocity
-        braking = self._damping / body.mass + self.velocity_gain
+        braking = self.observer.model.sliding_damping / body.mass + self.velocity_gain
         surface_rate = -braking * surface - body.area / body.mass * (estimate.pressure - wanted.pressure)
         stiffness = body.stiffness / body.mass + self.pressure_gain * braking
         return 0.5 * (surface_rate**2 + stiffness * surface**2)
-
-    @property
-    def _damping(self) -> Scalar:
-        """`b` in N s/m: of the rod that slides."""
-        model = self.observer.model
-        return model.diaphragm.damping + model.load * model.friction.viscous_damping
 
     def _duty(self, estimate: LoadEstimate, wanted: Wanted, ambient: Scalar) -> Scalar:
         model = self.observer.model
         rate = self.wanted_rate(estimate, wanted) - self.pressure_gain * (estimate.pressure - wanted.pressure)
         flow = model.flow_for(rate, estimate.position, estimate.velocity, estimate.pressure)
         return model.flow_map.duty_for(flow, estimate.pressure, ambient)
-
-
-def _following(duty: Scalar) -> Scalar:
-    """From 1, where the last duty in percent leaves room, to 0 at its limits."""
-    return jnp.clip(jnp.minimum(duty, FULL_DUTY - duty) / NEAR_LIMIT, 0.0, 1.0)
 
 
 def _velocity_lag(lag: Scalar, follows: Scalar, reference: Reference, period: float) -> Scalar:

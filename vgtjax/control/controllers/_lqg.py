@@ -14,7 +14,7 @@ from ..._types import Scalar
 from ...parameters import parameter
 from ...plants import AbstractPlant
 from .._base import AbstractController, Log, Measurement, Reference, saturate
-from .._design_model import DesignModel, lugre_of
+from .._design_model import DesignModel
 from ..surroundings import POSITION_NOISE
 
 PERIOD = 1e-3
@@ -90,7 +90,7 @@ class LQG(AbstractController):
     @classmethod
     def for_plant(cls, plant: AbstractPlant, *, period: float = PERIOD, **settings: Any) -> "LQG":
         """Designed for the plant's [`DesignModel`][], for samples of `period` s and noise of an assumed sensor."""
-        model = linearise(DesignModel.for_plant(plant), plant, period)
+        model = linearise(DesignModel.for_plant(plant), period)
         feedback, correction = design(model)
         return cls(**{"feedback": feedback, "correction": correction, "model": model} | settings)
 
@@ -121,17 +121,16 @@ class LQG(AbstractController):
         return LQGState(estimate, saturate(command) - model.duty), command, log
 
 
-def linearise(model: DesignModel, plant: AbstractPlant, period: float) -> LinearModel:
+def linearise(model: DesignModel, period: float) -> LinearModel:
     """A design model about the middle of its travel, sliding: its dry friction is a load. One sample is `period` s."""
-    body, ambient = model.diaphragm, plant.air.pressure
+    body, ambient, damping = model.diaphragm, model.air.pressure, model.sliding_damping
     position = body.middle
     pressure = body.balance_pressure(ambient, position)
     duty = model.flow_map.duty_for(jnp.zeros_like(pressure), pressure, ambient)
-    damping = body.damping + model.load * lugre_of(plant).viscous_damping
 
     # Slopes at rest are those of a plunger between its seats, and hold for a hundredth of the duty that control uses.
     def flow(pressure: Scalar, duty: Scalar) -> Scalar:
-        return model.pressure_rate(model.flow_map(duty, pressure, ambient), position, jnp.zeros_like(duty), pressure)
+        return model.map_rate(duty, position, jnp.zeros_like(duty), pressure, ambient)
 
     by_pressure = (flow(pressure + PRESSURE_SPAN, duty) - flow(pressure - PRESSURE_SPAN, duty)) / (2 * PRESSURE_SPAN)
     by_duty = (flow(pressure, duty + DUTY_SPAN) - flow(pressure, duty - DUTY_SPAN)) / (2 * DUTY_SPAN)

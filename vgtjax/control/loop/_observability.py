@@ -6,8 +6,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..._errors import InputError
+from .._design_model import SECANT
 from ..controllers import LoadBackstepping
-from ..observers import SECANT, LoadEstimate, transition
+from ..observers import LoadEstimate, transition
 from ._loop import ClosedLoop
 from ._replay import step_through
 

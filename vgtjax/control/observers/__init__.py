@@ -14,4 +14,4 @@ from ._friction_observer import (
     slide_slope as slide_slope,
 )
 from ._load_observer import LoadEstimate as LoadEstimate, LoadObserver as LoadObserver, transition as transition
-from ._pressure_observer import SECANT as SECANT, ObservedState as ObservedState, PressureObserver as PressureObserver
+from ._pressure_observer import ObservedState as ObservedState, PressureObserver as PressureObserver

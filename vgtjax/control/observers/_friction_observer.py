@@ -72,9 +72,9 @@ class DualFrictionObserver(AbstractDesign):
     def step(
         self, model: DesignModel, estimate: FrictionEstimate, velocity: Scalar, drive: Scalar, period: float
     ) -> FrictionEstimate:
-        """One sample later: an implicit Euler step for the bristles, as fast sliding relaxes within less than it."""
+        """One sample later."""
         pulled = velocity + self._injected(model, velocity, drive)
-        deflections = (estimate.deflections + period * pulled) / (1 + period * model.relaxation_rate(velocity))
+        deflections = model.friction.deflection_after(estimate.deflections, pulled, velocity, period)
         onward = estimate.coefficients + period * self._adapting(model, estimate, velocity, drive)
         nominal = nominal_coefficients(model)
         furthest = 2 * model.friction.static_force / model.friction.bristle_stiffness

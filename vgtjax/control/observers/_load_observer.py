@@ -11,9 +11,8 @@ from ..._types import Scalar
 from ...parameters import parameter
 from ...plants import AbstractPlant, require_converter
 from .._design import AbstractDesign, Condition, positive
-from .._design_model import DesignModel
+from .._design_model import SECANT, DesignModel
 from ..surroundings import POSITION_NOISE
-from ._pressure_observer import SECANT
 
 Mean = Float[Array, " 5"]
 Covariance = Float[Array, "5 5"]
@@ -147,8 +146,7 @@ class LoadObserver(AbstractDesign):
         **Arguments:** the `position` in m that was read; a velocity in m/s, `slow` enough that noise does not relax
         the bristles; atmosphere in Pa; `duty` in percent, held since the last sample; `period` in s.
         """
-        relaxed = 1 + period * self.model.relaxation_rate(slow)
-        deflection = (state.deflection + period * slow) / relaxed
+        deflection = self.model.friction.deflection_after(state.deflection, slow, slow, period)
         lagged = (self.plunger_time * state.duty + period * duty) / (self.plunger_time + period)
         rate = (deflection - state.deflection) / period
         driven = LoadEstimate(state.mean, state.covariance, deflection, rate, lagged, state.stop)
@@ -167,12 +165,11 @@ class LoadObserver(AbstractDesign):
         model = self.model
         position, velocity, pressure, load, level = state.mean
         resistance = self.friction(state, velocity) + load
-        flow = model.flow_map(state.duty, pressure, ambient)
         return jnp.stack(
             [
                 velocity,
                 model.acceleration(position, velocity, resistance, pressure, ambient),
-                model.pressure_rate(flow, position, velocity, pressure),
+                model.map_rate(state.duty, position, velocity, pressure, ambient),
                 -load / self.load_memory,
                 -level / self.level_memory,
             ]
@@ -254,24 +251,13 @@ def transition(
     **Arguments:** `secant`: Pa to either side over which the flow map's slope is taken.
     """
     h, model, right = period, observer.model, jnp.eye(5, dtype=state.mean.dtype)
-    body, (position, _, pressure, _, _) = model.diaphragm, state.mean
+    body, (position, velocity, pressure, _, _) = model.diaphragm, state.mean
     swept = model.exponent * body.area * pressure / model.volume(position)
     elastic = model.load * model.friction.bristle_stiffness * state.deflection
-    damping = body.damping + model.load * model.friction.viscous_damping
-    flows = 1 - h * _pressure_slope(model, state, ambient, secant)
+    flows = 1 - h * model.map_rate_slope(state.duty, position, velocity, pressure, ambient, secant)
     load = right[3] / (1 + h / observer.load_memory)
     level = right[4] / (1 + h / observer.level_memory)
     pull = body.stiffness * right[0] + body.area * right[2] / flows + load + elastic * level
-    inertia = 1 + h / body.mass * (damping + h * body.stiffness + h * body.area * swept / flows)
+    inertia = 1 + h / body.mass * (model.sliding_damping + h * body.stiffness + h * body.area * swept / flows)
     speed = (right[1] - h / body.mass * pull) / inertia
     return jnp.stack([right[0] + h * speed, speed, (right[2] + h * swept * speed) / flows, load, level])
-
-
-def _pressure_slope(model: DesignModel, state: LoadEstimate, ambient: Scalar, secant: float) -> Scalar:
-    """Of the pressure's rate over the pressure in 1/s, from a little below to a little above it."""
-    position, velocity, pressure, _, _ = state.mean
-
-    def rate(at: Scalar) -> Scalar:
-        return model.pressure_rate(model.flow_map(state.duty, at, ambient), position, velocity, at)
-
-    return (rate(pressure + secant) - rate(pressure - secant)) / (2 * secant)

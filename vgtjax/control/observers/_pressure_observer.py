@@ -21,9 +21,6 @@ PRESSURES = 41
 """Pressures, from a tenth of the atmosphere to all of it."""
 SPEEDS = 101
 """Speeds at which stability is checked."""
-SECANT = 1e3
-"""Pa to either side of a pressure between which the slope of the map is taken: at a knot its tangent jumps, and a step
-that is linearised by the tangent jumps with it."""
 HALVINGS = 8
 """Of the friction rate at most, until [5.21] holds for a plant."""
 
@@ -160,14 +157,16 @@ class PressureObserver(AbstractDesign):
         by_deflection = share * self.friction_rate * body.mass / model.friction.bristle_stiffness
         by_pressure = share * self.pressure_rate * body.mass / body.area
         # Every unknown is a constant plus a factor times the correction w.
-        decay = 1 + period * model.relaxation_rate(velocity)
-        deflection = Affine((state.deflection + period * velocity) / decay, -period * by_deflection / decay)
+        law, nothing = model.friction, jnp.zeros_like(velocity)
+        deflection = Affine(
+            law.deflection_after(state.deflection, velocity, velocity, period),
+            law.deflection_after(nothing, -by_deflection, velocity, period),
+        )
         pressure = self._pressure(state.pressure, motion, duty, period, by_pressure)
         vanes = model.vane_state_after(motion, state.vanes, period)
         friction = model.load * model.stiffness(velocity)
         resistance = friction * deflection.constant + model.vane_load(motion, vanes)[0]
-        still = jnp.zeros_like(velocity)
-        push = model.acceleration(motion.position, still, resistance, pressure.constant, motion.ambient)
+        push = model.acceleration(motion.position, nothing, resistance, pressure.constant, motion.ambient)
         lag = 1 + period * model.damping / body.mass
         by_w = 1 - (body.area * pressure.factor + friction * deflection.factor) / body.mass
         speed = Affine((state.velocity + period * push) / lag, period * by_w / lag)
@@ -176,13 +175,9 @@ class PressureObserver(AbstractDesign):
         return found, model.deflection_rate(velocity, found.deflection) - by_deflection * w
 
     def _pressure(self, pressure: Scalar, motion: Motion, duty: Scalar, period: float, by_pressure: Scalar) -> "Affine":
-        def rate(at: Scalar) -> Scalar:
-            flow = self.model.flow_map(duty, at, motion.ambient)
-            return self.model.pressure_rate(flow, motion.position, motion.velocity, at)
-
-        now, slope = rate(pressure), (rate(pressure + SECANT) - rate(pressure - SECANT)) / (2 * SECANT)
-        growth = 1 - period * slope
-        return Affine(pressure + period * now / growth, -period * by_pressure / growth)
+        at = (duty, motion.position, motion.velocity, pressure, motion.ambient)
+        growth = 1 - period * self.model.map_rate_slope(*at)
+        return Affine(pressure + period * self.model.map_rate(*at) / growth, -period * by_pressure / growth)
 
     def _correction(self, missing: Scalar, by_w: Scalar) -> Scalar:
         """`w` in m/s2, from `e2 = missing - by_w w`."""

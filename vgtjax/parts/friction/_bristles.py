@@ -83,6 +83,11 @@ class AbstractLuGre(AbstractFriction):
         """`sigma_0 |v| / g(v)` in 1/s."""
         return self.bristle_stiffness * jnp.abs(velocity) / self.stribeck(velocity)
 
+    def deflection_after(self, deflection: Values, pull: Values, velocity: Values, period: float) -> Values:
+        """Deflection in m a period in s later, by one step of implicit Euler, of bristles that are pulled at `pull` m/s
+        on a rod at a velocity in m/s: fast sliding relaxes within less than a sample."""
+        return (deflection + period * pull) / (1 + period * self.relaxation_rate(velocity))
+
     def damping(self, contact: Contact) -> Values:
         """`theta (sigma_1 + sigma_2)`, the slope while the bristles stick."""
         return self.theta(contact.vanes) * (self.bristle_damping + self.viscous_damping)
