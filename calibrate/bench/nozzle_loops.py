@@ -7,6 +7,7 @@ import numpy as np
 
 import vgtjax
 from vgtjax.control import POSITION_NOISE
+from vgtjax.traces import STANDARD_ATMOSPHERE
 
 from ..output.files import columns_csv, write_text
 
@@ -46,7 +47,7 @@ def record(values: dict[str, float], gauge: Sequence[float] = GAUGE, length: flo
     """Slow loops of an actuator with such values, as a bench records them."""
     model = vgtjax.replace_parameters(vgtjax.MechanicalActuator(vane_force=vgtjax.Turbine()), values)
     rng, clock = np.random.default_rng(SEED), np.arange(0, length, 1 / RATE)
-    pressure = 101013.0 - DEEPEST * np.clip(1 - np.abs(2 * clock / length - 1), 0, 1)
+    pressure = STANDARD_ATMOSPHERE - DEEPEST * np.clip(1 - np.abs(2 * clock / length - 1), 0, 1)
     traces = []
     for each in gauge:
         inputs = {"p_act": pressure, "p_trb": np.full_like(clock, each)}

@@ -232,11 +232,11 @@ def merge(model: eqx.Module, values: dict[str, Any], name: str, value: Any) -> d
 
 def passivity_note(model: Any) -> str | None:
     """A sentence where the friction of a model could give out energy, or `None`."""
-    margin = model.friction.passivity_margin()
-    if margin is None or margin > 0:
+    if model.friction.is_passive:
         return None
+    missing = -float(model.friction.passivity_margin())
     return (
-        f"friction is not passive: friction.viscous_damping must be {-float(margin):.4g} N s/m larger for it never to "
+        f"friction is not passive: friction.viscous_damping must be {missing:.4g} N s/m larger for it never to "
         "give out energy; friction = 'lugre-passive' holds a fit to that"
     )
 

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 
 from .._types import Scalar, Values
 from ..parameters import Part, parameter
+from ..traces import STANDARD_ATMOSPHERE
 from ._logarithm import log_of_ratio
 
 
@@ -33,7 +34,7 @@ class Air(AbstractIdealGas):
 
     gas_constant: Scalar = parameter(286.7, symbol="R", unit="J/(kg K)", source="B.2", held=True)
     heat_capacity_ratio: Scalar = parameter(1.396, symbol="gamma", unit="1", source="B.2", held=True, above=1.0)
-    pressure: Scalar = parameter(101013.0, symbol="p_atm", unit="Pa", source="B.2", held=True)
+    pressure: Scalar = parameter(STANDARD_ATMOSPHERE, symbol="p_atm", unit="Pa", source="B.2", held=True)
     temperature: Scalar = parameter(293.15, symbol="T_atm", unit="K", source="assumed", held=True)
     linear_above: float = eqx.field(static=True, default=0.9999)
 

@@ -144,9 +144,12 @@ class Converter(Part):
         for _ in range(self.magnetic_force.rest_iterations):
             pull = self.magnetic_force.steady_pull(pwm, position)
             force = self.static_force(pull, ambient, reservoir, pressure)
-            stiffness = self.membrane_stiffness + jnp.where(force > 0, self.return_spring_stiffness, 0.0)
-            position = force / stiffness
+            position = force / self.stiffness(force)
         return position
+
+    def stiffness(self, force: Values) -> Values:
+        """Of the plunger's springs in N/m, against a force in N: both above zero, the membrane alone below."""
+        return self.membrane_stiffness + jnp.where(force > 0, self.return_spring_stiffness, 0.0)
 
     def working_pressure(self, pwm: Values, ambient: Values, reservoir: Values) -> Values:
         """Chamber pressure in Pa at which the plunger rests closed, between reservoir and atmosphere [2.8]."""

@@ -21,8 +21,7 @@ def steady_force(friction: LuGre, velocity: Values) -> Values:
     The bristles have settled at `z = g(v) sign(v) / sigma_0`: neither `sigma_0` nor `sigma_1` acts. Zero at rest, where
     friction is whatever holds the rod.
     """
-    velocity = jnp.asarray(velocity)
-    return jnp.sign(velocity) * friction.stribeck(velocity) + friction.viscous_damping * velocity
+    return friction.steady_force(_contact(jnp.asarray(velocity)))
 
 
 def starting_force(friction: LuGre, velocity: Scalar, time: Values) -> Values:

@@ -10,6 +10,7 @@ from bad_traces import text
 from study_text import HEAD
 
 import vgtjax
+from calibrate.study.models import passivity_note
 from calibrate.study.read import EXAMPLE, load_study
 from calibrate.study.units import prepare
 
@@ -238,3 +239,12 @@ def test_the_example_that_ships_is_a_good_study():
 @pytest.mark.parametrize("path", sorted(EXAMPLE.parent.rglob("study.toml")), ids=lambda path: path.parent.name)
 def test_examples_say_that_their_data_are_simulated(path):
     assert "simulated" in load_study(path).data
+
+
+def test_friction_that_may_give_out_energy_is_said_by_how_much():
+    """At its bound it is passive, as the warning of the library has it."""
+    bound = float(vgtjax.LuGre().passivity_bound())
+    assert passivity_note(vgtjax.Actuator(friction=vgtjax.LuGre(viscous_damping=bound))) is None
+    with pytest.warns(vgtjax.PassivityWarning):
+        below = vgtjax.LuGre(viscous_damping=bound - 0.0614)
+    assert "must be 0.0614 N s/m larger" in passivity_note(vgtjax.Actuator(friction=below))

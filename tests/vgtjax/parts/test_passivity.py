@@ -36,6 +36,15 @@ def test_of_a_batch_the_worst_is_named():
         LuGre(viscous_damping=jnp.asarray([206.0, 10.0, 50.0]))
 
 
+def test_friction_at_its_bound_is_passive():
+    """As it is stated: at least so much. Of laws without a bound it always is, of a batch all of them are or not."""
+    assert LuGre(viscous_damping=LuGre().passivity_bound()).is_passive
+    with pytest.warns(PassivityWarning):
+        below = [LuGre(viscous_damping=0.999 * BOUND), LuGre(viscous_damping=np.array([206.0, 10.0]))]
+    assert not any(each.is_passive for each in below)
+    assert all(law.is_passive for law in (PassiveLuGre(), vgtjax.Dahl(), vgtjax.Coulomb(), AdaptiveLuGre()))
+
+
 def test_nothing_is_said_of_passive_parameters(recwarn):
     LuGre()
     LuGre(static_force=2.8, viscous_damping=0.0)

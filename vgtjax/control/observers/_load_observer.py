@@ -106,7 +106,7 @@ class LoadObserver(AbstractDesign):
         """On the plant's [`DesignModel`][] or another one, with the mean time constant of its plunger up and down."""
         model = DesignModel.for_plant(plant) if model is None else model
         valve = require_converter(plant, cls.__name__)
-        soft, stiff = valve.membrane_stiffness, valve.membrane_stiffness + valve.return_spring_stiffness
+        soft, stiff = (valve.stiffness(jnp.asarray(way)) for way in (-1.0, 1.0))
         lag = 0.5 * valve.plunger_damping * (1 / soft + 1 / stiff)
         return cls(**{"model": model, "plunger_time": lag} | settings)
 

@@ -122,7 +122,7 @@ def _lift(
         pull = converter.magnetic_force.steady_pull(duty, lift)
         begin = converter.static_force(pull, ambient, reservoir, p)
         end = converter.static_force(pull, ambient, reservoir_next, p_next)
-        springs = converter.membrane_stiffness + jnp.where(begin + end > 0, converter.return_spring_stiffness, 0.0)
+        springs = converter.stiffness(begin + end)
         lag = converter.plunger_damping / springs
         # Towards a rest that moves steadily, behind which the plunger stays by its lag.
         rest, moved = begin / springs, (end - begin) / springs

@@ -7,6 +7,7 @@ from jaxtyping import Array, Float, Int
 from ..._errors import InputError, is_traced
 from ..._types import Scalar, Values
 from ...parameters import parameter
+from ...traces import STANDARD_ATMOSPHERE
 from .._gas_table import require_knots
 from ._base import AbstractLiftMap
 
@@ -22,7 +23,7 @@ class LiftTable(AbstractLiftMap):
     )
     """Knots, increasing."""
     pressure: Float[Array, " pressures"] = parameter(
-        (2.0e4, 101013.0), symbol="p_act", unit="Pa", source="fitted", held=True
+        (2.0e4, STANDARD_ATMOSPHERE), symbol="p_act", unit="Pa", source="fitted", held=True
     )
     """Knots, increasing."""
     flow: Float[Array, " knots"] = parameter(
@@ -35,7 +36,7 @@ class LiftTable(AbstractLiftMap):
         axes=("position", "pressure"),
     )
     """A row of pressures for every position, one row after the other."""
-    ambient: Scalar = parameter(101013.0, symbol="p_map", unit="Pa", source="B.2", held=True)
+    ambient: Scalar = parameter(STANDARD_ATMOSPHERE, symbol="p_map", unit="Pa", source="B.2", held=True)
 
     def __check_init__(self) -> None:
         if is_traced(self.position, self.pressure, self.flow):

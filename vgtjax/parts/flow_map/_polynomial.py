@@ -6,6 +6,7 @@ from jaxtyping import Array, Bool, Float
 
 from ..._types import Scalar, Values
 from ...parameters import parameter
+from ...traces import STANDARD_ATMOSPHERE
 from ._base import FULL_DUTY, AbstractFlowMap
 from ._roots import polynomial, slope
 
@@ -34,8 +35,8 @@ class PolynomialFlow(AbstractFlowMap):
         held=True,
     )
     """`b1, b2`."""
-    ambient: Scalar = parameter(101013.0, symbol="p_map", unit="Pa", source="B.2", held=True)
-    pressure_range: tuple[float, float] = eqx.field(static=True, default=(29368.2, 101013.0))
+    ambient: Scalar = parameter(STANDARD_ATMOSPHERE, symbol="p_map", unit="Pa", source="B.2", held=True)
+    pressure_range: tuple[float, float] = eqx.field(static=True, default=(29368.2, STANDARD_ATMOSPHERE))
     """Pa absolute; where it was fitted."""
 
     def __call__(self, duty: Values, pressure: Values, ambient: Values | None = None) -> Values:

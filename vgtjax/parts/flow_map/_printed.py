@@ -6,6 +6,7 @@ from jaxtyping import Array, Bool, Float
 
 from ..._types import Scalar, Values
 from ...parameters import parameter
+from ...traces import STANDARD_ATMOSPHERE
 from ._base import FULL_DUTY, AbstractFlowMap, duty_by_bisection, equilibrium_pressure
 from ._roots import polynomial, slope
 
@@ -37,7 +38,7 @@ class PrintedFlow(AbstractFlowMap):
         held=True,
     )
     equilibrium: Float[Array, " 5"] = equilibrium_pressure()
-    ambient: Scalar = parameter(101013.0, symbol="p_map", unit="Pa", source="B.2", held=True)
+    ambient: Scalar = parameter(STANDARD_ATMOSPHERE, symbol="p_map", unit="Pa", source="B.2", held=True)
     difference_range: tuple[float, float] = eqx.field(static=True, default=(-720.0, 440.0))
     """mbar; none is printed. Within it flow falls with pressure, and with duty from 1 % upwards."""
 

@@ -59,7 +59,7 @@ class AdaptiveLuGre(AbstractLuGre, AbstractGasTables):
 
     def passivity_margin(self) -> Values:
         """`sigma_2` beyond its bound; while the load changes, friction may store and give back what it changes."""
-        return self.viscous_damping - self.passivity_bound()
+        return self.spare_damping()
 
     def theta(self, vanes: Vanes) -> Values:
         """How many times its friction without exhaust gas the contact has; one at zero gauge pressure [3.20]."""

@@ -5,6 +5,7 @@ from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, PyTree
 
 from ..._types import StateLeaf, Values
@@ -86,6 +87,12 @@ class AbstractFriction(Part):
 
         `None` for friction that can't whatever its parameters are.
         """
+
+    @property
+    def is_passive(self) -> bool:
+        """Whether it never gives out energy; of many, whether none does."""
+        margin = self.passivity_margin()
+        return margin is None or bool(np.all(np.asarray(margin) >= 0))
 
     @abc.abstractmethod
     def dry(self) -> DryFriction | None:

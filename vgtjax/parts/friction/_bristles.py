@@ -1,12 +1,14 @@
 """The law of LuGre friction, for every choice of parameters [3.6-3.7] (Canudas de Wit et al., 1995)."""
 
 import abc
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
-from ..._errors import InputError
+from ..._errors import InputError, is_traced
 from ..._types import Scalar, StateLeaf, Values
 from .._vanes import Vanes
 from ._base import AbstractFriction, Contact, DryFriction
@@ -45,6 +47,13 @@ class AbstractLuGre(AbstractFriction):
     def passivity_bound(self) -> Values:
         """The least viscous damping in N s/m with which friction is passive, `sigma_1 (F_s - F_c) / F_c`."""
         return least_damping(self.static_force, self.coulomb_force, self.bristle_damping)
+
+    def spare_damping(self) -> Values:
+        """`sigma_2` beyond that bound in N s/m."""
+        values = (self.static_force, self.coulomb_force, self.bristle_damping, self.viscous_damping)
+        # NumPy where it will do: outside of jit every operation of JAX would be compiled by itself.
+        static, coulomb, bristle, viscous = values if is_traced(values) else map(np.asarray, values)
+        return viscous - least_damping(static, coulomb, bristle)
 
     def initial_state(self) -> Bristle:
         """A relaxed bristle."""
@@ -126,5 +135,6 @@ class AbstractLuGre(AbstractFriction):
 
 def least_damping(static_force: Values, coulomb_force: Values, bristle_damping: Values) -> Values:
     """The bound of [`AbstractLuGre.passivity_bound`][] in N s/m."""
-    smaller = jnp.maximum(jnp.minimum(static_force, coulomb_force), SMALLEST_FORCE)
+    numbers: Any = jnp if is_traced(static_force, coulomb_force) else np
+    smaller = numbers.maximum(numbers.minimum(static_force, coulomb_force), SMALLEST_FORCE)
     return bristle_damping * abs(static_force - coulomb_force) / smaller

@@ -9,7 +9,7 @@ from ..._errors import is_traced
 from ..._types import Scalar, Values
 from ...parameters import parameter
 from .._vanes import Vanes
-from ._bristles import SMALLEST_FORCE, AbstractLuGre
+from ._bristles import AbstractLuGre
 
 
 class PassivityWarning(UserWarning):
@@ -37,7 +37,7 @@ class LuGre(AbstractLuGre):
 
     def passivity_margin(self) -> Values:
         """`sigma_2` beyond its bound."""
-        return self.viscous_damping - self.passivity_bound()
+        return self.spare_damping()
 
     def theta(self, vanes: Vanes) -> float:
         """One: exhaust gas has no say."""
@@ -46,18 +46,14 @@ class LuGre(AbstractLuGre):
 
 def warn_unless_passive(friction: AbstractLuGre) -> None:
     """Warns of friction that can generate energy; says nothing while its parameters are traced."""
-    values = (friction.static_force, friction.coulomb_force, friction.bristle_damping, friction.viscous_damping)
-    if is_traced(values):
+    if is_traced(friction) or friction.is_passive:
         return
-    # NumPy: outside of jit every operation of JAX would be compiled by itself.
-    static, coulomb, bristle, viscous = np.broadcast_arrays(*(np.asarray(value) for value in values))
-    least = bristle * abs(static - coulomb) / np.maximum(np.minimum(static, coulomb), SMALLEST_FORCE)
-    worst = np.argmax(least - viscous)
-    if np.any(viscous < least):
-        warnings.warn(
-            f"friction.viscous_damping must be at least {least.flat[worst]:.6g} N s/m for passive LuGre friction, "
-            f"but it is {viscous.flat[worst]:.6g} and may generate energy; raise it, lower bristle_damping, or use "
-            "PassiveLuGre",
-            PassivityWarning,
-            stacklevel=4,
-        )
+    spare, viscous = np.broadcast_arrays(friction.spare_damping(), friction.viscous_damping)
+    worst = np.argmin(spare)
+    warnings.warn(
+        f"friction.viscous_damping must be at least {(viscous - spare).flat[worst]:.6g} N s/m for passive LuGre "
+        f"friction, but it is {viscous.flat[worst]:.6g} and may generate energy; raise it, lower bristle_damping, or "
+        "use PassiveLuGre",
+        PassivityWarning,
+        stacklevel=4,
+    )

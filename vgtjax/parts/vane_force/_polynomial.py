@@ -9,6 +9,7 @@ from jaxtyping import Array, Float
 
 from ..._types import Scalar, Values
 from ...parameters import parameter
+from ...traces import STANDARD_ATMOSPHERE
 from .._vanes import Crank, Vanes
 from ._base import AbstractStatelessVaneForce
 
@@ -39,7 +40,7 @@ class ForcePolynomial(AbstractStatelessVaneForce):
         PRINTED, symbol="a", unit=tuple(_unit(*power) for power in POWERS), source="3.15", positive=False
     )
     """In the order of `POWERS`."""
-    ambient_pressure: Scalar = parameter(101013.0, symbol="p_atm", unit="Pa", source="B.2", held=True)
+    ambient_pressure: Scalar = parameter(STANDARD_ATMOSPHERE, symbol="p_atm", unit="Pa", source="B.2", held=True)
     """Pa absolute at the turbine's outlet, on a day with the standard atmosphere."""
     crank: Crank = eqx.field(default_factory=Crank)
     angle_range: tuple[float, float] = eqx.field(static=True, default=(4.0, 36.0))

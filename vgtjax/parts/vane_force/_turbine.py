@@ -10,7 +10,7 @@ from jaxtyping import Array
 from ..._errors import is_traced, require_finite, require_positive
 from ..._types import Scalar, Values
 from ...parameters import Part, as_float_array, parameter
-from ...traces import Drive
+from ...traces import STANDARD_ATMOSPHERE, Drive
 from ...turbine import CELLS, Flow, Gas, Nozzle
 from .._tabulated import AbstractTabulated, Rows
 from .._vanes import Crank, Vanes
@@ -65,7 +65,7 @@ class Turbine(AbstractStatelessVaneForce, AbstractTabulated):
         WHEEL_SPEED, symbol="Omega", unit="rad/s", source="assumed", held=True, optional=True
     )
     """Of a wheel that turns at one speed whatever the pressure, in place of the ratio."""
-    ambient_pressure: Scalar = parameter(101013.0, symbol="p_atm", unit="Pa", source="B.2", held=True)
+    ambient_pressure: Scalar = parameter(STANDARD_ATMOSPHERE, symbol="p_atm", unit="Pa", source="B.2", held=True)
     """Pa absolute, from which turbine pressure counts on a day with the standard atmosphere."""
     crank: Crank = eqx.field(default_factory=Crank)
     _made: tuple[tuple[Array, ...], ForceTable] | None = None
@@ -78,7 +78,7 @@ class Turbine(AbstractStatelessVaneForce, AbstractTabulated):
         total_temperature: float | Scalar = TOTAL_TEMPERATURE,
         outlet_pressure: float | Scalar = OUTLET_PRESSURE,
         speed_ratio: float | Scalar | None = None,
-        ambient_pressure: float | Scalar = 101013.0,
+        ambient_pressure: float | Scalar = STANDARD_ATMOSPHERE,
         crank: Crank | None = None,
         wheel_speed: float | Scalar | None = None,
     ):
