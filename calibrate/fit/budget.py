@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from vgtjax.estimation import Calibration
-from vgtjax.parameters import parameter_table, table_row
 
 
 @dataclasses.dataclass(frozen=True)
@@ -33,13 +32,12 @@ class BudgetRow:
 
 def budget_rows(calibration: Calibration) -> list[BudgetRow]:
     """Of every value that the traces determine."""
-    budget, table = calibration.budget, parameter_table(calibration.task.model)
-    rows = []
-    for number, name in enumerate(calibration.task.selection.entries):
+    budget, rows = calibration.budget, []
+    for number, (name, found) in enumerate(calibration.estimates.items()):
         noise, scatter = float(budget.noise[number]), float(budget.scatter[number])
         moved = {source: float(each[number]) for source, each in budget.moved.items()}
         combined, windowed = float(budget.combined[number]), float(budget.windowed[number])
-        row = BudgetRow(name, str(table_row(table, name).unit), noise, scatter, moved, combined, windowed)
+        row = BudgetRow(name, found.unit, noise, scatter, moved, combined, windowed)
         if np.isfinite(row.combined):
             rows.append(row)
     return rows

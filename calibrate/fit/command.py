@@ -228,7 +228,7 @@ def _of_the_search(calibration: Calibration) -> dict[str, Any]:
         "corrections": {
             "count": progress.corrections,
             "settled": progress.settled,
-            "moved": dict(zip(calibration.task.selection.entries, finite(calibration.shifts), strict=True)),
+            "moved": dict(zip(calibration, finite(calibration.shifts), strict=True)),
         },
         "starts": [
             {"start": number, "cost": cost, "steps": steps, "status": status}

@@ -67,16 +67,15 @@ def sample(end: End, draws: int, folder: pathlib.Path, who: str) -> Posterior:
 
 def rows(posterior: Posterior, calibration: Calibration) -> list[Row]:
     """Every determined entry; `calibration` has the linear interval of it."""
-    entries = list(calibration.task.selection.entries)
     # The draws know of the noise only, so the other parts of an error are left out of what they are compared with.
-    shares = calibration.budget.noise / calibration.std_errors
+    by_noise = dict(zip(calibration, calibration.budget.noise.tolist(), strict=True))
     found = []
     for number, name in enumerate(posterior.entries):
-        if name not in entries:
+        if name not in by_noise:
             continue
-        place = entries.index(name)
+        known = calibration[name]
         low, high = posterior.intervals[number].tolist()
-        linear = float(np.ptp(calibration.intervals[place])) * float(shares[place])
+        linear = float(np.ptp(known.interval)) * (by_noise[name] / known.std_error)
         found.append(
             Row(
                 name,

@@ -27,7 +27,7 @@ def render(job: Job, unit: Unit, fitted: Fitted, table: list[Entry]) -> str:
     """The report of one unit as HTML, with plots, their library and the study inside."""
     calibration, around = fitted.calibration, fitted.around
     known = calibration.uncertainty.determined
-    entries = [e for e, is_known in zip(calibration.task.selection.entries, known, strict=True) if is_known]
+    entries = [e for e, is_known in zip(calibration, known, strict=True) if is_known]
     covariance = calibration.covariance[np.ix_(known, known)]
     cost, sources = 2 * np.asarray(calibration.progress.history), list(calibration.budget.moved)
     return render_page(
@@ -55,7 +55,7 @@ def render(job: Job, unit: Unit, fitted: Fitted, table: list[Entry]) -> str:
             "noise by windows",
         ],
         decisions=decisions(fitted, table),
-        shifts=dict(zip(calibration.task.selection.entries, calibration.shifts.tolist(), strict=True)),
+        shifts=dict(zip(calibration, calibration.shifts.tolist(), strict=True)),
         passivity=passivity_note(calibration.model),
         **model_sections(calibration.model, calibration.traces),
         convergence=figures.convergence_figure(cost, "chi^2 / N"),

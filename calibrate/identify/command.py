@@ -9,15 +9,15 @@ import numpy as np
 
 import vgtjax
 from vgtjax import SimulationError
-from vgtjax.estimation import TraceResult, compare, plan_task
+from vgtjax.estimation import Estimate, TraceResult, compare, plan_task
 from vgtjax.identification import Identified, identify
-from vgtjax.parameters import move_inside
+from vgtjax.parameters import move_inside, table_row
 
 from ..output.console import console
 from ..output.files import REPORT, SUMMARY, finite, write_json, write_text
 from ..output.sections import model_sections, trace_summary
 from ..resumable import Folders, run_units
-from ..study.parameter_file import Estimate, by_entry, tabulate, to_json
+from ..study.parameter_file import by_entry, tabulate, to_json
 from ..study.units import Job, Unit, prepare
 from ..workers import each_unit
 from .report import render, render_overview
@@ -71,10 +71,16 @@ def _identify_unit(job: Job, unit: Unit, folder: pathlib.Path) -> None:
 
 def _estimates(model: vgtjax.AbstractModel, found: list[Identified], unit: Unit) -> dict[str, Estimate]:
     """Standard errors by entry, of the last test that determined each."""
-    every = vgtjax.select(model, free=["*"])
+    table, every = vgtjax.parameter_table(model), vgtjax.select(model, free=["*"])
     values = dict(zip(every.entries, every.values(model).tolist(), strict=True))
     return {
-        entry: Estimate(float(error), values[entry] in unit.bounds.get(entry, (None, None)), bool(np.isfinite(error)))
+        entry: Estimate(
+            values[entry],
+            str(table_row(table, entry).unit),
+            float(error),
+            at_bound=values[entry] in unit.bounds.get(entry, (None, None)),
+            determined=bool(np.isfinite(error)),
+        )
         for result in found
         for entry, error in by_entry(result.std_errors).items()
         if entry in values

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 import vgtjax
-from vgtjax.estimation import Around, Calibration, ConfidenceInterval, TraceResult
+from vgtjax.estimation import Around, Calibration, ConfidenceInterval, Estimate, TraceResult
 from vgtjax.parameters import Bounds
 from vgtjax.plants import on_given_knots
 
@@ -40,18 +40,12 @@ class Entry:
     source: str
 
 
-@dataclasses.dataclass(frozen=True)
-class Estimate:
-    """What is known of an entry, in the unit of the table; by default as of one that is held."""
-
-    std_error: float = math.nan
-    at_bound: bool = False
-    identifiable: bool = False
-    interval: ConfidenceInterval | None = None
-
-
 def tabulate(
-    start: eqx.Module, model: eqx.Module, estimates: dict[str, Estimate], bounds: Bounds, names: Sequence[str] = ("*",)
+    start: eqx.Module,
+    model: eqx.Module,
+    estimates: Mapping[str, Estimate],
+    bounds: Bounds,
+    names: Sequence[str] = ("*",),
 ) -> list[Entry]:
     """Every entry of a model or a controller beside its start, the estimated ones and the others, or of `names`.
 
@@ -63,11 +57,18 @@ def tabulate(
     initials = everything.values(on_given_knots(start, values_of(model))).tolist()
     found = []
     for name, value, initial in zip(everything.entries, values, initials, strict=True):
-        row, estimate = vgtjax.parameters.table_row(table, name), estimates.get(name, Estimate())
-        error, ends = finite(estimate.std_error), bounds.get(name, (None, None))
-        numbers = (value, initial, error, name in estimates, *ends, estimate.at_bound, estimate.identifiable)
-        found.append(Entry(name, row.symbol, str(row.unit), *numbers, estimate.interval, row.assumed, row.source))
+        row = vgtjax.parameters.table_row(table, name)
+        known = estimates.get(name, Estimate(value, str(row.unit)))
+        error, ends = finite(known.std_error), bounds.get(name, (None, None))
+        numbers = (value, initial, error, name in estimates, *ends, known.at_bound, known.determined)
+        found.append(Entry(name, row.symbol, str(row.unit), *numbers, _ends(known), row.assumed, row.source))
     return found
+
+
+def _ends(known: Estimate) -> ConfidenceInterval | None:
+    """As JSON has an interval: an open end is `None`, and so is the whole that has none."""
+    low, high = finite(known.interval)
+    return None if low is None and high is None else (low, high)
 
 
 def calibrated(calibration: Calibration, around: Around | None = None, *, usable: bool = True) -> list[Entry]:
@@ -76,17 +77,10 @@ def calibrated(calibration: Calibration, around: Around | None = None, *, usable
     **Arguments:** `around`: the misfit around the end, whose intervals take the place of the linear ones;
     `usable`: whether the fit stands behind its values at all.
     """
-    entries = calibration.task.selection.entries
-    known = (calibration.determined if around is None else around.determined(calibration)) & usable
-    intervals = {
-        entry: tuple(found) if np.all(np.isfinite(found)) else None
-        for entry, found in zip(entries, calibration.intervals.tolist(), strict=True)
-    }
-    if around is not None:
-        intervals |= around.intervals(calibration)
-    columns = zip(entries, calibration.std_errors.tolist(), calibration.at_bound.tolist(), known.tolist(), strict=True)
-    estimates = {entry: Estimate(error, end, told, intervals[entry]) for entry, error, end, told in columns}
-    return tabulate(calibration.task.plant, calibration.model, estimates, calibration.task.bounds)
+    found = calibration.estimates if around is None else around.estimates(calibration)
+    if not usable:
+        found = {entry: dataclasses.replace(each, determined=False) for entry, each in found.items()}
+    return tabulate(calibration.task.plant, calibration.model, found, calibration.task.bounds)
 
 
 def by_entry(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -140,7 +134,7 @@ def covariance(calibration: Calibration) -> dict[str, Any]:
     """Covariance of a fit's errors in the units of the table; `None` for what has none."""
     known = calibration.uncertainty.determined
     matrix = np.where(known & known[:, None], calibration.covariance, np.nan)
-    return {"entries": list(calibration.task.selection.entries), "matrix": finite(matrix)}
+    return {"entries": list(calibration), "matrix": finite(matrix)}
 
 
 def to_json(study: Study, found: list[Entry], **more: dict[str, Any]) -> dict[str, Any]:

@@ -8,6 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from vgtjax.control import Margins
+from vgtjax.estimation import Estimate
+from vgtjax.parameters import parameter_table, table_row
 from vgtjax.tuning import (
     TERMS,
     CaseCosts,
@@ -24,7 +26,7 @@ from ..output.closed_loops import worst_of_each
 from ..output.files import finite
 from ..output.margins import list_margins
 from ..output.sliding import list_sliding, warnings
-from ..study.parameter_file import Entry, Estimate, tabulate
+from ..study.parameter_file import Entry, tabulate
 from .job import TuneJob
 
 
@@ -151,6 +153,12 @@ def gain_entries(job: TuneJob, coordinates: np.ndarray) -> list[Entry]:
     # A short memory: derivatives of a longer one may overflow.
     bends = job.smooth.linearise(coordinates, min(job.smooth.memories)).curvatures.sum(0)
     felt = (np.diag(bends) > 0).tolist()
-    found = zip(job.true.selection.entries, at_bound, felt, strict=True)
+    table, selection = parameter_table(tuned), job.true.selection
+    found = {
+        name: Estimate(value, str(table_row(table, name).unit), at_bound=is_end, determined=is_felt)
+        for name, value, is_end, is_felt in zip(
+            selection.entries, selection.values(tuned).tolist(), at_bound, felt, strict=True
+        )
+    }
     names = dict.fromkeys([*gain_names(start), *job.study.control.gains])
-    return tabulate(start, tuned, {name: Estimate(math.nan, *flags) for name, *flags in found}, job.bounds, [*names])
+    return tabulate(start, tuned, found, job.bounds, [*names])

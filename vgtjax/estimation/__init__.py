@@ -1,11 +1,6 @@
 """Estimation: exact Jacobians, weighted residuals, Levenberg-Marquardt, and what the data can tell."""
 
-from ._calibration import (
-    Calibration as Calibration,
-    Comparison as Comparison,
-    TraceResult as TraceResult,
-    compare as compare,
-)
+from ._calibration import Calibration as Calibration
 from ._calibrator import (
     Calibrator as Calibrator,
     asked_first as asked_first,
@@ -15,6 +10,8 @@ from ._calibrator import (
     start_calibration as start_calibration,
     starting as starting,
 )
+from ._comparison import Comparison as Comparison, TraceResult as TraceResult, compare as compare
+from ._estimate import Estimate as Estimate
 from ._found import MEETS as MEETS, found_besides as found_besides, traces_met as traces_met
 from ._least_squares import (
     FAINT as FAINT,

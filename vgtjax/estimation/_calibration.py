@@ -1,107 +1,32 @@
 """What came of a calibration: values, errors, and how every trace is met."""
 
 import dataclasses
+import functools
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from .._printing import Cells, Printed
-from ..parameters import Transform, parameter_table, table_row
+from ..parameters import Transform, parameter_table, table_row, unknown_name
 from ..plants import AbstractModel
 from ..traces import SIGNALS, Trace
+from ._comparison import TraceResult
+from ._estimate import Estimate
 from ._least_squares import NORMAL_95, LeastSquares
 from ._task import RUNAWAY, Task
-from .derivatives import CHANNELS, Bundle, Computation, Evaluation, ask, bundle_traces, run_alone
 from .errors import Budget, taken_for_exact
-from .measurements import (
-    InputSensor,
-    Sensor,
-    Sensors,
-    by_trace,
-    in_seconds,
-    left_over_noise,
-    read_duties,
-    sample_interval,
-    white_sensors,
-)
+from .measurements import InputSensor, Sensors, in_seconds, left_over_noise, sample_interval
 from .search import Progress
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Comparison:
-    """One channel of a trace against a model, at the channel's own valid samples, each array `(samples,)`.
-
-    `time` in s; `measured`, `simulated` in m or Pa, and `noise`, the standard deviation of the sensor's. `error` is the
-    standard error of `simulated` by those of the parameters, to first order; `None` where these are not known.
-    """
-
-    time: Float[np.ndarray, " samples"]
-    measured: Float[np.ndarray, " samples"]
-    simulated: Float[np.ndarray, " samples"]
-    noise: float
-    error: Float[np.ndarray, " samples"] | None = None
-
-    @property
-    def offset(self) -> float:
-        """Constant offset of the sensor, sensor minus model."""
-        return float(np.mean(self.measured - self.simulated))
-
-    @property
-    def residual(self) -> Float[np.ndarray, " samples"]:
-        """What remains without the offset."""
-        return self.measured - self.offset - self.simulated
-
-    @property
-    def rmse(self) -> float:
-        """Root mean square of what remains."""
-        return float(np.std(self.measured - self.simulated))
-
-    @property
-    def peak(self) -> float:
-        """The largest of what remains."""
-        return float(np.max(np.abs(self.residual)))
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class TraceResult:
-    """How a fitted model meets one trace.
-
-    `simulated` has each observed signal at the trace's `time`; `channels` compares those that were measured. `failure`
-    says why its simulation failed, and what helps.
-    """
-
-    trace: Trace
-    use: str
-    simulated: dict[str, np.ndarray]
-    channels: dict[str, Comparison]
-    failure: str = ""
-
-    @property
-    def rmse(self) -> dict[str, float]:
-        """What remains after the constant offset, by channel, in m and Pa."""
-        return {name: channel.rmse for name, channel in self.channels.items()}
-
-    @property
-    def offset(self) -> dict[str, float]:
-        """Constant offset of each sensor, sensor minus model, in m and Pa."""
-        return {name: channel.offset for name, channel in self.channels.items()}
-
-    @property
-    def noise(self) -> dict[str, float]:
-        """The sensors' own noise that the fit took, by channel, in m and Pa."""
-        return {name: channel.noise for name, channel in self.channels.items()}
-
-    @property
-    def failed(self) -> bool:
-        """Whether the simulation failed."""
-        return bool(self.failure)
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Calibration(Printed):
     """A finished calibration; vectors are in the order of `selection.entries` and in the units of the table.
+
+    `calibration["diaphragm.stiffness"]` is the [`Estimate`][vgtjax.estimation.Estimate] of one entry, and
+    `calibration.trace("step_80")` how one trace is met; over itself it has the names of its entries.
 
     It prints itself as tables, and below them `notes`, which say what the fit did with its start, `findings`, and what
     its errors take for exact.
@@ -135,18 +60,17 @@ class Calibration(Printed):
         return f"Calibration: {word} after {steps} step{'' if steps == 1 else 's'}; {self.verdict}"
 
     def _tables(self) -> list[Cells]:
-        return [self._estimates(), self._comparisons()]
+        return [self._values(), self._comparisons()]
 
     def _sentences(self) -> list[str]:
         return [*self.notes, *self.findings, *taken_for_exact(self.task)]
 
-    def _estimates(self) -> Cells:
-        table, rows = parameter_table(self.task.model), [("parameter", "value", "std. error", "unit", "")]
-        columns = (self.values, self.std_errors, self.at_bound, self.determined)
-        for entry, value, error, at_bound, known in zip(self.task.selection.entries, *columns, strict=True):
-            status = "at bound" if at_bound else "free" if known else "not determined"
-            unit = str(table_row(table, entry).unit)
-            rows.append((entry, f"{value:.6g}", f"{error:.2g}" if np.isfinite(error) else "", unit, status))
+    def _values(self) -> Cells:
+        rows = [("parameter", "value", "std. error", "unit", "")]
+        for entry, found in self.estimates.items():
+            status = "at bound" if found.at_bound else "free" if found.determined else "not determined"
+            error = f"{found.std_error:.2g}" if np.isfinite(found.std_error) else ""
+            rows.append((entry, f"{found.value:.6g}", error, found.unit, status))
         return rows
 
     def _comparisons(self) -> Cells:
@@ -158,6 +82,42 @@ class Calibration(Printed):
             errors = (result.rmse.get(channel) for channel in channels)
             rows.append((result.trace.name, result.use, *("" if error is None else f"{error:.3g}" for error in errors)))
         return rows
+
+    @functools.cached_property
+    def estimates(self) -> dict[str, Estimate]:
+        """What was found of every free entry, by its name and in the order of `selection.entries`."""
+        table = parameter_table(self.task.model)
+        whole = np.all(np.isfinite(self.intervals), axis=1, keepdims=True)
+        ends = np.where(whole, self.intervals, np.nan)
+        columns = (each.tolist() for each in (self.values, self.std_errors, ends, self.at_bound, self.determined))
+        return {
+            entry: Estimate(value, str(table_row(table, entry).unit), error, (low, high), at_bound, determined)
+            for entry, value, error, (low, high), at_bound, determined in zip(
+                self.task.selection.entries, *columns, strict=True
+            )
+        }
+
+    def __getitem__(self, entry: str) -> Estimate:
+        """What was found of a free entry, such as `"diaphragm.stiffness"` or `"converter.magnetic_force[2]"`.
+
+        **Raises:** `InputError` for a name that no free entry has.
+        """
+        if entry not in self.estimates:
+            raise unknown_name("free entry", entry, self.estimates)
+        return self.estimates[entry]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.estimates)
+
+    def trace(self, name: str) -> TraceResult:
+        """How the first trace of a name is met, fitted or for validation.
+
+        **Raises:** `InputError` for a name that no trace has.
+        """
+        for result in self.traces:
+            if result.trace.name == name:
+                return result
+        raise unknown_name("trace", name, [result.trace.name for result in self.traces])
 
     def duty_hold(self, trace: Trace) -> str:
         """How the duty of a trace is between its samples, as it was found or as the trace says: `linear` or
@@ -182,9 +142,10 @@ class Calibration(Printed):
 
         The error is NaN where the data say nothing.
         """
-        found = zip(self.task.selection.entries, self.values.tolist(), self.std_errors.tolist(), strict=True)
         return {
-            entry: (value, error) for entry, value, error in found if entry.startswith(("gain.", "offset.", "initial."))
+            entry: (found.value, found.std_error)
+            for entry, found in self.estimates.items()
+            if entry.startswith(("gain.", "offset.", "initial."))
         }
 
     @property
@@ -211,12 +172,11 @@ class Calibration(Printed):
                 "held at the start value the fit is worse; give bounds or better start values"
             )
         if away := self.ran_away:
-            table, entries = parameter_table(self.task.model), self.task.selection.entries
-            start = self.task.selection.values(self.task.model)
+            start = dict(zip(self, self.task.selection.values(self.task.model).tolist(), strict=True))
+            ended = {entry: self[entry] for entry in away}
             ends = [
-                f"{entry} ended at {value:.4g} {table_row(table, entry).unit} (start {begin:.4g})"
-                for entry, value, begin in zip(entries, self.values, start, strict=True)
-                if entry in away
+                f"{entry} ended at {found.value:.4g} {found.unit} (start {start[entry]:.4g})"
+                for entry, found in ended.items()
             ]
             troubles.append(
                 f"fitted values must stay within a factor {RUNAWAY:g} of their start values, but {', '.join(ends)}; "
@@ -283,52 +243,3 @@ class Calibration(Printed):
     def std_errors(self) -> Float[np.ndarray, " parameters"]:
         """Standard errors; NaN where the data say nothing."""
         return np.where(self.uncertainty.determined, np.sqrt(np.diag(self.covariance)), np.nan)
-
-
-def compare(task: Task, model: AbstractModel, delay: float = 0.0, sensors: Sensors | None = None) -> list[TraceResult]:
-    """Simulates every trace of a task and compares it with what was measured.
-
-    **Arguments:** `delay` of the duty in s; `sensors` of the traces to fit, by default as their signals show them.
-    """
-    return run_alone(comparing(task, model, delay, sensors))
-
-
-def comparing(
-    task: Task,
-    model: AbstractModel,
-    delay: float = 0.0,
-    sensors: Sensors | None = None,
-    errors: Sequence[np.ndarray] | None = None,
-) -> Computation[list[TraceResult]]:
-    """`compare` as a computation; `errors` `(time, channel)` of what is observed of every trace as the task reads it,
-    those to fit first. Edges are where they are beside this delay, which may be a little beyond that of the task."""
-    results, bundles = [], list[Bundle]()
-    left: Iterator[np.ndarray | None] = itertools.repeat(None) if errors is None else iter(errors)
-    for use, traces, edges in (("fit", task.fit, task.edges), ("validate", task.validate, ())):
-        read = read_duties(traces, task.linear, edges, delay)
-        bundles = bundle_traces(model, read, task.steps, bundles)
-        evaluated = yield from ask(Evaluation(model, bundles, delay or None))
-        observed, failures = by_trace(bundles, evaluated), evaluated.failures(bundles)
-        known = sensors if use == "fit" and sensors is not None else white_sensors(traces, task.channels)
-        of_errors = task.traces if use == "fit" else read
-        of_each = zip(traces, read, of_errors, observed, known, failures, strict=True)
-        for trace, applied, before, seen, each, failure in of_each:
-            error = next(left)
-            error = None if error is None else error[before.rows_at(trace.time)]
-            compared = _compare_one(trace, use, seen[applied.rows_at(trace.time)], each, error)
-            results.append(dataclasses.replace(compared, failure=failure))
-    return results
-
-
-def _compare_one(
-    trace: Trace, use: str, observed: np.ndarray, sensors: dict[str, Sensor], errors: np.ndarray | None
-) -> TraceResult:
-    simulated = dict(zip(CHANNELS, observed.T, strict=True))
-    compared = {}
-    for name, sensor in sensors.items():
-        sampled = trace.sampled(name)
-        if sampled is not None:
-            rows = trace.rows(name)
-            error = None if errors is None else errors[rows, CHANNELS.index(name)]
-            compared[name] = Comparison(sampled.time, sampled.value, simulated[name][rows], sensor.level, error)
-    return TraceResult(trace, use, simulated, compared)

@@ -11,7 +11,8 @@ from .._kept import keep_compiled
 from .._types import Coordinates
 from ..parameters import Selection
 from ..plants import bare
-from ._calibration import Calibration, comparing
+from ._calibration import Calibration
+from ._comparison import comparing
 from ._found import found_besides, traces_met
 from ._least_squares import LeastSquares, finite_columns, least_squares, windowed_gram
 from ._task import Task

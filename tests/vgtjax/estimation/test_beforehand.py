@@ -19,26 +19,18 @@ def plain():
     return fit(FREE)
 
 
-def error_of(run, entry):
-    return float(run.std_errors[run.task.selection.entries.index(entry)])
-
-
-def value_of(run, entry):
-    return float(run.values[run.task.selection.entries.index(entry)])
-
-
 def test_a_prior_adds_its_information():
     """Of one parameter: the inverse variances add, and the value is the mean weighed by them."""
     others = {name: value for name, value in TRUTH.items() if name != "diaphragm.stiffness"}
     alone = fit(["diaphragm.stiffness"], others)
-    size = error_of(alone, "diaphragm.stiffness")
-    start = value_of(alone, "diaphragm.stiffness") + 4 * size
+    size = alone["diaphragm.stiffness"].std_error
+    start = alone["diaphragm.stiffness"].value + 4 * size
     both = fit(["diaphragm.stiffness"], {**others, "diaphragm.stiffness": start}, diaphragm__stiffness=2 * size)
-    expected = (value_of(alone, "diaphragm.stiffness") + 0.25 * start) / 1.25
+    expected = (alone["diaphragm.stiffness"].value + 0.25 * start) / 1.25
     # Each fit ends within a tenth of a standard error of its minimum.
-    assert value_of(both, "diaphragm.stiffness") == pytest.approx(expected, abs=0.15 * size)
+    assert both["diaphragm.stiffness"].value == pytest.approx(expected, abs=0.15 * size)
     # Errors are scaled by what remains, to a percent or two the same in both.
-    assert error_of(both, "diaphragm.stiffness") == pytest.approx(size / np.sqrt(1.25), rel=0.03)
+    assert both["diaphragm.stiffness"].std_error == pytest.approx(size / np.sqrt(1.25), rel=0.03)
 
 
 def test_a_prior_is_of_what_moves():
@@ -69,7 +61,7 @@ def test_another_scale_is_refused():
 
 def test_a_tight_prior_holds_and_a_wide_one_says_nothing(plain):
     tight = fit(FREE, {"chamber.volume": 5.7e-5}, chamber__volume=1e-12)
-    assert value_of(tight, "chamber.volume") == pytest.approx(5.7e-5, rel=1e-6)
+    assert tight["chamber.volume"].value == pytest.approx(5.7e-5, rel=1e-6)
     wide = fit(FREE, chamber__volume=1.0)
     np.testing.assert_allclose(wide.values, plain.values, rtol=1e-6)
     np.testing.assert_allclose(wide.std_errors, plain.std_errors, rtol=1e-6)
@@ -82,7 +74,7 @@ def test_what_only_a_prior_tells_is_known_as_well_as_that_says():
     free = ["chamber.volume", "diaphragm.travel"]
     wrong = fit(free, values, diaphragm__travel=2e-4)
     assert wrong.uncertainty.scale > 50
-    assert error_of(wrong, "diaphragm.travel") == pytest.approx(2e-4, rel=1e-9)
+    assert wrong["diaphragm.travel"].std_error == pytest.approx(2e-4, rel=1e-9)
     assert wrong.determined.all()
     place = wrong.task.selection.entries.index("diaphragm.travel")
     assert wrong.budget.windowed[place] == pytest.approx(2e-4, rel=1e-6)
@@ -97,7 +89,7 @@ def test_a_prior_may_be_about_another_value_than_the_start():
     ]
     # Each fit ends within a tenth of a standard error of its minimum.
     assert np.max(np.abs(ends[0].values - ends[1].values) / ends[1].std_errors) < 0.2
-    assert value_of(ends[0], "chamber.volume") == pytest.approx(6.0e-5, rel=0.01)
+    assert ends[0]["chamber.volume"].value == pytest.approx(6.0e-5, rel=0.01)
 
 
 def test_a_prior_about_what_can_not_be_is_refused():
@@ -140,7 +132,7 @@ def test_the_fit_of_the_library_knows_it_too(plain):
     found = vgtjax.fit(
         vgtjax.Actuator(), [bench(0)], free=FREE, values=values, unknown=parameters_only, deviations=tight
     )
-    assert value_of(found, "chamber.volume") == pytest.approx(5.7e-5, rel=1e-6)
+    assert found["chamber.volume"].value == pytest.approx(5.7e-5, rel=1e-6)
     assert found.progress.corrections == 0
     assert found.task.deviations == tight
 

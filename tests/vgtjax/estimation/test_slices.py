@@ -258,12 +258,16 @@ def test_intervals_have_the_profiles_of_what_was_looked_at(calibrator):
     calibration, around = run_alone(calibrator.finishing()), look_around(calibrator, "all")
     assert around.sentences == [f"profile of {name}: {each.verdict}" for name, each in around.profiles.profiles.items()]
     intervals = around.intervals(calibration)
-    assert set(intervals) == set(calibration.task.selection.entries)
-    for name, (low, high) in zip(calibration.task.selection.entries, calibration.intervals.tolist(), strict=True):
-        lowest, highest = intervals[name]
+    estimates = around.estimates(calibration)
+    assert list(intervals) == list(estimates) == list(calibration)
+    for name, found in calibration.estimates.items():
+        (low, high), (lowest, highest) = found.interval, intervals[name]
+        assert estimates[name] == dataclasses.replace(found, interval=(lowest, highest))
         # A profile widens an interval and never shortens it: to 1e-9 of its value for rounding, and hardly in so linear
         # a fit.
         assert lowest <= low * (1 + 1e-9)
         assert highest >= high * (1 - 1e-9)
         assert highest - lowest < 1.2 * (high - low)
-    assert look_around(calibrator, "none").intervals(calibration) == {}
+    nothing = look_around(calibrator, "none")
+    assert nothing.intervals(calibration) == {}
+    assert nothing.estimates(calibration) == calibration.estimates

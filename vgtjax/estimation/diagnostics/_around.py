@@ -9,6 +9,7 @@ from jaxtyping import Bool
 
 from .._calibration import Calibration
 from .._calibrator import Calibrator
+from .._estimate import Estimate
 from .._least_squares import FACTOR, NORMAL_95
 from ..derivatives import Computation, run_alone
 from ._profiles import Profiles, profiling
@@ -77,6 +78,23 @@ class Around:
                 value, interval = float(calibration.values[number]), intervals[name]
                 found[number] &= _ends_within(value, interval) if positive else interval is not None
         return found
+
+    def estimates(self, calibration: Calibration) -> dict[str, Estimate]:
+        """What a fit found of every free entry, with these intervals in the place of the linear ones; an interval that
+        is open on both sides, or tells nothing, is NaN."""
+        intervals, determined = self.intervals(calibration), self.determined(calibration).tolist()
+        found = {}
+        for (entry, linear), known in zip(calibration.estimates.items(), determined, strict=True):
+            ends = _as_numbers(intervals[entry]) if entry in intervals else linear.interval
+            found[entry] = dataclasses.replace(linear, interval=ends, determined=known)
+        return found
+
+
+def _as_numbers(interval: ConfidenceInterval | None) -> tuple[float, float]:
+    if interval is None:
+        return np.nan, np.nan
+    low, high = interval
+    return -np.inf if low is None else low, np.inf if high is None else high
 
 
 def _ends_within(value: float, interval: ConfidenceInterval | None) -> bool:

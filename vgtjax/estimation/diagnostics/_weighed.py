@@ -6,7 +6,8 @@ import functools
 import numpy as np
 from jaxtyping import Float, Int
 
-from .._calibration import Calibration, comparing
+from .._calibration import Calibration
+from .._comparison import comparing
 from .._least_squares import LeastSquares, estimate_uncertainty, finite_columns, reduce_rows
 from ..derivatives import CHANNELS, Computation, Evaluated
 from ..measurements import FitProblem, Sensors
