@@ -142,7 +142,8 @@ def _of_units(
     errors = [fit_covariance(file, common) for file in files]
     covariances = [each for each in errors if each is not None]
     stated_by_all = len(covariances) == len(errors)
-    population = fitted_population(models, common, covariances if stated_by_all else None)
+    with stated(OF_A_POPULATION):
+        population = fitted_population(models, common, covariances if stated_by_all else None)
     population = dataclasses.replace(population, passive=table.passive)
     doubts = _unconverged(folder)
     if not stated_by_all:

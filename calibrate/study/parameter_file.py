@@ -132,9 +132,7 @@ def nuisance(calibration: Calibration) -> dict[str, Any]:
 
 def covariance(calibration: Calibration) -> dict[str, Any]:
     """Covariance of a fit's errors in the units of the table; `None` for what has none."""
-    known = calibration.uncertainty.determined
-    matrix = np.where(known & known[:, None], calibration.covariance, np.nan)
-    return {"entries": list(calibration), "matrix": finite(matrix)}
+    return {"entries": list(calibration), "matrix": finite(calibration.error_covariance)}
 
 
 def to_json(study: Study, found: list[Entry], **more: dict[str, Any]) -> dict[str, Any]:

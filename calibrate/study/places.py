@@ -24,6 +24,7 @@ OF_A_CONTROLLER = {
 }
 """The same for tuning."""
 OF_A_POPULATION = {
+    "models": "[population]",
     "vary": "[population]",
     "fixed": "[population]",
     "spreads": "[population.parameters]",

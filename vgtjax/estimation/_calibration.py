@@ -38,6 +38,7 @@ class Calibration(Printed):
     progress: Progress
     values: Float[np.ndarray, " parameters"]
     covariance: Float[np.ndarray, "parameters parameters"]
+    """Of the errors of `values`; zeros where the data say nothing, see `error_covariance`."""
     uncertainty: LeastSquares
     traces: list[TraceResult]
     count: int
@@ -240,6 +241,13 @@ class Calibration(Printed):
             )
 
     @property
+    def error_covariance(self) -> Float[np.ndarray, "parameters parameters"]:
+        """`covariance` with NaN in the rows and columns of values of which the data say nothing, as a population of
+        fits takes it."""
+        known = self.uncertainty.determined
+        return np.where(known & known[:, None], self.covariance, np.nan)
+
+    @property
     def std_errors(self) -> Float[np.ndarray, " parameters"]:
         """Standard errors; NaN where the data say nothing."""
-        return np.where(self.uncertainty.determined, np.sqrt(np.diag(self.covariance)), np.nan)
+        return np.sqrt(np.diag(self.error_covariance))

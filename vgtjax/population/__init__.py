@@ -2,7 +2,11 @@
 
 from ._evaluate import Evaluator as Evaluator, run as run
 from ._factors import Factors as Factors, choose_factors as choose_factors, differing_factors as differing_factors
-from ._fitted import fitted_levels as fitted_levels, fitted_population as fitted_population
+from ._fitted import (
+    fitted_levels as fitted_levels,
+    fitted_population as fitted_population,
+    population_of_fits as population_of_fits,
+)
 from ._population import (
     Margin as Margin,
     Population as Population,

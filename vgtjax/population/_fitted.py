@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from .._errors import InputError
+from ..estimation import Calibration
 from ..parameters import Selection, get_parameter, parameter_table
 from ..plants import AbstractModel
 from ._factors import Factors, is_curve
@@ -53,7 +54,8 @@ def fitted_population(
     if not chosen:
         raise InputError(
             "a population needs a quantity that its units determine and that spreads between them, but there is none; "
-            "give other units, or tolerances under [population]"
+            "give other units, or tolerances",
+            "models",
         )
     correlation = correlation[np.ix_(chosen, chosen)]
     np.fill_diagonal(correlation, 1.0)
@@ -63,6 +65,29 @@ def fitted_population(
         tuple(_margin(mean[i], deviation[i], bool(positive[i]), ends[i]) for i in chosen),
         correlation,
     )
+
+
+def population_of_fits(fits: Sequence[Calibration]) -> Population:
+    """The population that the units of some fits are a sample of, freed of the errors of the fits.
+
+    [`fitted_population`][vgtjax.population.fitted_population] of every entry of their plants that was free in all of
+    them, with `error_covariance` of each.
+
+    **Arguments:** `fits`: of units that are alike but for their values.
+
+    **Raises:** `InputError` as that does.
+    """
+    entries = [entry for entry in _free_entries(fits) if all(entry in fit.estimates for fit in fits)]
+    covariances = []
+    for fit in fits:
+        at = [list(fit).index(entry) for entry in entries]
+        covariances.append(fit.error_covariance[np.ix_(at, at)])
+    return fitted_population([fit.model for fit in fits], entries, covariances)
+
+
+def _free_entries(fits: Sequence[Calibration]) -> list[str]:
+    """Those of the first fit that its plant has, and not the bench."""
+    return [entry for fit in fits[:1] for entry in fit if entry not in fit.instruments]
 
 
 def fitted_levels(population: Population, models: Sequence[AbstractModel]) -> Population:

@@ -9,7 +9,7 @@ import vgtjax
 from vgtjax import SimulationError
 from vgtjax.estimation import run_together
 from vgtjax.identification import identify
-from vgtjax.population import fitted_population
+from vgtjax.population import population_of_fits
 
 from ..campaigns import FLEETS, Fleet, draw_unit, record_fleet
 from ..table import Section
@@ -92,12 +92,7 @@ def _scores(found: vgtjax.Calibration, unit: vgtjax.Actuator) -> np.ndarray:
 
 def _spreads(found: list[vgtjax.Calibration], units: list[vgtjax.Actuator]) -> list[str]:
     """Spread of units by a fleet's fits over the true one."""
-    entries = found[0].task.selection.entries
-    undetermined = [np.where(each.uncertainty.determined, 0.0, np.nan) for each in found]
-    covariances = [
-        each.covariance + nothing[:, None] + nothing for each, nothing in zip(found, undetermined, strict=True)
-    ]
-    population = fitted_population([each.model for each in found], entries, covariances)
+    population = population_of_fits(found)
     relative = dict(zip(population.factors.entries, population.deviations / population.nominal, strict=True))
     cells = []
     for name in SPREADS:

@@ -1,5 +1,7 @@
 """Bad studies of populations, and bad options: one sentence, exit status 2, nothing written."""
 
+import shutil
+
 import pytest
 from commands import assert_refused, run_command
 from support import EXAMPLE
@@ -142,6 +144,20 @@ BAD = [
 @pytest.mark.parametrize(("text", "sentence"), [pytest.param(*case[1:], id=case[0]) for case in BAD])
 def test_bad_studies_are_refused_in_one_sentence(tmp_path, text, sentence):
     (tmp_path / "study.toml").write_text(text + "\n")
+    outcome = run_command("tolerance", tmp_path / "study.toml", "--out", tmp_path / "out")
+    assert_refused(outcome, f"study.toml: {sentence}", tmp_path / "out")
+
+
+def test_units_that_do_not_differ_are_refused(tmp_path):
+    for name in "abc":
+        (tmp_path / "units" / name).mkdir(parents=True)
+        shutil.copy(EXAMPLE / "fleet/units/unit_01/parameters.json", tmp_path / "units" / name)
+    text = '[components]\nvane_force = "speed-map"\n[population]\nunits = "units"\n'
+    (tmp_path / "study.toml").write_text(text)
+    sentence = (
+        "a population needs a quantity that its units determine and that spreads between them, but there is none; give "
+        "other units, or tolerances (see [population] in the study)"
+    )
     outcome = run_command("tolerance", tmp_path / "study.toml", "--out", tmp_path / "out")
     assert_refused(outcome, f"study.toml: {sentence}", tmp_path / "out")
 

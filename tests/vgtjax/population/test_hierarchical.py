@@ -3,10 +3,12 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from support import duty_trace
 
 import vgtjax
-from vgtjax import Selection
-from vgtjax.population import fitted_population
+from vgtjax import InputError, Selection
+from vgtjax.estimation import Budget, Calibration, LeastSquares, first_progress, plan_task
+from vgtjax.population import fitted_population, population_of_fits
 from vgtjax.population._hierarchical import separate, separate_each
 
 ENTRIES = ("diaphragm.mass", "diaphragm.preload", "diaphragm.stiffness", "friction.static_force")
@@ -139,3 +141,52 @@ def test_an_error_of_zero_is_a_value_that_is_known(found):
     scatter = np.std(np.log(estimates[:, 0]), ddof=1)
     # The likeliest spread of what is known exactly is its scatter; a lognormal's relative one is larger by its square.
     assert deviations(population(estimates, exact))[0] == pytest.approx(scatter, rel=0.01)
+
+
+def fit_of(free, values, covariance):
+    """What a fit would say that found these values, with an offset of a sensor, which is no part of the unit."""
+    model = Selection(free).unpack(vgtjax.Actuator(), jnp.asarray(values))
+    trace = duty_trace((0, 0.05), (70, 0.35), p_res=2.0e4, x_d=0.0, p_act=101013.0)
+    task = plan_task(model, [trace], free=free)
+    known, nothing = np.diag(covariance) > 0, np.zeros(len(free))
+    assert task.selection.entries == free
+    return Calibration(
+        model=model,
+        task=task,
+        transform=task.transform(),
+        progress=first_progress(task),
+        values=np.asarray(values),
+        covariance=covariance,
+        uncertainty=LeastSquares(nothing, covariance, known, np.zeros((0, len(free))), 1.0, 0.0),
+        traces=[],
+        count=1,
+        sensors=[],
+        budget=Budget(nothing, nothing, {}, nothing, 0.1),
+    )
+
+
+def test_fits_are_a_population_in_one_call(found):
+    """A fit has zeros for what it does not determine, which would be a value known for certain."""
+    _, estimates, covariances = found
+    estimates, covariances = estimates[:8], [covariance.copy() for covariance in covariances[:8]]
+    for row in (covariances[2][0], covariances[2][:, 0]):
+        row[:] = 0.0
+    fits = [fit_of(ENTRIES, *each) for each in zip(estimates, covariances, strict=True)]
+    assert np.all(np.isnan(fits[2].error_covariance[0]))
+    assert np.all(np.isfinite(fits[2].error_covariance[1:, 1:]))
+    blind = [covariance.copy() for covariance in covariances]
+    blind[2][0], blind[2][:, 0] = np.nan, np.nan
+    found, expected = population_of_fits(fits), population(estimates, blind)
+    assert found.factors.entries == expected.factors.entries
+    np.testing.assert_array_equal(found.nominal, expected.nominal)
+    np.testing.assert_array_equal(found.correlation, expected.correlation)
+
+
+def test_only_what_was_free_in_all_fits_can_vary(found):
+    _, estimates, covariances = found
+    fits = [fit_of(ENTRIES, *each) for each in zip(estimates[:5], covariances, strict=False)]
+    part = fit_of(ENTRIES[2:], estimates[5, 2:], covariances[5][2:, 2:])
+    assert "diaphragm.mass" in population_of_fits(fits).factors.entries
+    assert set(population_of_fits([*fits, part]).factors.entries) <= set(ENTRIES[2:])
+    with pytest.raises(InputError, match="needs three fitted units or more, but there are 0"):
+        population_of_fits([])
