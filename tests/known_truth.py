@@ -35,3 +35,12 @@ def _recorded(trace, run, seed, offset):
         p_act=np.asarray(run.p_act) + offset[1] + rng.normal(0, NOISE["p_act"], len(trace.time)),
         name=trace.name,
     )
+
+
+def missed_when_applied(found, trace):
+    """By how much a simulation of what a fit found, with the duty that it found, misses what the fit shows of a trace:
+    position in m and chamber pressure in Pa."""
+    applied = found.applied(trace)
+    run, shown = simulate(found.model, applied), found.trace(trace.name).simulated
+    rows = applied.rows_at(trace.time)
+    return [float(np.max(np.abs(np.asarray(run.signals[name])[rows] - shown[name]))) for name in ("x_d", "p_act")]

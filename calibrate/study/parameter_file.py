@@ -112,7 +112,7 @@ def nuisance(calibration: Calibration) -> dict[str, Any]:
     gain = {"gain": of_sensors["gain"]} if of_sensors["gain"] else {}
 
     def found(result: TraceResult) -> dict[str, Any]:
-        linear = calibration.duty_hold(result.trace) == "linear"
+        duty = calibration.found_duty(result.trace)
         driving = calibration.input_sensor(result.trace)
         rest = {"p_act": driving.offset} if driving is not None and driving.offset_error else {}
         offset = {**finite(result.offset), **rest, **of_sensors["offset"]}
@@ -120,8 +120,8 @@ def nuisance(calibration: Calibration) -> dict[str, Any]:
         start = {name.removesuffix(place): value for name, value in of_starts.items() if name.endswith(place)}
         return {
             **late,
-            **({"duty_hold": "linear"} if linear else {}),
-            **({"duty_edges": edges} if (edges := calibration.late_edges(result.trace)) else {}),
+            **({"duty_hold": "linear"} if duty.linear else {}),
+            **({"duty_edges": list(duty.edges)} if duty.edges else {}),
             **gain,
             **({"start_state": start} if start else {}),
             "offset": offset,

@@ -10,6 +10,7 @@ import pydantic
 
 import vgtjax
 from vgtjax import InputError
+from vgtjax.estimation import FoundDuty
 from vgtjax.parameters import Parameter, entry_names, table_row, unknown_name
 from vgtjax.plants import on_given_knots
 
@@ -65,31 +66,15 @@ def _with_interval(fields: Any) -> Any:
     return {"interval": [None] * len(value) if isinstance(value, list) else None, **fields}
 
 
-@dataclasses.dataclass(frozen=True)
-class FoundDuty:
-    """What a fit found of the duty of a trace: `delay` in s, whether it was linear between samples, and by how many
-    seconds each of its edges was late beside that."""
+def beside(found: FoundDuty, delay: float | None, hold: str | None) -> FoundDuty:
+    """What was found of the duty of a trace whose study states its delay or hold, without that: it is applied where the
+    trace is read.
 
-    delay: float
-    linear: bool
-    edges: tuple[float, ...] = ()
-
-    def applied(self, trace: vgtjax.Trace) -> vgtjax.Trace:
-        """The trace with the duty that reached the valve."""
-        if len(self.edges) == len(trace.edges()) > 0:
-            trace = trace.with_late_edges(self.edges, self.delay)
-        trace = trace.with_ramped_duty() if self.linear else trace
-        beyond = self.delay - trace.duty_late
-        return trace.with_late_duty(beyond) if beyond else trace
-
-    def beside(self, delay: float | None, hold: str | None) -> "FoundDuty":
-        """The same of a trace whose study states its delay or hold: that is applied where it is read.
-
-        Edges that were found beside another delay are left out.
-        """
-        edges = () if self.delay else self.edges
-        timely = FoundDuty(0.0, self.linear, edges) if delay is not None else self
-        return timely if hold is None else dataclasses.replace(timely, linear=False)
+    Edges that were found beside another delay are left out.
+    """
+    edges = () if found.delay else found.edges
+    timely = FoundDuty(0.0, found.linear, edges) if delay is not None else found
+    return timely if hold is None else dataclasses.replace(timely, linear=False)
 
 
 def load_duties(path: pathlib.Path, unit: str | None) -> dict[str, FoundDuty]:

@@ -9,7 +9,7 @@ from typing import Any
 
 import vgtjax
 from vgtjax import InputError
-from vgtjax.estimation import Unknown
+from vgtjax.estimation import FoundDuty, Unknown
 from vgtjax.parameters import Bounds, Scale
 from vgtjax.traces import STANDARD_ATMOSPHERE, TRAVEL
 
@@ -30,7 +30,7 @@ from .models import (
 )
 from .places import StudyError, of_study
 from .read import EXAMPLE, TraceSource, expand_traces, fingerprint, hash_file, load_study
-from .start_file import FoundDuty, load_beginning, load_duties, load_values
+from .start_file import beside, load_beginning, load_duties, load_values
 from .tables import BenchSensor, Study
 
 
@@ -186,7 +186,7 @@ def _beside_stated(duties: Mapping[str, FoundDuty], sources: Sequence[TraceSourc
     found = dict(duties)
     for source in sources:
         if source.name in found:
-            found[source.name] = found[source.name].beside(source.duty_delay, source.duty_hold)
+            found[source.name] = beside(found[source.name], source.duty_delay, source.duty_hold)
     return found
 
 

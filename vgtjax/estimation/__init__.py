@@ -74,6 +74,7 @@ from .errors import (
 from .measurements import (
     RECORDED as RECORDED,
     FitProblem as FitProblem,
+    FoundDuty as FoundDuty,
     Reading as Reading,
     Sensor as Sensor,
     Sensors as Sensors,

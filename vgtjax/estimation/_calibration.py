@@ -17,7 +17,7 @@ from ._estimate import Estimate
 from ._least_squares import NORMAL_95, LeastSquares
 from ._task import RUNAWAY, Task
 from .errors import Budget, taken_for_exact
-from .measurements import InputSensor, Sensors, in_seconds, left_over_noise, sample_interval
+from .measurements import FoundDuty, InputSensor, Sensors, in_seconds, left_over_noise, sample_interval
 from .search import Progress
 
 
@@ -131,6 +131,16 @@ class Calibration(Printed):
         the duty; none where that was not found."""
         late = dict(zip((each.name for each in self.task.fit), self.progress.edges, strict=False))
         return in_seconds(trace, late.get(trace.name, ()))
+
+    def found_duty(self, trace: Trace) -> FoundDuty:
+        """What was found of the duty of a trace, of a fitted one its edges as well."""
+        linear = self.duty_hold(trace) == "linear"
+        return FoundDuty(self.duty_delay, linear, tuple(self.late_edges(trace)))
+
+    def applied(self, trace: Trace) -> Trace:
+        """A trace with the duty that reached the valve: as late as it was found, linear between samples if it was so,
+        and with its edges where they were. `model` simulated along that is what the fit shows of the trace."""
+        return self.found_duty(trace).applied(trace)
 
     def input_sensor(self, trace: Trace) -> InputSensor | None:
         """What was found of the sensor of the pressure that drives a fitted trace; `None` where no pressure does."""

@@ -9,7 +9,7 @@ from commands import read, run_command, timeless
 from pages import Page
 
 from calibrate.assurance.recover.command import _common_delay
-from calibrate.study.start_file import FoundDuty
+from vgtjax.estimation import FoundDuty
 
 pytestmark = pytest.mark.usefixtures("kept")
 

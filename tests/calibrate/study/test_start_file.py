@@ -12,9 +12,10 @@ from support import EXAMPLE
 import vgtjax
 from calibrate.study.models import build_model
 from calibrate.study.parameter_file import tabulate, to_json
-from calibrate.study.start_file import FoundDuty, load_duties, load_model, read_parameters
+from calibrate.study.start_file import beside, load_duties, load_model, read_parameters
 from calibrate.study.tables import AnyStudy
 from calibrate.study.units import prepare
+from vgtjax.estimation import FoundDuty
 
 FLEET_UNIT = EXAMPLE / "fleet" / "units" / "unit_01" / "parameters.json"
 KINDS = ("cdfx", "dcm")
@@ -262,5 +263,5 @@ def test_what_a_study_states_of_a_duty_counts_and_not_once_more_what_a_fit_has_f
 
 def test_edges_that_were_found_beside_a_stated_delay_stay():
     edges = (1e-3, -5e-4)
-    assert FoundDuty(0.0, False, edges).beside(4e-3, None) == FoundDuty(0.0, False, edges)
-    assert FoundDuty(4e-3, False, edges).beside(4e-3, None) == FoundDuty(0.0, False)
+    assert beside(FoundDuty(0.0, False, edges), 4e-3, None) == FoundDuty(0.0, False, edges)
+    assert beside(FoundDuty(4e-3, False, edges), 4e-3, None) == FoundDuty(0.0, False)

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import scipy.signal
-from known_truth import FREE, NOISE, TRUTH
+from known_truth import FREE, NOISE, TRUTH, missed_when_applied
 from support import duty_trace
 
 import vgtjax
@@ -87,6 +87,9 @@ def test_edges_beside_a_late_duty():
         # Recorded at 48, 200, 350, ... ms.
         late = found.duty_delay + np.array(found.late_edges(trace))
         np.testing.assert_allclose(late, 1e-3 * np.array([3, 3, 2, 3, 3, 2]), atol=5e-4)
+        position, pressure = missed_when_applied(found, trace)
+        assert position < 1e-8  # of the same simulation
+        assert pressure < 0.1
 
 
 def with_outliers(trace, rng):

@@ -2,6 +2,7 @@
 
 from ._duties import (
     RECORDED as RECORDED,
+    FoundDuty as FoundDuty,
     Late as Late,
     Reading as Reading,
     as_recorded as as_recorded,

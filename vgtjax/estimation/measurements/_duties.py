@@ -26,6 +26,26 @@ RECORDED = Reading()
 """As duties are recorded."""
 
 
+@dataclasses.dataclass(frozen=True)
+class FoundDuty:
+    """What a fit found of the duty of one trace: `delay` in s, whether it was `linear` between samples, and by how many
+    seconds each of its `edges` was late beside that; no edges where their times were not found."""
+
+    delay: float
+    linear: bool
+    edges: tuple[float, ...] = ()
+
+    def applied(self, trace: Trace) -> Trace:
+        """The trace with the duty that reached the valve; one without a duty as it is."""
+        if "pwm" not in trace.channels:
+            return trace
+        if len(self.edges) == len(trace.edges()) > 0:
+            trace = trace.with_late_edges(self.edges, self.delay)
+        trace = trace.with_ramped_duty() if self.linear else trace
+        beyond = self.delay - trace.duty_late
+        return trace.with_late_duty(beyond) if beyond else trace
+
+
 def read_duties(traces: Sequence[Trace], linear: Sequence[float], late: Late, delay: float = 0.0) -> list[Trace]:
     """Traces with the duty as it is read: with edges at the times at which they were, where these are known, and else
     ramped where it was linear between samples; `delay` in s of the duty where edges were found."""
