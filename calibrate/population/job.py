@@ -3,8 +3,6 @@
 import dataclasses
 import pathlib
 
-import jax.numpy as jnp
-
 import vgtjax
 from vgtjax.experiments import (
     POSITIONS,
@@ -13,7 +11,6 @@ from vgtjax.experiments import (
     SlowLoop,
     StepResponse,
     measure_loops,
-    nominal_target,
 )
 from vgtjax.parts import OPERATING_POINTS, feels_gas
 from vgtjax.plants import AbstractRodModel
@@ -112,5 +109,4 @@ def _experiments(
     loop = SlowLoop(tuple(pressures), table.loop_seconds, table.loop_duty)
     if not table.steps:
         return (loop,)
-    steps = StepResponse(tuple(table.steps), table.step_seconds, target=jnp.zeros(len(table.steps)))
-    return loop, nominal_target(model, steps)
+    return loop, StepResponse.around(model, tuple(table.steps), table.step_seconds)

@@ -14,7 +14,7 @@ from ._loops import (
 from ._measured import MeasuredLoops as MeasuredLoops, measure_loops as measure_loops
 from ._slow_loop import SHOWN as SHOWN, SlowLoop as SlowLoop, label as label
 from ._standard_runs import STANDARD_RUNS as STANDARD_RUNS, StandardRun as StandardRun
-from ._step_response import StepResponse as StepResponse, nominal_target as nominal_target
+from ._step_response import StepResponse as StepResponse
 from ._validation import (
     Deviation as Deviation,
     Validation as Validation,

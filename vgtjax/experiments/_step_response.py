@@ -1,7 +1,5 @@
 """The step of the duty from rest, held, and released: how fast, and where it ends (section 2.3)."""
 
-import dataclasses
-
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -25,6 +23,8 @@ SHARES = (0.63, 0.95)
 """Of the final position, at which response times are read."""
 SHOWN = 51
 """Points of the curves over time."""
+DUTIES, HOLD = (50.0, 80.0), 2.4
+"""In % and s, by default."""
 
 
 class StepResponse(AbstractExperiment):
@@ -33,11 +33,11 @@ class StepResponse(AbstractExperiment):
     Response times count from the step until the position has gone 63 or 95 % of its own way, the release time from
     the end of the step until it has come back 63 %; all are NaN where the rod does not leave its rest by `LIFT`. The
     steady error is where the position ends, less `target` in m for each duty: what a controller that knows only the
-    nominal actuator would be wrong by.
+    nominal actuator would be wrong by. [`around`][vgtjax.experiments.StepResponse.around] takes targets from that.
     """
 
-    duties: tuple[float, ...] = eqx.field(static=True, default=(50.0, 80.0))
-    hold: float = eqx.field(static=True, default=2.4)
+    duties: tuple[float, ...] = eqx.field(static=True, default=DUTIES)
+    hold: float = eqx.field(static=True, default=HOLD)
     target: Float[Array, " duties"] = eqx.field(converter=jnp.asarray, kw_only=True)
 
     def __check_init__(self) -> None:
@@ -53,6 +53,20 @@ class StepResponse(AbstractExperiment):
             raise InputError(
                 f"there must be one target a duty, but there are {self.target.size} for {len(self.duties)}; give both"
             )
+
+    @classmethod
+    def around(cls, model: AbstractModel, duties: tuple[float, ...] = DUTIES, hold: float = HOLD) -> "StepResponse":
+        """Steps whose targets are the final positions of a nominal actuator.
+
+        **Raises:** `InputError` for such duties or such a time, `SimulationError` when one of the steps fails.
+        """
+        response = cls(duties, hold, target=jnp.zeros(len(duties)))
+        ends = []
+        for duty, trace in zip(duties, response.traces, strict=True):
+            run = simulate(model, trace, throw=False)
+            run = check_result(run, run.result, f"the nominal actuator's step to {duty:g} %")
+            ends.append(run.x_d[_sample(REST + hold)])
+        return cls(duties, hold, target=jnp.stack(ends))
 
     @property
     def traces(self) -> tuple[Trace, ...]:
@@ -111,19 +125,6 @@ class StepResponse(AbstractExperiment):
         out = [first_reach(pulled, elapsed[: len(pulled)], rest + share * way) for share in SHARES]
         back = first_reach(-released, elapsed[: len(released)], -(final - SHARES[0] * way))
         return [*out, back, final]
-
-
-def nominal_target(model: AbstractModel, response: StepResponse) -> StepResponse:
-    """`response` with the final positions of a nominal actuator as targets.
-
-    **Raises:** `SimulationError` when one of the steps fails.
-    """
-    ends = []
-    for duty, trace in zip(response.duties, response.traces, strict=True):
-        run = simulate(model, trace, throw=False)
-        run = check_result(run, run.result, f"the nominal actuator's step to {duty:g} %")
-        ends.append(run.x_d[_sample(REST + response.hold)])
-    return dataclasses.replace(response, target=jnp.stack(ends))
 
 
 def _sample(seconds: float) -> int:

@@ -16,7 +16,6 @@ from vgtjax.experiments import (
     find_loop,
     label,
     measure_loops,
-    nominal_target,
 )
 from vgtjax.experiments._base import first_reach
 from vgtjax.experiments._loops import LIFT
@@ -297,7 +296,7 @@ def test_loops_change_in_the_physical_direction(change, name, direction, hot):
 
 @pytest.fixture(scope="module")
 def steps():
-    response = nominal_target(HOT, STEPS)
+    response = StepResponse.around(HOT, STEPS.duties, STEPS.hold)
     return response, readings(HOT, response)
 
 
@@ -353,6 +352,7 @@ def test_steps_change_in_the_physical_direction(change, name, direction, steps):
         (lambda: StepResponse((50.0, 120.0), target=[0, 0]), r"but they are \[50.0, 120.0\]; correct them"),
         (lambda: StepResponse((50.0, 50.0), target=[0, 0]), r"but they are \[50.0, 50.0\]; correct them"),
         (lambda: StepResponse(hold=0.4, target=[0, 0]), "held for 0.5 s to an hour, but hold is 0.4 s; correct it"),
+        (lambda: StepResponse.around(HOT, ()), r"one or more different duties above 0 up to 100 %, but they are \[\]"),
         (lambda: StepResponse(target=[0]), "one target a duty, but there are 1 for 2; give both"),
     ],
 )

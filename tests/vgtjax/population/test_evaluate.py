@@ -7,7 +7,7 @@ import pytest
 
 import vgtjax
 from vgtjax import Air, InputError, parameter, simulate
-from vgtjax.experiments import SlowLoop, StepResponse, nominal_target
+from vgtjax.experiments import SlowLoop, StepResponse
 from vgtjax.population import Evaluator, Factors, SobolSample, choose_factors, run, spread_population
 
 MODEL = vgtjax.Actuator(
@@ -37,7 +37,7 @@ LOOP = SlowLoop((0.0, 1.5e5), seconds=4.0)
 
 @pytest.fixture(scope="module")
 def step():
-    return nominal_target(MODEL, StepResponse((60.0,), hold=0.6, target=[0.0]))
+    return StepResponse.around(MODEL, (60.0,), hold=0.6)
 
 
 @pytest.fixture(scope="module")
