@@ -1,15 +1,12 @@
 """The plants of closed loops, and what a controller is told of them."""
 
 from collections import Counter
-from typing import Any
 
 import numpy as np
 
 import vgtjax
-from vgtjax import InputError, SimulationError
-from vgtjax.parts import has_tables
-from vgtjax.plants import is_physical
-from vgtjax.population import Population, SobolSample
+from vgtjax import InputError
+from vgtjax.population import Members
 
 from ..population import Actuators
 from ..study.places import StudyError
@@ -22,8 +19,6 @@ BELIEFS = {
     "plant": "its plant exactly",
 }
 """What a controller knows of its plant, by the name that a study gives it."""
-NO_TABLE = {InputError: "the nozzle does not work", SimulationError: "no steady flow is found through the nozzle"}
-"""Why a drawn plant has no vane force."""
 LEFT_OUT = "; they are left out"
 """What follows on why plants are none."""
 
@@ -45,12 +40,12 @@ def choose_plants(study: Study, actuators: Actuators) -> tuple[Plants, Plants, t
     if is_alone(study, actuators):
         alone = {"nominal": actuators.population.model}
         return alone, alone, ("the study states no [population], so gains are tuned and tried on one actuator",)
-    drawn, possible, notes = _draw(study, actuators, table.plants + table.unseen.plants)
-    tuned_on = {name: possible[name] for name in drawn[: table.plants] if name in possible}
-    tried = {name: possible[name] for name in drawn[table.plants :] if name in possible}
+    members = actuators.population.members(table.plants + table.unseen.plants, table.seed)
+    tuned_on = {name: members.models[name] for name in members.names[: table.plants] if name in members.models}
+    tried = {name: model for name, model in members.models.items() if name not in members.names[: table.plants]}
     if not tuned_on:
-        raise _none_physical(notes)
-    return tuned_on, tried or possible, notes
+        raise _none_physical(_notes(members))
+    return tuned_on, tried or members.models, _notes(members)
 
 
 def all_plants(study: Study, actuators: Actuators) -> tuple[Plants, tuple[str, ...]]:
@@ -61,10 +56,10 @@ def all_plants(study: Study, actuators: Actuators) -> tuple[Plants, tuple[str, .
         return dict(list(actuators.fitted.items())[:count]), ()
     if is_alone(study, actuators):
         return {"nominal": actuators.population.model}, ()
-    _, possible, notes = _draw(study, actuators, table.plants)
-    if not possible:
-        raise _none_physical(notes)
-    return possible, notes
+    members = actuators.population.members(table.plants, table.seed)
+    if not members.models:
+        raise _none_physical(_notes(members))
+    return members.models, _notes(members)
 
 
 def is_alone(study: Study, actuators: Actuators) -> bool:
@@ -91,26 +86,10 @@ def believed_model(study: Study, actuators: Actuators) -> vgtjax.AbstractModel:
     return vgtjax.Actuator() if belief == "printed" else actuators.population.model
 
 
-def _draw(study: Study, actuators: Actuators, count: int) -> tuple[list[str], Plants, tuple[str, ...]]:
-    """Names of so many drawn plants, those of them that are physical, and notes on the others."""
-    population = actuators.population
-    rows = population.values(SobolSample(population.dimensions, count, study.control.seed).points(0, count))
-    drawn = {f"sample {i}": _built(population, row) for i, row in enumerate(rows)}
-    possible = {name: model for name, (model, why) in drawn.items() if why is None}
-    lost = Counter(why for _, why in drawn.values() if why is not None)
-    notes = [f"in {count} of {len(drawn)} drawn plants {why}{LEFT_OUT}" for why, count in lost.items()]
-    return list(drawn), possible, tuple(notes)
-
-
-def _built(population: Population, row: np.ndarray) -> tuple[Any, str | None]:
-    """A drawn plant, and why it is none, if so."""
-    try:
-        model = population.factors.unpack(population.model, row)
-    except (InputError, SimulationError) as error:
-        if not has_tables(population.model):
-            raise
-        return None, NO_TABLE[type(error)]
-    return model, None if is_physical(model) else "the diaphragm swallows the chamber"
+def _notes(members: Members) -> tuple[str, ...]:
+    """What is to be said of drawn plants that can't exist."""
+    lost = Counter(members.refused.values())
+    return tuple(f"in {count} of {len(members.names)} drawn plants {why}{LEFT_OUT}" for why, count in lost.items())
 
 
 def _none_physical(notes: tuple[str, ...]) -> InputError:

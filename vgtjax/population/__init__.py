@@ -7,6 +7,7 @@ from ._fitted import (
     fitted_population as fitted_population,
     population_of_fits as population_of_fits,
 )
+from ._members import Members as Members
 from ._population import (
     Margin as Margin,
     Population as Population,

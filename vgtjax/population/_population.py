@@ -15,6 +15,8 @@ from .._errors import InputError
 from ..parameters import parameter_table, table_row
 from ..plants import AbstractModel, AbstractRodModel
 from ._factors import Factors, is_curve
+from ._members import Members, build_members
+from ._sampling import SobolSample
 
 Margin = Any
 """A frozen distribution of `scipy.stats`: has `ppf`, `mean`, `std`."""
@@ -75,6 +77,14 @@ class Population:
         # A little more than the least: rounding may not put it back outside.
         raised[:, self.factors.entries.index(VISCOUS)] += (1 + 1e-9) * np.maximum(-self._passivity(drawn), 0.0)
         return raised
+
+    def members(self, count: int, seed: int = 0) -> Members:
+        """So many actuators, at the first Sobol' points of a seed: those that can exist, and why others can't.
+
+        **Raises:** `InputError` for a count that no sample has.
+        """
+        rows = self.values(SobolSample(self.dimensions, count, seed).points(0, count))
+        return build_members(self.model, self.factors, rows)
 
     def active(self, points: Rows) -> Bool[np.ndarray, " rows"]:
         """Whether friction as drawn, before anything is raised, can give out energy."""

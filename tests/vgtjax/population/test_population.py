@@ -7,12 +7,15 @@ import numpy as np
 import pytest
 import scipy.special
 import scipy.stats
+from support import quick_nozzle
 
 import vgtjax
 from vgtjax import InputError, replace_parameters
+from vgtjax.plants import assemble
 from vgtjax.population import (
     Factors,
     Population,
+    SobolSample,
     Spread,
     choose_factors,
     lognormal,
@@ -304,3 +307,37 @@ def test_tolerances_that_can_not_be_are_refused(arguments, sentence, argument):
     with pytest.raises(InputError, match=sentence) as raised:
         spread_population(slack, **arguments)
     assert raised.value.argument.startswith(argument)
+
+
+def test_members_are_those_that_can_exist():
+    """Chambers from half of what the diaphragm sweeps on, at the first points of the sample of a seed."""
+    spread = Spread("uniform", lower=1.5e-5, upper=6.0e-5)
+    population = spread_population(ACTUATOR, spreads={"chamber.volume": spread}, vary=[])
+    members = population.members(20, seed=4)
+    volumes = population.values(SobolSample(1, 20, 4).points(0, 20))[:, 0]
+    swept = float(ACTUATOR.diaphragm.area * ACTUATOR.diaphragm.travel)
+    assert members.names == tuple(f"sample {number}" for number in range(20))
+    lost = {name for name, volume in zip(members.names, volumes, strict=True) if volume < swept}
+    assert 3 < len(lost) < 17
+    assert members.refused == dict.fromkeys(members.refused, "the diaphragm swallows the chamber")
+    assert set(members.refused) == lost
+    assert set(members.models) == set(members.names) - lost
+    for name, model in members.models.items():
+        assert float(model.chamber.volume) == volumes[members.names.index(name)]
+
+
+def test_a_member_whose_nozzle_does_not_work_is_refused():
+    thick = "vane_force.nozzle.thickness"
+    with quick_nozzle():
+        plant = assemble(vgtjax.Actuator(), vane_force=vgtjax.Turbine())
+        population = spread_population(plant, spreads={thick: Spread(deviation=6e-4, lower=1e-5)}, vary=[])
+        members = population.members(9, seed=0)
+    assert set(members.refused.values()) == {"the nozzle does not work"}
+    assert 0 < len(members.models) < 9
+    # Vanes of 0.3 mm leave 0.59 mm when closed.
+    assert all(float(model.vane_force.nozzle.thickness) < 0.89e-3 for model in members.models.values())
+
+
+def test_no_members_are_refused():
+    with pytest.raises(InputError, match="the size of a sample must be between 1 and"):
+        spread_population(ACTUATOR).members(0)
