@@ -156,10 +156,10 @@ def _of_units(
         return population, doubts
     note = (
         "sensitivity indices need independent quantities, so the correlation of the fitted units is left out, and each "
-        "curve varies by a common factor; errors of the fits no longer cancel then, so outputs spread more "
-        "than the units do"
+        "curve varies by a common factor: outputs may spread more than the units do, as what goes together no longer "
+        "cancels"
     )
-    return fitted_levels(population, models), (note, *doubts)
+    return fitted_levels(population), (note, *doubts)
 
 
 def _unconverged(folder: pathlib.Path) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from .._errors import InputError
 from ..estimation import Calibration
-from ..parameters import Selection, get_parameter, parameter_table
+from ..parameters import Selection, entry_names, get_parameter, parameter_table
 from ..plants import AbstractModel
 from ._factors import Factors, is_curve
 from ._hierarchical import separate, separate_each
@@ -90,32 +90,35 @@ def _free_entries(fits: Sequence[Calibration]) -> list[str]:
     return [entry for fit in fits[:1] for entry in fit if entry not in fit.instruments]
 
 
-def fitted_levels(population: Population, models: Sequence[AbstractModel]) -> Population:
+def fitted_levels(population: Population) -> Population:
     """The same units with one factor a curve and nothing correlated, for indices that need independent quantities.
 
-    A unit's factor is the multiple of the nominal curve that is nearest to its own in the least-squares sense.
+    A value keeps its distribution. A curve spreads as its level does, by the covariance of its entries: of a table the
+    multiple of the nominal one that is nearest in the least-squares sense, of coefficients in several units the mean
+    of their multiples.
+
+    **Arguments:** `population`: of fitted units, entry by entry.
     """
-    table = parameter_table(population.model)
-    names = tuple(dict.fromkeys(entry.partition("[")[0] for entry in population.factors.entries))
-    units = np.stack([[_level(population.model, model, name, table) for name in names] for model in models])
-    ends = [domain(population.model, name) for name in names]
-    positive = np.array([low == 0.0 for low, _ in ends]) & np.all(units > 0, axis=0)
-    _, deviation, _ = _moments(units, positive)
-    factors = Factors(names)
-    nominal = np.asarray(factors.pack(population.model))
+    table, entries = parameter_table(population.model), population.factors.entries
+    names = tuple(dict.fromkeys(entry.partition("[")[0] for entry in entries))
     margins = tuple(
-        _margin(value, spread, bool(log), end)
-        for value, spread, log, end in zip(nominal, deviation, positive, ends, strict=True)
+        _level(population, name) if is_curve(table, name) else population.margins[entries.index(name)] for name in names
     )
-    return Population(population.model, factors, margins, passive=population.passive)
+    return Population(population.model, Factors(names), margins, passive=population.passive)
 
 
-def _level(nominal: AbstractModel, model: AbstractModel, name: str, table: dict) -> float:
-    value = np.asarray(get_parameter(model, name))
-    if not is_curve(table, name):
-        return float(value)
-    curve = np.asarray(get_parameter(nominal, name))
-    return float(curve @ value / (curve @ curve))
+def _level(population: Population, name: str) -> Margin:
+    """The distribution of the factor of a curve, by the deviations and the correlation of its entries."""
+    row, curve = parameter_table(population.model)[name], np.asarray(get_parameter(population.model, name))
+    if isinstance(row.unit, str):
+        weights = curve / (curve @ curve)
+    else:
+        weights = np.where(curve != 0, 1 / np.where(curve != 0, curve, 1.0), 0.0) / np.count_nonzero(curve)
+    weighed = dict(zip(entry_names({name: row}), weights.tolist(), strict=True))
+    shares = population.deviations * [weighed.get(entry, 0.0) for entry in population.factors.entries]
+    correlation = np.eye(population.dimensions) if population.correlation is None else population.correlation
+    ends = domain(population.model, name)
+    return _margin(1.0, np.sqrt(max(float(shares @ correlation @ shares), 0.0)), ends[0] == 0.0, ends)
 
 
 def _moments(

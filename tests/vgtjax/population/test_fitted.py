@@ -11,12 +11,9 @@ import scipy.stats
 import vgtjax
 from vgtjax import InputError, Selection, get_parameter, replace_parameters
 from vgtjax.population import (
-    Factors,
-    Population,
     fitted_levels,
     fitted_population,
     make_sample,
-    normal,
     spread_population,
 )
 
@@ -116,29 +113,49 @@ def test_levels_are_one_factor_a_curve(fleet):
         for level, k in zip(levels, stiffness, strict=True)
     ]
     coupled = fitted_population(units, [*(f"{MAGNET}[{k}]" for k in range(5)), "diaphragm.stiffness"])
-    found = fitted_levels(coupled, units)
+    found = fitted_levels(coupled)
     assert found.factors.entries == (MAGNET, "diaphragm.stiffness")
     assert found.correlation is None
     # The curve at factor one is the units' mean curve, 1.01 times the printed one.
     np.testing.assert_allclose(found.nominal, [1.0, np.exp(np.log(stiffness).mean())], rtol=1e-12)
     np.testing.assert_allclose(get_parameter(found.model, MAGNET), 1.01 * force, rtol=1e-12)
-    logs = np.log(levels / 1.01), np.log(stiffness)
-    for margin, log in zip(found.margins, logs, strict=True):
+    # A multiple of all coefficients is one of their mean, whose relative spread stands for that of the logarithm.
+    wanted = np.std(levels / 1.01, ddof=1), np.log(stiffness).std(ddof=1)
+    for margin, deviation in zip(found.margins, wanted, strict=True):
         spread = math.log(margin.ppf(0.975) / margin.ppf(0.025)) / (2 * scipy.stats.norm.ppf(0.975))
-        assert spread == pytest.approx(log.std(ddof=1), rel=1e-9)
+        assert spread == pytest.approx(deviation, rel=1e-9)
 
 
 def test_a_level_is_the_nearest_multiple():
-    """A unit whose curve has another shape counts with its projection on the nominal one."""
+    """A unit whose table has another shape counts with its projection on the mean one."""
     name, curve = "vane_force.closing", np.arange(1.0, 13.0)
     base = vgtjax.Actuator(vane_force=vgtjax.HysteresisMap(closing=curve, opening=np.zeros(12)))
     across = np.array([2.0, -1.0, *np.zeros(10)])
-    assert across @ curve == 0.0
-    units = [replace_parameters(base, {name: each}) for each in (0.95 * curve, curve, 1.05 * curve + across)]
-    (margin,) = fitted_levels(Population(base, Factors((name,)), (normal(1.0, 0.1),)), units).margins
-    assert margin.median() == pytest.approx(1.0)
-    one_deviation = scipy.stats.norm.cdf(1.0)
-    assert math.log(margin.ppf(one_deviation)) == pytest.approx(np.log([0.95, 1.0, 1.05]).std(ddof=1), rel=1e-9)
+    tables = np.array([0.95 * curve, curve, 1.05 * curve + across])
+    units = [replace_parameters(base, {name: each}) for each in tables]
+    (margin,) = fitted_levels(fitted_population(units, [f"{name}[{k}]" for k in range(12)])).margins
+    mean = tables.mean(axis=0)
+    # A lognormal of that spread of the logarithm: equal to the square of a twentieth.
+    assert margin.std() == pytest.approx(np.std(tables @ mean / (mean @ mean), ddof=1), rel=0.05**2)
+
+
+def test_a_level_is_freed_of_the_errors_of_the_fits(fleet):
+    """As every other quantity: scatter that the errors explain is no spread, and what nothing determined has no say."""
+    levels, rng = np.linspace(0.95, 1.05, 12), np.random.default_rng(3)
+    force = np.asarray(vgtjax.get_parameter(ACTUATOR, MAGNET))
+    error = 0.04 * np.abs(force)
+    found = levels[:, None] * force + rng.normal(0, error, (12, 5))
+    units = [
+        replace_parameters(ACTUATOR, {MAGNET: each, "diaphragm.mass": m})
+        for each, m in zip(found, (1, 90) * 6, strict=True)
+    ]
+    covariance = np.diag(np.append(error**2, np.nan))
+    covariance[5] = covariance[:, 5] = np.nan
+    known = fitted_population(units, [*(f"{MAGNET}[{k}]" for k in range(5)), "diaphragm.mass"], [covariance] * 12)
+    levelled = fitted_levels(known)
+    assert levelled.factors.entries == (MAGNET,)
+    # A dozen units know a spread to a fifth of it.
+    assert levelled.deviations[0] == pytest.approx(np.std(levels, ddof=1), rel=0.25)
 
 
 def test_two_units_are_no_population(fleet):
