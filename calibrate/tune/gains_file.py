@@ -15,7 +15,7 @@ from ..output.files import finite, read_json
 from ..study.models import check_length
 from ..study.parameter_file import Entry, tabulate, to_json
 from ..study.start_file import NAMED, load_model, value_in
-from ..study.tables import Study
+from ..study.tables import FullStudy, Study
 from .designs import DESIGNS, design_for
 from .fallback import FALLBACK, fallback_of, with_fallback
 
@@ -35,7 +35,8 @@ def gains_json(study: Study, entries: Sequence[Entry], believed: vgtjax.Abstract
     """The content of the file; a gain that was chosen has no standard error."""
     control, known = study.control, _known(study, believed)
     head = {"design": control.design, "period": control.period, "fallback": fallback_of(study)}
-    return {**head, **to_json(study, list(entries), plant=known)}
+    of_plant = FullStudy() if control.belief == "printed" else study  # whose components the believed actuator has
+    return {**head, **to_json(of_plant, list(entries), plant=known)}
 
 
 def _known(study: Study, believed: vgtjax.AbstractModel) -> dict[str, dict[str, Any]]:
