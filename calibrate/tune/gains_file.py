@@ -14,7 +14,7 @@ from vgtjax.parameters import entry_names, unknown_name
 from ..output.files import finite, read_json
 from ..study.models import check_length
 from ..study.parameter_file import Entry, tabulate, to_json
-from ..study.start_file import NAMED, load_model, value_in
+from ..study.start_file import NAMED, load_model
 from ..study.tables import FullStudy, Study
 from .designs import DESIGNS, design_for
 from .fallback import FALLBACK, fallback_of, with_fallback
@@ -87,7 +87,7 @@ def load_controller(path: pathlib.Path) -> TunedController:
 
     **Raises:** `InputError` for a file that `tune` did not write as it does today.
     """
-    content = read_json(path)
+    content = _read(path)
     design, plant, period = (content.get(key) for key in ("design", "plant", "period"))
     if design not in DESIGNS:
         raise InputError(
@@ -99,9 +99,7 @@ def load_controller(path: pathlib.Path) -> TunedController:
         )
     believed: Any = load_model(path, {**content, "parameters": plant})[1]
     controller = design_for(design, believed, period)
-    values = {name: value_in(path, name, fields) for name, fields in dict(content.get("parameters") or {}).items()}
-    controller = vgtjax.replace_parameters(controller, values)
-    check(controller)
+    controller = vgtjax.replace_parameters(controller, _gains_in(path, content, controller))
     return TunedController(design, with_fallback(_fallback(path, content), believed, controller), period)
 
 
@@ -126,14 +124,25 @@ def read_gains(path: pathlib.Path, design: str, controller: AbstractController) 
     is none or that the design does not allow.
     """
     path = path / NAME if path.is_dir() else path
-    content = read_json(path)
-    if not isinstance(content, dict) or not isinstance(content.get("parameters"), dict):
-        raise InputError(f"{path.name}: these are no gains of a controller; give a gains.json that 'tune' wrote")
+    content = _read(path)
     if content.get("design") != design:
         raise InputError(
             f"{path.name}: these are gains of the design '{content.get('design')}', but the study's is '{design}'; "
             "give gains of the same design"
         )
+    return _gains_in(path, content, controller)
+
+
+def _read(path: pathlib.Path) -> dict[str, Any]:
+    """The content of a file that has a table of gains."""
+    content = read_json(path)
+    if not isinstance(content, dict) or not isinstance(content.get("parameters"), dict):
+        raise InputError(f"{path.name}: these are no gains of a controller; give a gains.json that 'tune' wrote")
+    return content
+
+
+def _gains_in(path: pathlib.Path, content: dict[str, Any], controller: AbstractController) -> dict[str, Any]:
+    """Gains by name that the content of a file states, with which the controller keeps its rules."""
     table = vgtjax.parameter_table(controller)
     values: dict[str, Any] = {}
     for name, fields in content["parameters"].items():

@@ -160,5 +160,6 @@ def gain_entries(job: TuneJob, coordinates: np.ndarray) -> list[Entry]:
             selection.entries, selection.values(tuned).tolist(), at_bound, felt, strict=True
         )
     }
-    names = dict.fromkeys([*gain_names(start), *job.study.control.gains])
+    # Of a vector that is stated by entry all of it, as its file must have.
+    names = dict.fromkeys([*gain_names(start), *(name.partition("[")[0] for name in job.study.control.gains)])
     return tabulate(start, tuned, found, job.bounds, [*names])

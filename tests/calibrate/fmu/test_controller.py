@@ -224,7 +224,7 @@ def test_a_file_of_gains_is_its_controller(results, controller):
         ({"period": -1.0}, "it does not state the plant that its controller believes in and its period; tune again"),
         (
             {"parameters": {"derivative_gain": {"value": "high"}}},
-            "the value of 'derivative_gain' must be a number, but it is 'high'; correct it",
+            "the gain 'derivative_gain' must be a number, but it is 'high'; correct it",
         ),
     ],
 )

@@ -2,6 +2,9 @@
 
 import json
 import pathlib
+import re
+from types import SimpleNamespace
+from typing import Any
 
 import jax
 import numpy as np
@@ -12,7 +15,18 @@ from calibrate.study.parameter_file import tabulate
 from calibrate.study.tables import AnyStudy
 from calibrate.tune.gains_file import gains_json, load_controller
 from calibrate.tune.job import start_controller
+from calibrate.tune.outcome import gain_entries
 from vgtjax.tuning import gain_names
+
+FORCE = "base.converter.magnetic_force"
+
+
+@pytest.fixture(scope="module")
+def content() -> dict[str, Any]:
+    """Of a PI, as `tune` writes it."""
+    study, plant = AnyStudy.validate_python({"control": {"design": "pi"}}), vgtjax.Actuator()
+    controller, _ = start_controller(study.control, plant)
+    return gains_json(study, tabulate(controller, controller, {}, {}, gain_names(controller)), plant)
 
 
 def write(folder: pathlib.Path, content: dict) -> pathlib.Path:
@@ -35,3 +49,41 @@ def test_a_controller_of_the_printed_actuator_comes_back_without_the_studys_comp
     assert jax.tree.structure(loaded) == jax.tree.structure(tuned)
     for mine, read in zip(jax.tree.leaves(tuned), jax.tree.leaves(loaded), strict=True):
         np.testing.assert_array_equal(mine, read)
+
+
+def test_of_a_vector_that_is_stated_by_entry_the_file_has_all(tmp_path):
+    gains = {f"{FORCE}[1]": {"value": 0.003}}
+    study, plant = AnyStudy.validate_python({"control": {"design": "pi", "gains": gains}}), vgtjax.Actuator()
+    controller, _ = start_controller(study.control, plant)
+    nothing = SimpleNamespace(
+        entries=(),
+        at_bound=np.asarray,
+        memories=(1.0,),
+        linearise=lambda *_: SimpleNamespace(curvatures=np.zeros((1, 0, 0))),
+    )
+    true = SimpleNamespace(
+        controller=controller, controller_at=lambda _: controller, transform=nothing, selection=nothing
+    )
+    job: Any = SimpleNamespace(true=true, smooth=nothing, study=study, bounds={})
+    path = write(tmp_path, gains_json(study, gain_entries(job, np.zeros(0)), plant))
+    loaded = vgtjax.get_parameter(load_controller(path).controller, FORCE)
+    np.testing.assert_array_equal(loaded, vgtjax.get_parameter(controller, FORCE))
+    assert float(loaded[1]) == 0.003
+
+
+@pytest.mark.parametrize(
+    ("gains", "sentence"),
+    [
+        ({FORCE: {"value": [0.003]}}, f"'{FORCE}' needs 5 numbers under value, but it has 1; give a list of 5"),
+        (
+            {"proportional_gain": {"value": [1.0, 2.0]}},
+            "'proportional_gain' needs one number under value, but it has a list; give one number",
+        ),
+        ({"integral_gan": {"value": 1.0}}, "gain 'integral_gan' matches nothing; did you mean 'integral_gain'?"),
+        ({"integral_gain": {"value": -1.0}}, "'integral_gain' must be finite and not negative, but it is -1; correct"),
+    ],
+)
+def test_gains_that_are_not_the_designs_are_refused_with_the_name_of_their_file(gains, sentence, content, tmp_path):
+    path = write(tmp_path, content | {"parameters": gains})
+    with pytest.raises(vgtjax.InputError, match="^" + re.escape(f"gains.json: {sentence}")):
+        load_controller(path)
