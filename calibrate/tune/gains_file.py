@@ -148,7 +148,9 @@ def _gains_in(path: pathlib.Path, content: dict[str, Any], controller: AbstractC
     for name, fields in content["parameters"].items():
         if name not in table:
             raise unknown_name(f"{path.name}: gain", name, list(table))
-        given: Any = fields.get("value") if isinstance(fields, dict) else fields
+        if isinstance(fields, dict) and "value" not in fields:
+            raise InputError(f"{path.name}: the gain '{name}' has no value; add it")
+        given: Any = fields["value"] if isinstance(fields, dict) else fields
         values[name] = math.inf if given is None else given  # JSON has no infinity
         for each in values[name] if isinstance(values[name], list) else [values[name]]:
             if isinstance(each, bool) or not isinstance(each, int | float):

@@ -307,6 +307,10 @@ def test_settled_may_stand_among_the_costs(tmp_path):
             "gains.json: the gain 'integral_gain' must be a number, but it is 'much'; correct it",
         ),
         (
+            {"parameters": {"tracking_time": {"valu": 3.0}}},
+            "gains.json: the gain 'tracking_time' has no value; add it",
+        ),
+        (
             {"parameters": {"integral_gain": -1.0}},
             "gains.json: 'integral_gain' must be finite and not negative, but it is -1; correct it",
         ),
