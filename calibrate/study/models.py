@@ -44,6 +44,7 @@ def start_model(model: Any, study: Study, earlier: dict[str, Any]) -> tuple[Any,
     before them; of one that it frees that is where a fit begins, and goes behind.
     """
     start = vgtjax.replace_parameters(on_given_knots(model, earlier), earlier)
+    start = _on_stated_knots(start, study, earlier)
     stated, bounds = start_values(start, _stated_before(start, study, earlier))
     start = vgtjax.replace_parameters(start, stated)
     check_bounds(start, bounds)
@@ -51,11 +52,31 @@ def start_model(model: Any, study: Study, earlier: dict[str, Any]) -> tuple[Any,
     return start, bounds
 
 
+def _on_stated_knots(start: Any, study: Study, earlier: Mapping[str, Any]) -> Any:
+    """The start with its tables read at the knots that the study states, of those that it frees an earlier fit's."""
+    free = {entry.partition("[")[0] for entry in _free(start, study)} if earlier else set()
+    stated = {
+        name: given.value
+        for name, given in parameters_of(study).items()
+        if given.value is not None and name.partition("[")[0] not in free
+    }
+    values: dict[str, Any] = {name: value for name, value in stated.items() if not name.endswith("]")}
+    sized = on_given_knots(start, values)
+    for name in (name for name in stated if name.endswith("]")):
+        check_length(name, "value", stated[name], _entries_of(sized, name))
+        values |= merge(sized, values, name, stated[name])
+    return on_given_knots(start, values)
+
+
+def _free(model: eqx.Module, study: Study) -> set[str]:
+    return set(select(model, study.fit.free, study.fit.fixed).entries)
+
+
 def _stated_before(start: eqx.Module, study: Study, earlier: Mapping[str, Any]) -> dict[str, ParameterValue]:
     """What a study states, with the values of free entries as the start has them where an earlier fit has these."""
     if not earlier:
         return parameters_of(study)
-    free = set(select(start, study.fit.free, study.fit.fixed).entries)
+    free = _free(start, study)
     return {name: _behind(start, name, given, free, earlier) for name, given in parameters_of(study).items()}
 
 

@@ -10,7 +10,7 @@ from commands import assert_refused, read, run_command
 from support import EXAMPLE
 
 import vgtjax
-from calibrate.study.models import build_model
+from calibrate.study.models import build_model, start_model, values_of
 from calibrate.study.parameter_file import tabulate, to_json
 from calibrate.study.start_file import beside, load_duties, load_model, read_parameters
 from calibrate.study.tables import AnyStudy
@@ -216,6 +216,39 @@ def test_a_knot_that_an_entry_takes_out_of_order(folder, fit):
         "22.0, 28.0, 34.0]; sort them and remove repeated ones"
     )
     assert_refused(fit("--parameters", folder / "p.cdfx"), sentence, folder / "out")
+
+
+ANGLES, PRESSURES = np.array([4.0, 10.0, 16.0, 22.0, 28.0, 34.0]), np.array([1.5e5, 3.0e5])
+
+
+def force_at(pressures, angles) -> np.ndarray:
+    """N, linear in the crank angle and in the pressure, so that a table on any knots within has it exactly."""
+    return (np.asarray(pressures)[:, None] / 1e5 * (10.0 + np.asarray(angles))).ravel()
+
+
+@pytest.mark.parametrize("counts", [{}, {"fit": {"free": ["vane_force.closing"]}}], ids=["held", "free"])
+@pytest.mark.parametrize(
+    ("stated", "pressures", "angles"),
+    [
+        ({"crank_angle": [4.0, 7.0, 10.0, 13.0, 16.0, 19.0]}, PRESSURES, [4.0, 7.0, 10.0, 13.0, 16.0, 19.0]),
+        ({"crank_angle": [5.0, 9.0, 33.0]}, PRESSURES, [5.0, 9.0, 33.0]),
+        ({"crank_angle[1]": 7.0, "crank_angle[2]": 11.0}, PRESSURES, [4.0, 7.0, 11.0, 22.0, 28.0, 34.0]),
+        ({"turbine_pressure[1]": 2.0e5}, [1.5e5, 2.0e5], ANGLES),
+        ({"crank_angle": [5.0, 9.0, 33.0], "crank_angle[1]": 20.0}, PRESSURES, [5.0, 20.0, 33.0]),
+    ],
+    ids=["as many", "fewer", "by entry", "pressure", "both"],
+)
+def test_an_earlier_table_keeps_its_force_at_the_knots_that_a_study_states(stated, pressures, angles, counts):
+    parameters = {f"vane_force.{name}": {"value": value} for name, value in stated.items()}
+    study = AnyStudy.validate_python({"components": {"vane_force": "map"}, "parameters": parameters, **counts})
+    model = build_model(study)
+    earlier = values_of(vgtjax.Actuator(vane_force=vgtjax.HysteresisMap()))
+    earlier["vane_force.closing"] = force_at(PRESSURES, ANGLES).tolist()
+    vane_force = start_model(model, study, earlier)[0].vane_force
+    np.testing.assert_array_equal(vane_force.turbine_pressure, pressures)
+    np.testing.assert_array_equal(vane_force.crank_angle, angles)
+    # Some tens of roundings of hundreds of N.
+    np.testing.assert_allclose(vane_force.closing, force_at(pressures, angles), rtol=1e-13)
 
 
 def test_a_data_set_that_is_not_there(folder, fit):
