@@ -212,7 +212,7 @@ class ReportSensor(Table):
     """A sensor as its certificate has it: standard uncertainties of its offset in m or Pa, and of its gain."""
 
     channel: BenchSensor
-    """The signal that it measures."""
+    """The signal that it measures; where several measure one, each uncertainty of it is one number."""
     serial: str | None = None
     """Its number, as on its certificate."""
     calibrated: Text | None = None
@@ -244,6 +244,20 @@ class ReportTable(Table):
     """Who answers for it."""
     sensor: list[ReportSensor] = []
 
+    @pydantic.field_validator("sensor")
+    @classmethod
+    def _one_number(cls, sensors: list[ReportSensor]) -> list[ReportSensor]:
+        for key in ("uncertainty", "relative_uncertainty"):
+            found: dict[str, float] = {}
+            for sensor in sensors:
+                size = getattr(sensor, key)
+                if size is not None and found.setdefault(sensor.channel, size) != size:
+                    raise ValueError(
+                        f"[[report.sensor]] must have one {key} of {sensor.channel}, but it has "
+                        f"{found[sensor.channel]:g} and {size:g}; state the one of the sensor that these traces are of"
+                    )
+        return sensors
+
     @property
     def lines(self) -> dict[str, str]:
         """What is stated, by name."""
@@ -253,14 +267,14 @@ class ReportTable(Table):
     @property
     def gains(self) -> dict[str, float]:
         """Relative standard uncertainty of each sensor's gain, where one is stated."""
-        stated = {sensor.channel: sensor.relative_uncertainty for sensor in self.sensor}
-        return {channel: part for channel, part in stated.items() if part is not None}
+        stated = ((sensor.channel, sensor.relative_uncertainty) for sensor in self.sensor)
+        return {channel: part for channel, part in stated if part is not None}
 
     @property
     def offsets(self) -> dict[str, float]:
         """Standard uncertainty of each sensor's offset in its unit, where one is stated."""
-        stated = {sensor.channel: sensor.uncertainty for sensor in self.sensor}
-        return {channel: size for channel, size in stated.items() if size is not None}
+        stated = ((sensor.channel, sensor.uncertainty) for sensor in self.sensor)
+        return {channel: size for channel, size in stated if size is not None}
 
 
 class Study(Table):

@@ -8,6 +8,7 @@ from commands import assert_refused, run_command
 
 TRACE = '[[trace]]\nfile = "bench.csv"\n'
 TWO_UNITS = '[[trace]]\nfile = "bench.csv"\nunit = "a"\n[[trace]]\nfile = "bench.csv"\nname = "second"\n'
+SENSOR = '[[report.sensor]]\nchannel = "x_d"\nuncertainty = {}\n'
 
 
 def bad(rule: str, study: str, sentence: str, place: str = ""):
@@ -53,6 +54,12 @@ KEYS = [
 ]
 
 VALUES = [
+    bad(
+        "two uncertainties of a sensor",
+        f"{TRACE}{SENSOR.format(1e-6)}{SENSOR.format(2e-6)}",
+        "[[report.sensor]] must have one uncertainty of x_d, but it has 1e-06 and 2e-06; state the one of the sensor "
+        "that these traces are of",
+    ),
     bad("name", f"name = 5\n{TRACE}", "name: Input should be a valid string, but it is 5; correct it"),
     bad(
         "model",

@@ -12,6 +12,7 @@ from study_text import HEAD
 import vgtjax
 from calibrate.study.models import passivity_note
 from calibrate.study.read import EXAMPLE, load_study
+from calibrate.study.tables import AnyStudy
 from calibrate.study.units import prepare
 
 WHOLE = f"""{HEAD}
@@ -122,6 +123,15 @@ def test_a_known_gain_of_a_sensor_is_taken_out(folder):
     for nonsense in ("gain = {x_d = 0.0}", "gain = {pwm = 1.1}"):
         with pytest.raises(vgtjax.InputError, match="gain"):
             prepared(folder, line + nonsense + "\n")
+
+
+def test_two_certificates_of_a_sensor_are_put_together():
+    first = {"channel": "x_d", "uncertainty": 1e-6, "relative_uncertainty": 0.01}
+    for second in ({"serial": "B"}, {"relative_uncertainty": 0.01}):
+        sensors = [first, {"channel": "x_d", **second}, {"channel": "p_act", "uncertainty": 50.0}]
+        report = AnyStudy.validate_python({"report": {"sensor": sensors}}).report
+        assert report.offsets == {"x_d": 1e-6, "p_act": 50.0}
+        assert report.gains == {"x_d": 0.01}
 
 
 def test_a_byte_order_mark_is_no_part_of_a_study(folder):
