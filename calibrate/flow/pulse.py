@@ -72,7 +72,9 @@ def engine_pulse(turbine: vgtjax.Turbine, table: PulsationTable | None = None, r
     opening = jnp.full(cycle.p_trb.shape, turbine.crank.opening(point.crank_angle))
     force = np.asarray(turbine(Vanes(opening, cycle.p_trb - turbine.ambient_pressure), 0.0, None)[0])
     rubbing = dataclasses.replace(rod or Rod(), vane_force=turbine)
-    free = dataclasses.replace(rubbing, friction=vgtjax.Coulomb(coulomb_force=0.0))
+    law = rubbing.friction.dry()
+    damping = {} if law is None else {"viscous_damping": law.viscous_damping}
+    free = dataclasses.replace(rubbing, friction=vgtjax.Coulomb(coulomb_force=0.0, **damping))
     rods = {"with friction": rubbing, "without dry friction": free}
     position = {name: _position(each, turbine, point, cycle, force) for name, each in rods.items()}
     source = "assumed" if table is None else "[pulsation] of the study"

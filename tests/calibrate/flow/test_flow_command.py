@@ -2,6 +2,7 @@
 
 import contextlib
 import csv
+import dataclasses
 import pathlib
 from unittest import mock
 
@@ -189,12 +190,15 @@ def test_a_studys_own_rod_and_air_are_simulated(tmp_path):
     path.write_text(f'[components]\nvane_force = "turbine"\n[parameters]\n{rows}')
     with few_points():
         subject = command.Subject.of(path)
-        stiff, printed = (engine_pulse(subject.turbine, None, rod) for rod in (subject.rod, None))
+        viscous = vgtjax.PassiveLuGre(excess_damping=1000.0)
+        rods = (subject.rod, None, dataclasses.replace(subject.rod, friction=viscous))
+        stiff, printed, damped = (engine_pulse(subject.turbine, None, rod) for rod in rods)
     assert float(subject.turbine.ambient_pressure) == 9.0e4
     moved = [each.summary()["position_range_with_friction"] for each in (stiff, printed)]
     assert moved[0] < 0.5 * moved[1]
-    free = [each.summary()["position_range_without_dry_friction"] for each in (stiff, printed)]
+    free = [each.summary()["position_range_without_dry_friction"] for each in (stiff, printed, damped)]
     assert free[0] == pytest.approx(free[1], rel=1e-9)
+    assert free[2] < 0.5 * free[0]  # viscous damping is none of it
 
 
 def test_a_study_without_a_turbine_is_refused(tmp_path):
