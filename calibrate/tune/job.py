@@ -37,7 +37,7 @@ from ..study.references import Reference, TraceReference, build_references
 from ..study.tables import Study
 from ..study.units import StudyJob
 from .designs import design_for
-from .plants import believed_model, choose_plants
+from .plants import believed_model, choose_plants, is_alone
 
 EXAMPLE = pathlib.Path(__file__).parents[1] / "example" / "control" / "study.toml"
 """The study that runs when none is named."""
@@ -91,7 +91,7 @@ def prepare_tuning(path: pathlib.Path | None, parameters: pathlib.Path | None) -
         smooth,
         dataclasses.replace(smooth, controller=controller, cases=cases),
         dataclasses.replace(smooth, controller=controller, cases=unseen),
-        (*actuators.notes, *notes) if "population" in study.model_fields_set else notes,
+        notes if is_alone(study, actuators) else (*actuators.notes, *notes),
     )
 
 
