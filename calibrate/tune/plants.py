@@ -31,7 +31,9 @@ def choose_plants(study: Study, actuators: Actuators) -> tuple[Plants, Plants, t
         chosen = {names[round(i)] for i in np.linspace(0, len(names) - 1, min(table.plants, len(names)))}
         rest = [name for name in names if name not in chosen][: table.unseen.plants]
         note: tuple[str, ...] = ()
-        if not rest:
+        if not rest and len(chosen) < len(names):
+            note = ("control.unseen.plants is 0, so gains are tried on the units that they are tuned on",)
+        elif not rest:
             note = ("gains are tuned on all units, so they are tried on the same ones",)
         elif belief_of(study, actuators) == "population":
             note = ("the controller believes in the mean of all fitted units, with those that its gains are tried on",)

@@ -49,3 +49,16 @@ def test_a_fit_that_did_not_converge_is_named_in_tune_as_in_control(units, tmp_p
     study = write(tmp_path, 2, 1)
     for notes in (prepare_tuning(study, units).notes, prepare_control(study, units, None).notes):
         assert "the fits of unit_02 have not converged, but count like the others" in notes
+
+
+@pytest.mark.parametrize(
+    ("plants", "unseen", "note"),
+    [
+        (3, 1, "gains are tuned on all units, so they are tried on the same ones"),
+        (2, 0, "control.unseen.plants is 0, so gains are tried on the units that they are tuned on"),
+    ],
+)
+def test_it_is_said_why_gains_are_tried_on_what_they_are_tuned_on(plants, unseen, note, units, tmp_path):
+    job = prepare_tuning(write(tmp_path, plants, unseen), units)
+    assert [each for each in job.notes if each.startswith(("gains", "control"))] == [note]
+    assert {label.plant for label in job.unseen.cases.labels} == {label.plant for label in job.true.cases.labels}
