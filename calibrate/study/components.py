@@ -122,13 +122,18 @@ class ReducedComponents(Components):
     reduction: ClassVar[Callable[[vgtjax.Actuator, Any], vgtjax.AbstractModel]]
     """The model with a flow map in the place of the actuator's converter."""
 
+    @property
+    def usual_map(self) -> str:
+        """What `flow_map` is if it is left out."""
+        return next(iter(self.flow_maps))
+
     def full(self) -> vgtjax.Actuator:
         """The actuator whose flow the map describes."""
         return vgtjax.Actuator(converter=MAGNETIC_FORCE[self.magnetic_force](), **self.rod())
 
     def reduce(self, full: vgtjax.Actuator) -> vgtjax.AbstractModel:
         """The reduced model, its flow map fitted to the converter of `full`."""
-        kind: Any = self.flow_maps[self.flow_map or next(iter(self.flow_maps))]
+        kind: Any = self.flow_maps[self.flow_map or self.usual_map]
         return type(self).reduction(full, vgtjax.fit_flow_map(full, kind).flow_map)
 
 

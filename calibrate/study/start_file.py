@@ -17,7 +17,7 @@ from vgtjax.plants import on_given_knots
 from ..output.console import console
 from ..output.files import read_json
 from .characteristics import READERS, read_data_set
-from .components import FullComponents
+from .components import FullComponents, ReducedComponents
 from .models import build_model, check_length, merge
 from .parameter_file import SCHEMA
 from .tables import AnyStudy, Study
@@ -142,7 +142,9 @@ def _require_same_model(path: pathlib.Path, content: dict[str, Any], study: Stud
             f"{path.name}: these are parameters of the model '{content['model']}', but the study's is "
             f"'{study.model}'; give parameters of the same model"
         )
-    if content.get("components", wanted) != wanted:
+    parts = study.components
+    usual = {"flow_map": parts.usual_map} if isinstance(parts, ReducedComponents) else {}  # files may leave it out
+    if usual | content.get("components", wanted) != usual | wanted:
         raise InputError(
             f"{path.name}: these are parameters of a model with other components than the study's; give "
             "parameters of the same components"

@@ -12,7 +12,7 @@ from support import EXAMPLE
 import vgtjax
 from calibrate.study.models import build_model, start_model, values_of
 from calibrate.study.parameter_file import tabulate, to_json
-from calibrate.study.start_file import beside, load_duties, load_model, read_parameters
+from calibrate.study.start_file import beside, load_duties, load_model, load_values, read_parameters
 from calibrate.study.tables import AnyStudy
 from calibrate.study.units import prepare
 from vgtjax.estimation import FoundDuty
@@ -216,6 +216,20 @@ def test_a_knot_that_an_entry_takes_out_of_order(folder, fit):
         "22.0, 28.0, 34.0]; sort them and remove repeated ones"
     )
     assert_refused(fit("--parameters", folder / "p.cdfx"), sentence, folder / "out")
+
+
+@pytest.mark.parametrize(("model", "usual"), [("static-map", "steady-plunger"), ("plunger-map", "table")])
+@pytest.mark.parametrize("stated_where", ["file", "study"])
+def test_the_usual_flow_map_is_the_same_model_stated_or_not(model, usual, stated_where, tmp_path):
+    silent, loud = (AnyStudy.validate_python({"model": model, "components": c}) for c in ({}, {"flow_map": usual}))
+    given, study = (loud, silent) if stated_where == "file" else (silent, loud)
+    plant = build_model(study)
+    path = tmp_path / "p.json"
+    path.write_text(json.dumps(to_json(given, tabulate(plant, plant, {}, {}))))
+    assert load_values(path, None, study, plant)["diaphragm.mass"] == float(plant.diaphragm.mass)
+    other = AnyStudy.validate_python({"model": "static-map", "components": {"flow_map": "polynomial"}})
+    with pytest.raises(vgtjax.InputError, match=r"^p\.json: these are parameters of "):
+        load_values(path, None, other, build_model(other))
 
 
 ANGLES, PRESSURES = np.array([4.0, 10.0, 16.0, 22.0, 28.0, 34.0]), np.array([1.5e5, 3.0e5])
