@@ -12,12 +12,12 @@ from ..population import Actuators, read_actuators
 from ..study.parameter_file import Entry, tabulate
 from ..study.places import OF_A_CONTROLLER, StudyError, stated
 from ..study.read import expand_traces, fingerprint, load_study
-from ..study.references import build_references, cycle
+from ..study.references import SineReference, build_references, cycle
 from ..study.tables import Study
 from ..study.units import StudyJob
 from ..tune.fallback import fallback_of, with_fallback
 from ..tune.gains_file import note_on_period, note_on_plant, read_gains
-from ..tune.job import EXAMPLE, cases_of, gas_notes, reference_files, start_controller
+from ..tune.job import EXAMPLE, cases_of, gas_notes, reference_files, require_samples, start_controller
 from ..tune.plants import BELIEFS, Plants, all_plants, belief_of, believed_model, is_alone
 
 
@@ -99,6 +99,10 @@ def _groups(study: Study, plants: Plants, folder: pathlib.Path) -> tuple[Cases, 
     lasting: dict[float, dict[str, AbstractSignal]] = {}
     for entry in table.reference:
         least = cycle(entry) + table.settled if cycle(entry) else 0.0
+        if least > table.duration:
+            rate = f" of rate {entry.rate:g} rad/s" if isinstance(entry, SineReference) else ""
+            cause = f"a period of the reference '{entry.title}'{rate}"
+            require_samples(least, table.period, cause, "follow a faster one")
         seconds = max(table.duration, least)
         lasting.setdefault(seconds, {})[entry.title] = signals[entry.title]
     return tuple(

@@ -41,6 +41,8 @@ from .plants import believed_model, choose_plants, is_alone
 
 EXAMPLE = pathlib.Path(__file__).parents[1] / "example" / "control" / "study.toml"
 """The study that runs when none is named."""
+MOST_SAMPLES = 4_000_000
+"""Of one run: an hour at 1 ms, of which each recorded signal takes 32 MB a closed loop."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -131,6 +133,7 @@ def cases_of(
     """Plants, references, turbine pressures and variants crossed, as the study says; `duration` in s beats its own."""
     table, reservoir = study.control, study.control.reservoir.build()
     duration = table.duration if duration is None else duration
+    require_samples(duration, table.period, "duration under [control]", "shorten it")
     _require_vacuum(reservoir, duration, table.period)
     return cross_cases(
         plants,
@@ -142,6 +145,16 @@ def cases_of(
         reservoir=reservoir,
         variants=variants_of(study),
     )
+
+
+def require_samples(seconds: float, period: float, cause: str, remedy: str) -> None:
+    """**Raises:** `StudyError` for a run of more samples, `period` in s apart, than memory has room for; `cause` and
+    `remedy` say what makes it so long."""
+    if seconds / period > MOST_SAMPLES:
+        raise StudyError(
+            f"a run must have {MOST_SAMPLES:,} samples at most, but {cause} makes it {seconds:g} s long, with a sample "
+            f"every {period:g} s; {remedy}, or lengthen period"
+        )
 
 
 def _require_vacuum(reservoir: AbstractSignal, duration: float, period: float) -> None:

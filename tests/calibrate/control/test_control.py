@@ -279,6 +279,26 @@ def test_runs_last_a_period_after_they_have_settled(tmp_path):
     assert durations == pytest.approx([2 * np.pi / 8.0 + 0.1, 0.5])
 
 
+@pytest.mark.parametrize(
+    ("change", "cause", "remedy"),
+    [
+        (
+            ("rate = 24.0", "rate = 1e-7"),
+            "a period of the reference 'sine' of rate 1e-07 rad/s makes it 6.28319e+07 s",
+            "follow a faster one",
+        ),
+        (("duration = 0.5", "duration = 1e9"), "duration under [control] makes it 1e+09 s", "shorten it"),
+    ],
+)
+def test_runs_that_no_memory_holds_are_refused(change, cause, remedy, tmp_path):
+    path = write(tmp_path, "", STUDY.replace(*change))
+    sentence = (
+        f"study.toml: a run must have 4,000,000 samples at most, but {cause} long, with a sample every 0.002 s; "
+        f"{remedy}, or lengthen period"
+    )
+    assert_refused(run_command("control", path, "--out", tmp_path / "out"), sentence, tmp_path / "out")
+
+
 def test_settled_may_stand_among_the_costs(tmp_path):
     moved = STUDY.replace("settled = 0.1\n", "cost = {{settled = 0.1}}\n")
     assert prepare_control(write(tmp_path, "", moved), None, None).study.control.settled == 0.1
