@@ -3,6 +3,7 @@
 import dataclasses
 import math
 import pathlib
+from collections.abc import Callable
 from typing import Any
 
 import vgtjax
@@ -13,6 +14,22 @@ from ..output.files import SUMMARY, read_json
 from ..study.characteristics import READERS
 from ..study.start_file import load_model, read_parameters, unit_files
 from ..study.tables import Study
+
+
+def _is_number(given: Any) -> bool:
+    return given is None or (isinstance(given, int | float) and not isinstance(given, bool))
+
+
+def _is_interval(given: Any) -> bool:
+    return given is None or (isinstance(given, list) and len(given) == 2 and all(map(_is_number, given)))
+
+
+FIELDS: dict[str, tuple[Callable[[Any], bool], str]] = {
+    "unit": (lambda given: isinstance(given, str), "a text"),
+    "std_error": (_is_number, "a number or null"),
+    "interval": (_is_interval, "two numbers, or null"),
+}
+"""What stands beside the value of a parameter, and what it must be."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -87,7 +104,25 @@ def read_results(place: pathlib.Path) -> Results:
     lacking = [name for name in vgtjax.parameter_table(model) if "unit" not in content["parameters"].get(name, {})]
     if lacking:
         raise InputError(f"{path.name}: it does not state '{lacking[0]}' with its unit; give one that 'fit' wrote")
+    for name in vgtjax.parameter_table(model):
+        _require_fields(path, name, content["parameters"][name])
     return Results(study, model, content["parameters"], _hashes(path.with_name(SUMMARY)))
+
+
+def _require_fields(path: pathlib.Path, name: str, fields: dict[str, Any]) -> None:
+    """Refuses what no fit writes beside a value; one that has no list counts for all entries of a vector."""
+    value = fields["value"]
+    for key, (is_right, wanted) in FIELDS.items():
+        given = fields.get(key)
+        each = given if isinstance(value, list) and isinstance(given, list) else None
+        if each is not None and len(each) != len(value):
+            raise InputError(
+                f"{path.name}: '{name}' has {len(value)} values, but {len(each)} under {key}; give one for each"
+            )
+        if not all(map(is_right, [given] if each is None else each)):
+            raise InputError(
+                f"{path.name}: {key} of '{name}' must be {wanted}, but it is {given!r}; give a file that 'fit' wrote"
+            )
 
 
 def _hashes(summary: pathlib.Path) -> dict[str, str]:

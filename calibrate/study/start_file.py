@@ -38,16 +38,21 @@ def read_parameters(path: pathlib.Path, unit: str | None = None) -> tuple[pathli
     content = read_json(path)
     if not isinstance(content, dict) or not isinstance(content.get("parameters"), dict):
         raise InputError(f"{path.name}: this is no parameters.json of a fit; give one that 'fit' wrote")
+    return path, _migrated(path, content)
+
+
+def require_components(path: pathlib.Path, content: dict[str, Any]) -> None:
+    """**Raises:** `InputError` for a file whose components are no table; it may name none."""
     components = content.get("components", {})
     if not isinstance(components, dict):
         raise InputError(
             f"{path.name}: its components must be names by part, but they are {components!r}; correct them"
         )
-    return path, _migrated(path, content)
 
 
 def _migrated(path: pathlib.Path, content: dict[str, Any]) -> dict[str, Any]:
     """The content of a `parameters.json` as today's version has it; a file of the first names no schema."""
+    require_components(path, content)
     schema = content.get("schema", 1)
     if isinstance(schema, bool) or not isinstance(schema, int) or not 1 <= schema <= SCHEMA:
         raise InputError(

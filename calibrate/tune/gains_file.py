@@ -14,7 +14,7 @@ from vgtjax.parameters import entry_names, unknown_name
 from ..output.files import finite, read_json
 from ..study.models import check_length
 from ..study.parameter_file import Entry, tabulate, to_json
-from ..study.start_file import NAMED, load_model
+from ..study.start_file import NAMED, load_model, require_components
 from ..study.tables import FullStudy, Study
 from .designs import DESIGNS, design_for
 from .fallback import FALLBACK, fallback_of, with_fallback
@@ -89,7 +89,7 @@ def load_controller(path: pathlib.Path) -> TunedController:
     """
     content = _read(path)
     design, plant, period = (content.get(key) for key in ("design", "plant", "period"))
-    if design not in DESIGNS:
+    if not isinstance(design, str) or design not in DESIGNS:
         raise InputError(
             f"{path.name}: its design must be one of {', '.join(DESIGNS)}, but it is {design!r}; tune again"
         )
@@ -97,8 +97,16 @@ def load_controller(path: pathlib.Path) -> TunedController:
         raise InputError(
             f"{path.name}: it does not state the plant that its controller believes in and its period; tune again"
         )
+    if content.get("model") != "full":
+        raise InputError(
+            f"{path.name}: its plant must be of model = 'full', but it is {content.get('model')!r}; tune again"
+        )
+    require_components(path, content)
     believed: Any = load_model(path, {**content, "parameters": plant})[1]
-    controller = design_for(design, believed, period)
+    try:
+        controller = design_for(design, believed, period)
+    except InputError as error:
+        raise InputError(f"{path.name}: {error}") from error
     controller = vgtjax.replace_parameters(controller, _gains_in(path, content, controller))
     return TunedController(design, with_fallback(_fallback(path, content), believed, controller), period)
 

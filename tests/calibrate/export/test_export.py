@@ -293,6 +293,25 @@ def test_another_summary_beside_the_parameters_is_refused(export, tmp_path, summ
     )
 
 
+@pytest.mark.parametrize(
+    ("name", "key", "given", "sentence"),
+    [
+        ("diaphragm.mass", "interval", [1], "interval of 'diaphragm.mass' must be two numbers, or null, but it is [1]"),
+        ("diaphragm.mass", "interval", 5, "interval of 'diaphragm.mass' must be two numbers, or null, but it is 5"),
+        ("diaphragm.mass", "std_error", "x", "std_error of 'diaphragm.mass' must be a number or null, but it is 'x'"),
+        ("diaphragm.mass", "unit", ["kg"], "unit of 'diaphragm.mass' must be a text, but it is ['kg']"),
+        ("converter.magnetic_force", "unit", ["N"], "'converter.magnetic_force' has 5 values, but 1 under unit"),
+    ],
+)
+def test_fields_that_no_fit_writes_are_refused(export, tmp_path, name, key, given, sentence):
+    content = read(FLEET_UNIT)
+    content["parameters"][name][key] = given
+    (tmp_path / "p.json").write_text(json.dumps(content))
+    path, outcome = export(tmp_path / "p.json", "dcm")
+    assert refused(outcome).startswith(f"p.json: {sentence}; give ")
+    assert not path.exists()
+
+
 def test_parameters_with_a_byte_order_mark_are_read(export, tmp_path):
     (tmp_path / "p.json").write_text(FLEET_UNIT.read_text(encoding="utf-8"), encoding="utf-8-sig")
     written, outcome = export(tmp_path / "p.json", "csv")

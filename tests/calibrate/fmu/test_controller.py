@@ -215,6 +215,9 @@ def test_a_file_of_gains_is_its_controller(results, controller):
     ("change", "sentence"),
     [
         ({"design": "mpc"}, "its design must be one of {designs}, but it is 'mpc'; tune again"),
+        ({"design": ["pi"]}, "its design must be one of {designs}, but it is ['pi']; tune again"),
+        ({"components": []}, "its components must be names by part, but they are []; correct them"),
+        ({"parameters": [1]}, "these are no gains of a controller; give a gains.json that 'tune' wrote"),
         ({"plant": None}, "it does not state the plant that its controller believes in and its period; tune again"),
         (
             {"fallback": {"kind": "prayer", "patience": 0.1}},

@@ -87,3 +87,19 @@ def test_gains_that_are_not_the_designs_are_refused_with_the_name_of_their_file(
     path = write(tmp_path, content | {"parameters": gains})
     with pytest.raises(vgtjax.InputError, match="^" + re.escape(f"gains.json: {sentence}")):
         load_controller(path)
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"model": "mechanical"}, "its plant must be of model = 'full', but it is 'mechanical'; tune again"),
+        ({"design": "backstepping", "friction": "coulomb"}, "a plant must have LuGre friction"),
+    ],
+)
+def test_a_plant_that_the_design_has_no_use_for_is_refused_with_the_name_of_the_file(
+    changes, sentence, content, tmp_path
+):
+    components = content["components"] | {"friction": changes.get("friction", "lugre")}
+    path = write(tmp_path, content | changes | {"components": components, "plant": {}})
+    with pytest.raises(vgtjax.InputError, match="^" + re.escape(f"gains.json: {sentence}")):
+        load_controller(path)
