@@ -35,13 +35,16 @@ WRITERS: dict[Format, Callable[[Results, str, str], bytes]] = {
 def run(results: pathlib.Path, kind: Format, out: pathlib.Path, date: datetime.datetime | None) -> None:
     """Writes one file, whole or not at all, and never over another.
 
-    **Raises:** `InputError` for results that neither a fit nor `tune` wrote, or a file that is there or has another
-    ending.
+    **Raises:** `InputError` for results that neither a fit nor `tune` wrote, or a file that is there, has another
+    ending or would lie in a file.
     """
     if out.suffix.lower() != f".{kind}":
         raise InputError(f"--out must end in .{kind}, as --format says, but it is {out.name}; rename it")
     if out.exists():
         raise InputError(f"{out} is there already; remove it, or choose another --out")
+    above = next(each for each in out.parents if each.exists())
+    if not above.is_dir():
+        raise InputError(f"--out must lie in a folder, but {above} is a file; choose another --out")
     day = (date or datetime.datetime.now(datetime.UTC)).date().isoformat()
     write = _writer(results, kind)
     with console.status(f"writing {out.name}"):  # a compiler for other systems takes minutes when it is new

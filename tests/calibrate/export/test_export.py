@@ -257,6 +257,14 @@ def test_a_file_that_is_there_stays(export, tmp_path):
     assert path.read_text() == "mine"
 
 
+def test_a_file_is_no_folder(tmp_path):
+    """Said before anything is computed."""
+    (tmp_path / "p.json").write_text("mine")
+    out = tmp_path / "p.json" / "further" / "y.csv"
+    outcome = run_command("export", "nothing", "--format", "csv", "--out", out)
+    assert refused(outcome) == f"--out must lie in a folder, but {tmp_path / 'p.json'} is a file; choose another --out"
+
+
 def test_the_ending_says_what_a_file_is(tmp_path):
     outcome = run_command("export", FLEET_UNIT, "--format", "dcm", "--out", tmp_path / "a.cdfx")
     assert refused(outcome) == "--out must end in .dcm, as --format says, but it is a.cdfx; rename it"
