@@ -13,6 +13,8 @@ from typing import Any, NoReturn
 
 import click
 
+from .temporary import remove_temporary
+
 PATH = click.Path(path_type=pathlib.Path)
 
 
@@ -136,6 +138,7 @@ def _leave(number: int, frame: types.FrameType | None) -> NoReturn:
         sys.stdout.flush()
     show_cursor = "\x1b[?25h\n" if sys.stdout.isatty() else ""
     os.write(2, f"{show_cursor}interrupted; the same command goes on from here\n".encode())
+    remove_temporary()
     os._exit(130)
 
 

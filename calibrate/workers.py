@@ -8,7 +8,6 @@ import pathlib
 import pickle
 import signal
 import sys
-import tempfile
 import threading
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
@@ -21,6 +20,7 @@ from .memory import available_memory
 from .output.console import console
 from .resumable import Folders
 from .study.units import Job, Unit
+from .temporary import temporary_folder
 
 Work = Callable[[Job, Unit, pathlib.Path], None]
 
@@ -54,8 +54,8 @@ def each_unit(job: Job, folders: Folders, work: Work) -> None:
     context = multiprocessing.get_context("spawn")  # JAX does not survive a fork
     # By a file: what a process is begun with goes through a pipe, whose writer waits for ever if that is more than the
     # pipe holds and the process dies before it has read it.
-    with tempfile.TemporaryDirectory() as temporary:
-        written = pathlib.Path(temporary) / "job"
+    with temporary_folder() as temporary:
+        written = temporary / "job"
         written.write_bytes(pickle.dumps(job))
         said: SimpleQueue[str] = context.SimpleQueue()
         pool = ProcessPoolExecutor(processes, context, _begin, (written, cache, devices, said))

@@ -1,15 +1,15 @@
 """C compilers: the machine's own, and one that builds for other systems too."""
 
 import os
-import pathlib
 import platform
 import shutil
 import subprocess
 import sys
-import tempfile
 from importlib.util import find_spec
 
 from vgtjax import InputError, SimulationError
+
+from ..temporary import temporary_folder
 
 SYSTEMS = {
     "linux64": ("x86_64-linux-gnu.2.17", ".so"),
@@ -59,8 +59,8 @@ def compile_library(source: str, system: str, command: tuple[str, ...], *flags: 
 
     **Raises:** `SimulationError` with what the compiler said.
     """
-    with tempfile.TemporaryDirectory() as folder:
-        file, library = pathlib.Path(folder, "model.c"), pathlib.Path(folder, f"model{SYSTEMS[system][1]}")
+    with temporary_folder() as folder:
+        file, library = folder / "model.c", folder / f"model{SYSTEMS[system][1]}"
         file.write_text(source, encoding="utf-8")
         math = () if system == "win64" else ("-lm",)
         done = subprocess.run(

@@ -2,9 +2,7 @@
 
 import ctypes
 import dataclasses
-import pathlib
 import re
-import tempfile
 import time
 
 import numpy as np
@@ -13,6 +11,7 @@ from vgtjax import InputError
 from vgtjax.control import AbstractController
 
 from ..output.console import console
+from ..temporary import temporary_folder
 from .compilers import compile_library, own_compiler, own_system
 from .entries import values_of
 from .law import FIRST, Law
@@ -89,8 +88,8 @@ def _seconds(law: Law, text: str) -> float | None:
     sizes = {"memory": len(law.memory), "outputs": len(law.outputs)}
     library = compile_library(text + TIMED.format(**sizes), system, (compiler, "-fPIC"))
     p, u = values_of(law.controller), np.array([FIRST.get(name, 0.0) for name in law.inputs])
-    with tempfile.TemporaryDirectory() as folder:
-        path = pathlib.Path(folder, "law.so")
+    with temporary_folder() as folder:
+        path = folder / "law.so"
         path.write_bytes(library)
         call = ctypes.CDLL(str(path)).vg_time
         call.restype, call.argtypes = ctypes.c_double, [VECTOR, VECTOR, ctypes.c_int]

@@ -9,7 +9,7 @@ import time
 
 import pytest
 from bad_traces import BAD_TRACES
-from commands import read
+from commands import cut_example, read
 
 import vgtjax
 
@@ -61,6 +61,32 @@ def test_an_interruption_while_loading_ends_with_status_130(folder):
     process.send_signal(signal.SIGINT)
     _, stderr = process.communicate(timeout=60)
     assert (process.returncode, stderr) == (130, "interrupted; the same command goes on from here\n")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="no such signal there")
+def test_an_interruption_leaves_no_job_behind(tmp_path):
+    """What the processes of several units are told of lies in a temporary folder."""
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    for number in (1, 2):
+        cut_example("step_80", 0.3, tmp_path, f"unit_{number}")
+    (tmp_path / "study.toml").write_text('[[trace]]\nfile = "unit_*.csv"\nunit = "{stem}"\n')
+    process = subprocess.Popen(
+        [*COMMAND, "identify", "study.toml", "--out", "out"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=tmp_path,
+        env=os.environ | {"TMPDIR": str(temporary)},
+    )
+    while process.poll() is None and not list(temporary.rglob("job")):
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    _, stderr = process.communicate(timeout=60)
+    assert process.returncode == 130
+    # Python's tracker of resources may add what it has cleaned up.
+    assert stderr.startswith("interrupted; the same command goes on from here\n")
+    assert list(temporary.rglob("job")) == []
 
 
 def test_without_a_study_the_example_that_ships_is_simulated(tmp_path):
