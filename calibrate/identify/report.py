@@ -31,8 +31,12 @@ def render(
 
 def render_overview(job: Job, summaries: Summaries) -> str:
     """The report of a study with several units: what each one's tests determined, with a link to its own report."""
-    names = [section["name"] for section in next(iter(summaries.values()))["sections"]]
-    return render_page("identify_overview.html.jinja", **job.heading(), names=names, units=summaries)
+    units = {
+        unit: {"seconds": summary["wall_seconds"], "told": {s["name"]: len(s["values"]) for s in summary["sections"]}}
+        for unit, summary in summaries.items()
+    }
+    names = dict.fromkeys(name for unit in units.values() for name in unit["told"])  # not every unit has every test
+    return render_page("identify_overview.html.jinja", **job.heading(), names=list(names), units=units)
 
 
 def _section(result: Identified, table: list[Entry]) -> dict[str, Any]:
