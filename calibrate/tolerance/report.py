@@ -13,7 +13,7 @@ from vgtjax.population import Results
 
 from ..output.figures import curve, points, styled
 from ..output.page import render_page
-from ..population import ChunkStore, PopulationJob, scaled
+from ..population import ChunkStore, PopulationJob, say_active, scaled
 from .summary import ENVELOPE, envelope
 
 BAND, LINE, UNIT = "rgba(194, 65, 12, 0.22)", "#c2410c", "#475569"
@@ -34,6 +34,7 @@ def render(job: PopulationJob, store: ChunkStore, known: Results, summary: dict[
         "tolerance.html.jinja",
         **job.heading(),
         summary=summary,
+        active=say_active(job.population, summary["active_friction"]["count"], summary["samples"]),
         failed=[(one["sample"], one["cause"].replace("_", " "), _unusual(job, one["values"])) for one in failed],
         loops=[(f"{at / 100:.0f} mbar at the turbine inlet", _loop_figure(job, store, at)) for at in pressures],
         effects=[(title, _effect_figure(job, store, direction, pressures)) for direction, title in directions.items()],

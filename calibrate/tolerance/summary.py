@@ -12,7 +12,7 @@ from vgtjax.parameters import unknown_name
 from vgtjax.population import Results, describe
 
 from ..output.files import finite
-from ..population import ChunkStore, Plan, count_active, describe_failed, describe_quantities, scaled
+from ..population import ChunkStore, Plan, describe_active, describe_failed, describe_quantities, scaled
 from ..study.tables import Limit
 
 QUANTILES = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
@@ -48,7 +48,7 @@ def summarise(plan: Plan, store: ChunkStore, known: Results, seconds: float) -> 
         "samples": store.rows,
         "failed": describe_failed(job, plan.sample, failed),
         "unphysical": {"count": sum(cause == "unphysical" for cause in failed.values())},
-        "active_friction": {"count": count_active(job.population, plan.sample), "raised": job.population.passive},
+        "active_friction": describe_active(job.population, plan.sample),
         "yield": _share(meets_all[good]) if table.limits else None,
         "outputs": found,
         "envelopes": {output.name: _envelope(output, store[output.name]) for output in store.outputs if output.axis},

@@ -9,6 +9,7 @@ from ._fitted import (
 )
 from ._members import Members as Members
 from ._population import (
+    VISCOUS as VISCOUS,
     Margin as Margin,
     Population as Population,
     lognormal as lognormal,

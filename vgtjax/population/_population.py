@@ -32,8 +32,8 @@ class Population:
     `margins` are in the order of `factors.entries` and in the units of the table. `correlation` is that of the
     normal scores, `(factors, factors)`; it may be singular, as it is where few units were measured.
 
-    With `passive`, no member has friction that can give out energy: where the drawn viscous damping is too small for
-    that, a member has the least that is large enough.
+    With `passive`, no member has friction that can give out energy, if viscous damping is among the quantities: where
+    the drawn one is too small for that, a member has the least that is large enough.
 
     **Raises:** `InputError` where sizes differ, or the correlation is none.
     """
@@ -68,10 +68,15 @@ class Population:
         """The nominal actuator's values."""
         return np.asarray(self.factors.pack(self.model))
 
+    @property
+    def raises(self) -> bool:
+        """Whether viscous damping is raised where friction as drawn can give out energy: it must be a quantity."""
+        return self.passive and VISCOUS in self.factors.entries
+
     def values(self, points: Rows) -> Rows:
         """Parameter values of points of the open unit cube; each row by itself, so that slices give the same."""
         drawn = self._drawn(points)
-        if not self.passive or VISCOUS not in self.factors.entries:
+        if not self.raises:
             return drawn
         raised = drawn.copy()
         # A little more than the least: rounding may not put it back outside.

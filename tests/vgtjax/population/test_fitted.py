@@ -188,3 +188,16 @@ def test_no_member_has_friction_that_gives_out_energy():
         # On the bound, but for rounding and the billionth that keeps it inside.
         assert 0 <= float(friction.passivity_margin()) < 1e-6 * float(friction.viscous_damping)
     assert not spread_population(ACTUATOR, 0.5, vary=["diaphragm.mass"]).active(points[:, :1]).any()
+
+
+@pytest.mark.parametrize(
+    ("vary", "raises"), [(["friction.*"], True), (["friction.bristle_damping", "friction.static_force"], False)]
+)
+def test_what_does_not_vary_is_not_raised(vary, raises):
+    wide = spread_population(ACTUATOR, 0.5, vary=vary)
+    points = make_sample(wide.dimensions, 64, "sobol", 3).points(0, 64)
+    assert wide.active(points).any()
+    assert wide.raises is raises
+    loose = dataclasses.replace(wide, passive=False)
+    assert loose.raises is False
+    assert np.array_equal(wide.values(points), loose.values(points)) is not raises
