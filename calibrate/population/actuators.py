@@ -6,7 +6,7 @@ from typing import Any
 
 import vgtjax
 from vgtjax.plants import on_given_knots
-from vgtjax.population import Population, Spread, fitted_levels, fitted_population, spread_population
+from vgtjax.population import FittedUnit, Population, Spread, fitted_levels, population_of_units, spread_population
 
 from ..output.files import read_json
 from ..study.models import build_model, say_not_as_stated, start_model, values_of
@@ -52,7 +52,8 @@ def read_actuators(
     values = _given_values(parameters, study, model)
     models = _models(model, study, values)
     population, notes = _population(study, dict(zip(values, models, strict=True)), parameters, levels)
-    fitted = {} if None in values else dict(zip(map(str, values), models, strict=True))
+    moved = [on_given_knots(each, values_of(models[0])) for each in models]
+    fitted = {} if None in values else dict(zip(map(str, values), moved, strict=True))
     return Actuators(values, models[0], population, fitted, notes, _digests(parameters))
 
 
@@ -79,15 +80,9 @@ def _given_values(
 def _models(
     model: vgtjax.AbstractModel, study: Study, values: dict[str | None, dict[str, Any]]
 ) -> list[vgtjax.AbstractModel]:
-    """A model for every unit, all on the knots of the first."""
-    models: list[vgtjax.AbstractModel] = []
-    knots: dict[str, Any] = {}
-    for given in values.values():
-        start, _ = start_model(model, study, given)
-        if not models:
-            say_not_as_stated(start, study, {})
-        knots = knots or values_of(start)
-        models.append(on_given_knots(start, knots))
+    """A model for every unit, each on the knots of its own fit."""
+    models = [start_model(model, study, given)[0] for given in values.values()]
+    say_not_as_stated(models[0], study, {})
     return models
 
 
@@ -136,17 +131,14 @@ def _of_units(
             f"a population of fitted units has their spread, but [population] states {', '.join(sorted(named))} too; "
             "drop that, or give the parameters of one actuator"
         )
-    files = unit_files(folder).values()
-    entries = [fitted_entries(file) for file in files]
-    common = [entry for entry in entries[0] if all(entry in other for other in entries)]
-    errors = [fit_covariance(file, common) for file in files]
-    covariances = [each for each in errors if each is not None]
-    stated_by_all = len(covariances) == len(errors)
+    files = list(unit_files(folder).values())
+    free = [fitted_entries(file) for file in files]
+    errors = [fit_covariance(*each) for each in zip(files, free, strict=True)]
     with stated(OF_A_POPULATION):
-        population = fitted_population(models, common, covariances if stated_by_all else None)
+        population = population_of_units([FittedUnit(*each) for each in zip(models, free, errors, strict=True)])
     population = dataclasses.replace(population, passive=table.passive)
     doubts = _unconverged(folder)
-    if not stated_by_all:
+    if any(each is None for each in errors):
         doubts = (
             *doubts,
             "the fitted units do not state the covariance of their errors, so errors of the fits count as spread; fit "

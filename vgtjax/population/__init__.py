@@ -1,11 +1,13 @@
 """Populations of actuators: who varies how, samples of them, and experiments on many at once."""
 
+from ._common_knots import FittedUnit as FittedUnit
 from ._evaluate import Evaluator as Evaluator, run as run
 from ._factors import Factors as Factors, choose_factors as choose_factors, differing_factors as differing_factors
 from ._fitted import (
     fitted_levels as fitted_levels,
     fitted_population as fitted_population,
     population_of_fits as population_of_fits,
+    population_of_units as population_of_units,
 )
 from ._members import Members as Members
 from ._population import (

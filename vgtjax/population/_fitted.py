@@ -10,6 +10,7 @@ from .._errors import InputError
 from ..estimation import Calibration
 from ..parameters import Selection, entry_names, get_parameter, parameter_table
 from ..plants import AbstractModel
+from ._common_knots import FittedUnit, on_common_knots
 from ._factors import Factors, is_curve
 from ._hierarchical import separate, separate_each
 from ._population import Margin, Population, domain, lognormal, normal
@@ -77,17 +78,27 @@ def population_of_fits(fits: Sequence[Calibration]) -> Population:
 
     **Raises:** `InputError` as that does.
     """
-    entries = [entry for entry in _free_entries(fits) if all(entry in fit.estimates for fit in fits)]
-    covariances = []
+    units = []
     for fit in fits:
+        entries = [entry for entry in fit if entry not in fit.instruments]
         at = [list(fit).index(entry) for entry in entries]
-        covariances.append(fit.error_covariance[np.ix_(at, at)])
-    return fitted_population([fit.model for fit in fits], entries, covariances)
+        units.append(FittedUnit(fit.model, entries, fit.error_covariance[np.ix_(at, at)]))
+    return population_of_units(units)
 
 
-def _free_entries(fits: Sequence[Calibration]) -> list[str]:
-    """Those of the first fit that its plant has, and not the bench."""
-    return [entry for fit in fits[:1] for entry in fit if entry not in fit.instruments]
+def population_of_units(units: Sequence[FittedUnit]) -> Population:
+    """The same of what other tools or files say of fits: the population of every entry that was free in all units,
+    freed of the errors of the fits where all state these.
+
+    Tables stand on the knots of the first unit's, where their values and the errors of these are read off.
+
+    **Raises:** `InputError` as [`fitted_population`][vgtjax.population.fitted_population] does.
+    """
+    units = on_common_knots(units)
+    entries = [entry for each in units[:1] for entry in each.entries if all(entry in unit.entries for unit in units)]
+    errors = [unit.errors_of(entries) for unit in units]
+    stated = [each for each in errors if each is not None]
+    return fitted_population([unit.model for unit in units], entries, stated if len(stated) == len(errors) else None)
 
 
 def fitted_levels(population: Population) -> Population:

@@ -1,0 +1,67 @@
+"""Fitted units whose tables stand on knots of their own, on those of the first."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..parameters import Selection, entry_names, get_parameter, parameter_table
+from ..plants import AbstractModel, on_given_knots
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class FittedUnit:
+    """What a fit found of one unit: the model, the entries that were free, and the covariance of their errors in the
+    units of the table, NaN for what the traces did not determine, `None` where it is not stated."""
+
+    model: AbstractModel
+    entries: Sequence[str]
+    covariance: Float[np.ndarray, "entries entries"] | None
+
+    def errors_of(self, entries: Sequence[str]) -> Float[np.ndarray, "part part"] | None:
+        """The covariance of some of the entries."""
+        at = [list(self.entries).index(entry) for entry in entries]
+        return None if self.covariance is None else self.covariance[np.ix_(at, at)]
+
+
+def on_common_knots(units: Sequence[FittedUnit]) -> list[FittedUnit]:
+    """Units with their tables, and the errors of these, read at the knots of the first unit.
+
+    A table of which not all entries were free is none that was fitted then.
+    """
+    if not units:
+        return []
+    first, table = units[0].model, parameter_table(units[0].model)
+    return [_moved(unit, {name: get_parameter(first, name) for name in table}) for unit in units]
+
+
+def _moved(unit: FittedUnit, knots: dict[str, Array]) -> FittedUnit:
+    moved = on_given_knots(unit.model, knots)
+    if moved is unit.model:
+        return unit
+    own, table = parameter_table(unit.model), parameter_table(moved)
+    read_along = {f"{name.rpartition('.')[0]}.{axis}" for name, row in own.items() for axis in row.axes}
+    free = [entry for entry in unit.entries if entry.partition("[")[0] not in read_along]
+    whole = [name for name in own if set(entry_names({name: own[name]})) <= set(free)]
+    entries = [
+        entry
+        for name, row in table.items()
+        for entry in entry_names({name: row})
+        if name in whole or (entry in free and not row.axes)
+    ]
+    before, after = Selection(tuple(free)), Selection(tuple(entries))
+    errors = unit.errors_of(free)
+    if errors is None:
+        return FittedUnit(moved, entries, None)
+
+    def read(values: Float[Array, " own"]) -> Float[Array, " entries"]:
+        return after.pack(on_given_knots(before.unpack(unit.model, values), knots))
+
+    slopes = np.asarray(jax.jacfwd(read)(jnp.asarray(before.values(unit.model))))
+    lost = (slopes != 0) @ np.isnan(np.diag(errors))
+    covariance = slopes @ np.where(np.isnan(errors), 0.0, errors) @ slopes.T
+    covariance[lost], covariance[:, lost] = np.nan, np.nan
+    return FittedUnit(moved, entries, covariance)
