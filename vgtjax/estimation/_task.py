@@ -25,7 +25,7 @@ from ..parameters import (
     unknown_name,
 )
 from ..plants import AbstractModel, bare
-from ..simulation import AbstractStepping, FixedStep
+from ..simulation import AbstractFixedStepping, FixedStep
 from ..traces import SIGNALS, Trace
 from .derivatives import CHANNELS, StepsOfFit, lengthens
 from .measurements import (
@@ -98,7 +98,7 @@ class Task:
         return dataclasses.replace(self, fit=parts, inputs=inputs, validate=())
 
     @property
-    def steps(self) -> AbstractStepping:
+    def steps(self) -> AbstractFixedStepping:
         """The steps of its simulations, but for those whose numerical errors may not show."""
         corrected = self.unknown.numerics and not self.finer
         return StepsOfFit(self.stepping) if corrected else self.stepping

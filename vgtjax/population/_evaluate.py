@@ -13,7 +13,7 @@ from .._errors import InputError
 from .._lanes import fill_devices, map_rows
 from ..experiments import AbstractExperiment, Output, stack_runs
 from ..plants import AbstractModel, least_volume, tabulated_along
-from ..simulation import RESULTS, FixedMarch, FixedStep, march
+from ..simulation import RESULTS, AbstractFixedStepping, FixedMarch, FixedStep, fixed, march
 from ..traces import Drive, Start, cast, require
 from ._factors import Factors
 from ._population import Population
@@ -65,21 +65,22 @@ class Evaluator:
             raise InputError(
                 f"an evaluation needs an experiment and a lane, but there are {len(experiments)} and {lanes}; give both"
             )
-        stepping = FixedStep() if stepping is None else stepping
         self.lanes = fill_devices(lanes)
         self.outputs: tuple[Output, ...] = tuple(output for each in experiments for output in each.outputs)
         self._dtype = np.dtype(dtype)
         # NumPy leaves belong to no device, so they fit any number of processes.
         self._model = jax.tree.map(lambda leaf: np.asarray(leaf, self._dtype), model)
         self._factors = factors
-        self._prepared = tuple(self._prepare(model, experiment, stepping) for experiment in experiments)
+        self._prepared = tuple(self._prepare(model, experiment, fixed(stepping)) for experiment in experiments)
 
-    def _prepare(self, model: AbstractModel, experiment: AbstractExperiment, stepping: FixedStep) -> _Prepared:
+    def _prepare(
+        self, model: AbstractModel, experiment: AbstractExperiment, stepping: AbstractFixedStepping
+    ) -> _Prepared:
         for trace in experiment.traces:
             require(trace, model.needs)
         drive, start = cast(stack_runs(experiment.traces), self._dtype)
-        fixed = jax.tree.map(lambda leaf: np.asarray(leaf, self._dtype), experiment)
-        return _Prepared(fixed, drive, start, stepping.plan_intervals(model, experiment.traces[0].longest_interval))
+        ready = jax.tree.map(lambda leaf: np.asarray(leaf, self._dtype), experiment)
+        return _Prepared(ready, drive, start, stepping.plan_intervals(model, experiment.traces[0].longest_interval))
 
     def __call__(self, values: Float[np.ndarray, "rows factors"]) -> Results:
         """Results of every row of values, in the units of the table."""

@@ -13,11 +13,13 @@ from ._results import (
 from ._simulate import Solution as Solution, march as march, model_dtype as model_dtype, simulate as simulate
 from ._stepping import (
     AbstractFixedMarch as AbstractFixedMarch,
+    AbstractFixedStepping as AbstractFixedStepping,
     AbstractMarch as AbstractMarch,
     AbstractStepping as AbstractStepping,
     AdaptiveStep as AdaptiveStep,
     CountedMarch as CountedMarch,
     FixedMarch as FixedMarch,
     FixedStep as FixedStep,
+    fixed as fixed,
     scan_in_blocks as scan_in_blocks,
 )

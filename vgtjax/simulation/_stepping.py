@@ -40,19 +40,32 @@ class AbstractStepping(eqx.Module):
     def plan(self, model: AbstractModel, trace: Trace) -> AbstractMarch:
         """The plan for a model along a trace."""
 
+
+class AbstractFixedStepping(AbstractStepping):
+    """Steps that keep to intervals."""
+
+    @abc.abstractmethod
+    def plan(self, model: AbstractModel, trace: Trace) -> "FixedMarch":
+        """The plan for a model along a trace."""
+
     @abc.abstractmethod
     def plan_intervals(self, model: AbstractModel, longest_interval: float) -> "FixedMarch":
-        """The plan for intervals of at most so many seconds, which can be advanced one by one.
+        """The plan for intervals of at most so many seconds, which can be advanced one by one."""
 
-        **Raises:** `InputError` for steps that don't keep to intervals.
-        """
 
-    @abc.abstractmethod
-    def plan_along(self, model: AbstractModel, trace: Trace) -> "FixedMarch":
-        """The same for the intervals of a trace.
+def fixed(stepping: AbstractStepping | None) -> AbstractFixedStepping:
+    """Steps that keep to intervals: these, or [`FixedStep`][] by default.
 
-        **Raises:** `InputError` for steps that don't keep to intervals.
-        """
+    **Raises:** `InputError` for steps that don't.
+    """
+    if stepping is None:
+        return FixedStep()
+    if not isinstance(stepping, AbstractFixedStepping):
+        raise InputError(
+            f"exact Jacobians and sampled controllers need fixed steps, but stepping is {type(stepping).__name__}; use "
+            "FixedStep(max_step=...)"
+        )
+    return stepping
 
 
 class AbstractFixedMarch(AbstractMarch):
@@ -71,10 +84,6 @@ class AbstractFixedMarch(AbstractMarch):
 
     def reversible(self) -> "AbstractFixedMarch":
         """The same steps for reverse mode."""
-        return self
-
-    def taking(self, substeps: Any) -> "AbstractFixedMarch":
-        """The same plan with a number of steps from elsewhere, unless its own is part of what is compiled."""
         return self
 
     def advance(self, model: AbstractModel, state: State, drive: Drive) -> tuple[State, Bool[Array, ""]]:
@@ -142,10 +151,6 @@ class CountedMarch(AbstractFixedMarch):
         """See the base class."""
         return ReversibleMarch(int(self.substeps), self.solver)
 
-    def taking(self, substeps: Int[np.ndarray, ""] | Int[Array, ""]) -> "CountedMarch":
-        """See the base class."""
-        return CountedMarch(substeps, self.solver)
-
 
 class ReversibleMarch(AbstractFixedMarch):
     """A number of steps that is compiled in; reverse mode keeps the states between steps, and makes the rest again.
@@ -161,7 +166,7 @@ class ReversibleMarch(AbstractFixedMarch):
         return jax.lax.scan(lambda carry, number: (again(carry, number), None), carry, jnp.arange(count))[0]
 
 
-class FixedStep(AbstractStepping):
+class FixedStep(AbstractFixedStepping):
     """Equal steps that divide every interval between samples: the default.
 
     A duty step falls on an interval's edge, so no step ever straddles a jump; nothing depends on data, so batches
@@ -177,10 +182,6 @@ class FixedStep(AbstractStepping):
 
     def plan(self, model: AbstractModel, trace: Trace) -> FixedMarch:
         """Steps such that the longest interval of the trace is cut finely enough."""
-        return self.plan_along(model, trace)
-
-    def plan_along(self, model: AbstractModel, trace: Trace) -> FixedMarch:
-        """See the base class."""
         return self.plan_intervals(model, trace.longest_interval)
 
     def plan_intervals(self, model: AbstractModel, longest_interval: float) -> FixedMarch:
@@ -302,14 +303,3 @@ class AdaptiveStep(AbstractStepping):
         length = max(FEWEST_JUMPS, 2 ** math.ceil(math.log2(max(len(jumps), 1))))
         filled = np.pad(jumps, (0, length - len(jumps)), constant_values=-1)
         return AdaptiveMarch(self.rtol, self.atol, self.solver, self.max_steps, filled)
-
-    def plan_intervals(self, model: AbstractModel, longest_interval: float) -> FixedMarch:
-        """Refused: these steps don't keep to intervals."""
-        raise InputError(
-            f"exact Jacobians and sampled controllers need fixed steps, but stepping is {type(self).__name__}; use "
-            "FixedStep(max_step=...)"
-        )
-
-    def plan_along(self, model: AbstractModel, trace: Trace) -> FixedMarch:
-        """Refused, as by `plan_intervals`."""
-        return self.plan_intervals(model, trace.longest_interval)

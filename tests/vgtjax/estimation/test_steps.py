@@ -25,7 +25,7 @@ def loop(interval=1e-2, duty_step=0.7):
 
 
 def substeps(trace):
-    return int(StepsOfFit().plan_along(vgtjax.Actuator(), trace).substeps)
+    return int(StepsOfFit().plan(vgtjax.Actuator(), trace).substeps)
 
 
 def test_slow_motion_that_is_sampled_rarely_takes_longer_steps():
@@ -39,7 +39,7 @@ def test_a_model_that_no_duty_drives_takes_no_longer_steps():
     trace = vgtjax.Trace(np.arange(3) * 1e-2, pwm=np.zeros(3), p_res=np.full(3, 2e4), p_act=np.full(3, 9e4))
     model = vgtjax.MechanicalActuator()
     assert not lengthens(model, trace)
-    assert int(StepsOfFit().plan_along(model, trace).substeps) == 20
+    assert int(StepsOfFit().plan(model, trace).substeps) == 20
 
 
 @pytest.fixture(scope="module")

@@ -144,6 +144,12 @@ def test_adaptive_solver_that_gives_up_is_a_failure(actuator):
     assert solution.result == vgtjax.RESULTS.max_steps_reached
 
 
+def test_steps_that_do_not_keep_to_intervals_are_refused_where_these_are_needed():
+    assert vgtjax.simulation.fixed(None) == FixedStep()
+    with pytest.raises(vgtjax.InputError, match="need fixed steps, but stepping is AdaptiveStep; use FixedStep"):
+        vgtjax.simulation.fixed(AdaptiveStep())
+
+
 def test_any_diffrax_solver_can_take_the_steps(actuator):
     trace = duty_trace((0, 0.05), (75, 0.3), p_res=2.0e4)
     heun = simulate(actuator, trace, stepping=FixedStep(solver=diffrax.Heun()))

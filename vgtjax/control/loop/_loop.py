@@ -22,6 +22,7 @@ from ...simulation import (
     check_result,
     choose,
     end_of,
+    fixed,
     model_dtype,
     scan_in_blocks,
 )
@@ -137,7 +138,7 @@ def close_loop(
             f"period must be positive and at most the duration, but they are {period} s and {duration} s; "
             "use e.g. 0.001 and 10"
         )
-    plan = (FixedStep() if stepping is None else stepping).plan_intervals(plant, period)
+    plan = fixed(stepping).plan_intervals(plant, period)
     adjoint = diffrax.ForwardMode() if adjoint is None else adjoint
     kept = jnp.exp(-period / jnp.asarray(derivative_memory, float))
     loop = _close_loop(plant, controller, scenario, round(duration / period), period, plan, adjoint, kept)

@@ -12,7 +12,7 @@ from jaxtyping import Array, Float, Int
 
 from ..._types import Scalar
 from ...plants import AbstractModel
-from ...simulation import AbstractFixedMarch, AbstractStepping, CountedMarch, FixedStep, model_dtype
+from ...simulation import AbstractFixedMarch, AbstractStepping, CountedMarch, fixed, model_dtype
 from ...traces import Drive, Start, Trace, cast, delay_duty, require
 from ._layout import SEGMENT, Group, Layout, Shape, packed
 
@@ -140,8 +140,8 @@ def bundle_traces(
 
     **Raises:** `InputError` when a trace lacks a column that the model needs, or steps are not fixed.
     """
-    stepping = FixedStep() if stepping is None else stepping
-    plans = [stepping.plan_along(model, trace) for trace in traces]
+    steps = fixed(stepping)
+    plans = [steps.plan(model, trace) for trace in traces]
     kinds: dict[Any, dict[int, Group]] = {}
     for index, (trace, plan) in enumerate(zip(traces, plans, strict=True)):
         require(trace, model.needs)

@@ -19,7 +19,7 @@ from ..._types import Scalar
 from ...parameters import Selection, select
 from ...parts import with_tables
 from ...plants import AbstractModel, State, rows_along
-from ...simulation import RESULTS, FixedStep, check_result
+from ...simulation import RESULTS, CountedMarch, FixedStep, check_result
 from ...traces import Drive, Trace
 from ._adjoint import pull_back
 from ._bundle import CHANNELS, Bundle, Slope, bundle_traces
@@ -177,7 +177,8 @@ def observe_together(
 
     def one(leaves: tuple[Any, ...]) -> tuple[Array | None, Array | None, RESULTS | None]:
         model, selection, bundle, delay, cotangent = eqx.combine(leaves, static)
-        bundle = eqx.tree_at(lambda bundle: bundle.plan, bundle, bundle.plan.taking(substeps))
+        if isinstance(bundle.plan, CountedMarch):
+            bundle = eqx.tree_at(lambda bundle: bundle.plan.substeps, bundle, substeps)
         if cotangent is not None:
             return None, _backwards(model, selection, bundle, delay, cotangent), None
         if selection is not None:

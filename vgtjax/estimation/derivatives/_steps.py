@@ -4,7 +4,7 @@ import equinox as eqx
 import numpy as np
 
 from ...plants import AbstractModel
-from ...simulation import AbstractStepping, FixedMarch, FixedStep
+from ...simulation import AbstractFixedStepping, FixedMarch, FixedStep
 from ...traces import Trace
 
 RARE, GENTLE, LONGER = 5e-3, 1.0, 2.0
@@ -15,7 +15,7 @@ Of records whose duty jumps 100 times a second, derivatives by the plunger's sca
 ones, twice its time constant, they told that to half as well."""
 
 
-class StepsOfFit(AbstractStepping):
+class StepsOfFit(AbstractFixedStepping):
     """Steps of a fit that corrects for numerical errors: longer for a trace of slow motion that is sampled so rarely
     that most of the time goes into what happens between two samples, of a model that the duty drives."""
 
@@ -23,12 +23,8 @@ class StepsOfFit(AbstractStepping):
 
     def plan(self, model: AbstractModel, trace: Trace) -> FixedMarch:
         """See the base class."""
-        return self.plan_along(model, trace)
-
-    def plan_along(self, model: AbstractModel, trace: Trace) -> FixedMarch:
-        """See the base class."""
         longer = LONGER if lengthens(model, trace) else 1.0
-        return FixedStep(longer * self.usual.max_step, self.usual.solver).plan_along(model, trace)
+        return FixedStep(longer * self.usual.max_step, self.usual.solver).plan(model, trace)
 
     def plan_intervals(self, model: AbstractModel, longest_interval: float) -> FixedMarch:
         """The usual steps: of intervals alone nobody knows how slow they are."""

@@ -51,7 +51,7 @@ def most_telling(task: Task, search: LevenbergMarquardt) -> dict[int, int]:
 
 
 def _substeps(task: Task, number: int) -> int:
-    return int(task.steps.plan_along(task.model, task.fit[number]).substeps)
+    return int(task.steps.plan(task.model, task.fit[number]).substeps)
 
 
 def _information(search: LevenbergMarquardt, ends: list[np.ndarray]) -> list[list[Information]]:
