@@ -131,4 +131,6 @@ class ProgressFile(Generic[P]):
 
 def _tuples(value: Any) -> Any:
     """JSON has lists for tuples, also for those inside of others."""
+    if isinstance(value, dict):
+        return {name: _tuples(each) for name, each in value.items()}
     return tuple(map(_tuples, value)) if isinstance(value, list) else value

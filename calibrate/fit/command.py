@@ -230,10 +230,7 @@ def _of_the_search(calibration: Calibration) -> dict[str, Any]:
             "settled": progress.settled,
             "moved": dict(zip(calibration, finite(calibration.shifts), strict=True)),
         },
-        "starts": [
-            {"start": number, "cost": cost, "steps": steps, "status": status}
-            for number, (cost, steps, status) in enumerate(progress.waterfall)
-        ],
+        "starts": [{"start": number, **ended._asdict()} for number, ended in enumerate(progress.ends)],
     }
 
 

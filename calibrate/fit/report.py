@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import plotly.graph_objects as go
 
-from vgtjax.estimation import REACHED, found_besides
+from vgtjax.estimation import REACHED, StartEnded, found_besides
 
 from ..output import figures
 from ..output.page import render_page
@@ -60,7 +60,7 @@ def render(job: Job, unit: Unit, fitted: Fitted, table: list[Entry]) -> str:
         **model_sections(calibration.model, calibration.traces),
         convergence=figures.convergence_figure(cost, "chi^2 / N"),
         autocorrelation=figures.autocorrelation_figure(calibration.traces),
-        waterfall=waterfall_figure(calibration.progress.waterfall) if calibration.progress.waterfall else None,
+        waterfall=waterfall_figure(calibration.progress.ends) if calibration.progress.waterfall else None,
         around=around,
         posterior=fitted.posterior,
         posterior_rows=[] if fitted.posterior is None else rows(fitted.posterior, calibration),
@@ -69,9 +69,9 @@ def render(job: Job, unit: Unit, fitted: Fitted, table: list[Entry]) -> str:
     )
 
 
-def waterfall_figure(waterfall: Sequence[tuple[float | None, int, str]]) -> go.Figure:
+def waterfall_figure(ends: Sequence[StartEnded]) -> go.Figure:
     """The cost at the end of every start, the least first."""
-    ranked = sorted((2 * cost, status) for cost, _, status in waterfall if cost is not None)
+    ranked = sorted((2 * each.cost, each.status) for each in ends if each.cost is not None)
     figure, colors = go.Figure(), dict.fromkeys(REACHED, figures.SIMULATED)
     colors |= {"hopeless": figures.MEASURED, "stuck": figures.DUTY}
     for status, color in colors.items():

@@ -94,6 +94,7 @@ from .search import (
     Progress as Progress,
     Report as Report,
     Slopes as Slopes,
+    StartEnded as StartEnded,
     first_progress as first_progress,
     misfit_at as misfit_at,
     quiet as quiet,

@@ -54,13 +54,13 @@ def _search_found(calibration: Calibration) -> Iterator[str]:
 
 def starts_sentence(calibration: Calibration) -> str:
     """How many of the starts have found the best end; those within one of chi^2 are the same."""
-    waterfall, count = calibration.progress.waterfall, calibration.count
-    costs = [cost for cost, _, status in waterfall if status in REACHED and cost is not None]
+    ends, count = calibration.progress.ends, calibration.count
+    costs = [each.cost for each in ends if each.status in REACHED and each.cost is not None]
     same = sum(2 * count * (cost - min(costs)) < 1 for cost in costs)
-    statuses = collections.Counter(status.partition(":")[0] for _, _, status in waterfall)
-    ends = ", ".join(f"{number} {status}" for status, number in statuses.items())
-    failed = [f"; start {number} {said}" for number, (_, _, said) in enumerate(waterfall) if said.startswith("failed")]
-    return f"{same} of {len(waterfall)} starts end at the same optimum ({ends}){''.join(failed)}"
+    statuses = collections.Counter(each.status.partition(":")[0] for each in ends)
+    counts = ", ".join(f"{number} {status}" for status, number in statuses.items())
+    failed = [f"; start {n} {each.status}" for n, each in enumerate(ends) if each.status.startswith("failed")]
+    return f"{same} of {len(ends)} starts end at the same optimum ({counts}){''.join(failed)}"
 
 
 def _duty_found(calibration: Calibration) -> Iterator[str]:

@@ -2,7 +2,7 @@
 
 import dataclasses
 import functools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -10,11 +10,12 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._errors import InputError
 from .._lanes import map_rows
 from .._printing import Cells, Printed
 from ..control import AbstractController, StepAnswer, step_answers
 from ._cases import Case, Cases
-from ._loops import LANES, Figures, Row, Timing, figures_of, rows_of, run_loop
+from ._loops import LANES, MEASURES, Figures, Row, Timing, figures_of, rows_of, run_loop
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -31,6 +32,11 @@ class Runs:
     pressure: Float[np.ndarray, "cases time"]
     duty: Float[np.ndarray, "cases time"]
     observed: Float[np.ndarray, "cases time"] | None
+
+    def at(self, places: Sequence[int]) -> "Runs":
+        """Those of the closed loops at some places."""
+        names = ("reference", "position", "pressure", "duty", *(["observed"] if self.observed is not None else []))
+        return dataclasses.replace(self, **{name: getattr(self, name)[list(places)] for name in names})
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -55,6 +61,31 @@ class ClosedLoops(Figures, Printed):
             [] if failed else step_answers(runs.time, reference, position)
             for failed, reference, position in zip(self.failed, runs.reference, runs.position, strict=True)
         ]
+
+    def where(
+        self,
+        *,
+        plant: str | None = None,
+        reference: str | None = None,
+        turbine_pressure: float | None = None,
+        variant: str | None = None,
+    ) -> "ClosedLoops":
+        """Those with these names: `loops.where(plant="stiffer", reference="sine").rms`.
+
+        **Raises:** `InputError` where there is none.
+        """
+        names = {"plant": plant, "reference": reference, "turbine_pressure": turbine_pressure, "variant": variant}
+        wanted = {name: value for name, value in names.items() if value is not None}
+        places = [i for i, at in enumerate(self.labels) if all(getattr(at, name) == wanted[name] for name in wanted)]
+        if not places:
+            said = " and ".join(f"{name} {value!r}" for name, value in wanted.items())
+            known = {name: sorted({getattr(label, name) for label in self.labels}) for name in wanted}
+            ours = "; ".join(f"{name} is one of {', '.join(map(repr, each))}" for name, each in known.items())
+            raise InputError(f"no closed loop has {said}; {ours}")
+        figures = {name: getattr(self, name) for name in (*MEASURES, "result")}
+        chosen = jax.tree.map(lambda leaf: leaf[np.asarray(places)], figures)
+        labels = tuple(self.labels[i] for i in places)
+        return dataclasses.replace(self, **chosen, labels=labels, runs=self.runs.at(places))
 
     def _title(self) -> str:
         return f"{len(self)} closed loops from {self.settled:g} s on, {np.sum(self.failed)} failed"

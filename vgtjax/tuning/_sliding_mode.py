@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 
@@ -52,6 +53,17 @@ class Sliding:
         )
 
 
+class _Seen(NamedTuple):
+    """How far an observer slides in one closed loop, the largest error of its pressure in Pa, and the name of its
+    gain."""
+
+    share: float
+    error: float
+    case: str
+    name: str
+    observer: PressureObserver
+
+
 def sliding(
     controllers: AbstractController | Mapping[str, AbstractController],
     *judged: tuple[Cases, Figures],
@@ -70,19 +82,18 @@ def sliding(
         for label, share, error in zip(cases.labels, seen.sliding, seen.pressure_peak, strict=True):
             found = _switching(controllers[label.plant] if isinstance(controllers, Mapping) else controllers)
             if found is not None and not np.isnan(share):
-                rows.append((float(share), float(error), str(label), *found))
+                rows.append(_Seen(float(share), float(error), str(label), *found))
     if not rows:
         return None
-    share, _, case, name, observer = min(rows, key=lambda row: row[0])
-    _, error, *_, wrong = max(rows, key=lambda row: row[1])
+    least, wrong = min(rows, key=lambda seen: seen.share), max(rows, key=lambda seen: seen.error)
     return Sliding(
-        name=name,
-        gain=float(observer.switching_gain),
-        share=share,
-        case=case,
+        name=least.name,
+        gain=float(least.observer.switching_gain),
+        share=least.share,
+        case=least.case,
         settled=settled,
-        pressure_error=error,
-        worth=float(wrong.least_switching_gain(error)),
+        pressure_error=wrong.error,
+        worth=float(wrong.observer.least_switching_gain(wrong.error)),
     )
 
 

@@ -27,15 +27,20 @@ class Done:
     """How many campaigns are done, and what came of them."""
 
     iteration: int = 0
-    refits: tuple[tuple[Any, ...], ...] = ()
+    refits: tuple[Refit, ...] = ()
+
+    def __post_init__(self) -> None:
+        # A file has the fields of each by name.
+        refits = tuple(each if isinstance(each, Refit) else Refit(**each) for each in self.refits)
+        object.__setattr__(self, "refits", refits)
 
     def __add__(self, refit: Refit) -> "Done":
-        return Done(self.iteration + 1, (*self.refits, dataclasses.astuple(refit)))
+        return Done(self.iteration + 1, (*self.refits, refit))
 
     @property
     def found(self) -> list[Refit]:
         """The campaigns by number."""
-        return sorted((Refit(*fields) for fields in self.refits), key=lambda refit: refit.number)
+        return sorted(self.refits, key=lambda refit: refit.number)
 
 
 def run(study: pathlib.Path | None, parameters: pathlib.Path | None, out: pathlib.Path, campaigns: int) -> None:

@@ -63,7 +63,7 @@ def test_many_starts_are_counted_and_shown(calibration):
         "2 of 5 starts end at the same optimum (2 converged, 1 joined, 1 hopeless, 1 failed); start 4 failed: step_80 "
         "diverged"
     )
-    shown = {curve.name: (list(curve.x), list(curve.y)) for curve in waterfall_figure(waterfall).data}
+    shown = {curve.name: (list(curve.x), list(curve.y)) for curve in waterfall_figure(progress.ends).data}
     assert set(shown) == {"converged", "joined", "hopeless"}
     assert shown["hopeless"] == ([4], [80.0])
     assert shown["converged"][0] == [1, 3]

@@ -166,7 +166,7 @@ def test_many_starts_run_on_traces_that_tell_most_and_end_with_all(monkeypatch):
     monkeypatch.setattr(_telling, "COARSER", usual)
     many, alone = calibrate(task), calibrate(dataclasses.replace(task, starts=1))
     np.testing.assert_allclose(many.values, alone.values, atol=0.02 * np.max(alone.std_errors), rtol=1e-4)
-    costs = [cost for cost, _, _ in many.progress.waterfall]
+    costs = [each.cost for each in many.progress.ends]
     assert 2 * many.count * np.ptp([*costs, alone.progress.searched]) < 0.02  # the search's own tolerance
 
 

@@ -47,15 +47,26 @@ def test_figures_are_those_of_each_loop(plants, cases, known):
 
 def test_one_controller_may_serve_all_plants(cases, known):
     printed = close_loops(PI(base=StaticBalance()), cases, settled=SETTLED)
-    same = np.array([label.plant == "printed" for label in cases.labels])
-    np.testing.assert_allclose(known.rms[same], printed.rms[same], rtol=1e-9)
+    same, other = (known.where(plant=name).rms for name in ("printed", "stiff"))
+    np.testing.assert_allclose(same, printed.where(plant="printed").rms, rtol=1e-9)
     # A spring that is 2 N stiffer per millimetre than believed is an error for the proportional part.
-    assert np.all(np.abs(known.rms[~same] / printed.rms[~same] - 1) > 0.05)
+    assert np.all(np.abs(other / printed.where(plant="stiff").rms - 1) > 0.05)
 
 
 def test_steps_are_answered_and_sines_are_not(known):
     counts = {label.reference: len(answers) for label, answers in zip(known.labels, known.answers, strict=True)}
     assert counts == {"sine": 0, "step": 1}
+
+
+def test_closed_loops_are_found_by_name(known):
+    (place,) = [i for i, each in enumerate(known.labels) if (each.plant, each.reference) == ("stiff", "step")]
+    found = known.where(plant="stiff", reference="step")
+    assert (found.labels, found.answers) == (known.labels[place : place + 1], known.answers[place : place + 1])
+    assert (float(found.rms[0]), found.failed.tolist()) == (known.rms[place], [False])
+    np.testing.assert_array_equal(found.runs.duty[0], known.runs.duty[place])
+    assert len(known.where(turbine_pressure=0.0, variant="")) == 4
+    with pytest.raises(vgtjax.InputError, match="has plant 'soft'; plant is one of 'printed', 'stiff'"):
+        known.where(plant="soft")
 
 
 def test_what_a_controller_does_not_observe_is_not_judged(known):

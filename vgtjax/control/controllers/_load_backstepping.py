@@ -109,7 +109,7 @@ class LoadBackstepping(AbstractController):
             "friction": self.observer.friction(estimate, estimate.velocity),
             "load": estimate.load,
             "level": estimate.level,
-            "pressure_deviation": jnp.sqrt(estimate.covariance[2, 2]),
+            "pressure_deviation": estimate.pressure_deviation,
             "wanted_pressure": wanted.pressure,
         }
         return LoadState(estimate, memory, saturate(duty), lag), duty, log

@@ -57,6 +57,11 @@ class LoadEstimate(eqx.Module):
         return self.mean[2]
 
     @property
+    def pressure_deviation(self) -> Scalar:
+        """Standard deviation of its error in Pa."""
+        return jnp.sqrt(self.covariance[2, 2])
+
+    @property
     def load(self) -> Scalar:
         """Unknown force in N along -x."""
         return self.mean[3]

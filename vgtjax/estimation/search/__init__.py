@@ -6,7 +6,13 @@ from ._corrections import correcting as correcting
 from ._many_starts import from_many_starts as from_many_starts
 from ._noise_met import meets_noise as meets_noise, most_left as most_left
 from ._point import Point as Point, misfit_at as misfit_at
-from ._progress import CHI2_TOLERANCE as CHI2_TOLERANCE, Progress as Progress, Report as Report, quiet as quiet
+from ._progress import (
+    CHI2_TOLERANCE as CHI2_TOLERANCE,
+    Progress as Progress,
+    Report as Report,
+    StartEnded as StartEnded,
+    quiet as quiet,
+)
 from ._search import SPREAD as SPREAD, LevenbergMarquardt as LevenbergMarquardt
 from ._searches import (
     beginning_again as beginning_again,

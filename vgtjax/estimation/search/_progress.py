@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable, Iterable
+from typing import NamedTuple
 
 CHI2_TOLERANCE = 0.01
 """A fit has converged when a step lowers chi^2 by less, or another one promises no more: a move of a tenth of a
@@ -15,6 +16,14 @@ LENGTHS = (2.0, 0.5, 30.0)
 """Largest move of a coordinate by one trial, and those of searches that begin again since one got stuck. Without any,
 units of a fleet took 29, 6, 9, 29, 6 and 12 Jacobians, and one was lost where friction shakes the rod; with the first
 they take 4 to 8. Bristles of an axis whose misfit is 2000 times the noise end well by the last only."""
+
+
+class StartEnded(NamedTuple):
+    """Where the search from one start ended: the cost, `None` where a simulation failed, and how."""
+
+    cost: float | None
+    steps: int
+    status: str
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,8 +47,8 @@ class Progress:
     the duty of every trace are late, beside that delay, where their times are free, and `edges_seen` the coordinates at
     which it was seen what they move. `otherwise` is where a fit of
     slow traces ends that reads their duty the other way, held or linear, and meets them as well; empty where it does
-    not, and `None` before that was asked. `finer` says that no trace has longer steps than others. `waterfall` has cost
-    (`None` where a simulation failed), steps and status of every start, where there were several, the given one first.
+    not, and `None` before that was asked. `finer` says that no trace has longer steps than others. `waterfall` has the
+    end of every start, where there were several, the given one first; `ends` is the same by name.
     """
 
     coordinates: tuple[float, ...]
@@ -72,6 +81,11 @@ class Progress:
     otherwise: tuple[float, ...] | None = None
     finer: bool = False
     waterfall: tuple[tuple[float | None, int, str], ...] = ()
+
+    @property
+    def ends(self) -> tuple[StartEnded, ...]:
+        """The waterfall by name."""
+        return tuple(StartEnded(*each) for each in self.waterfall)
 
     def corrected(
         self, coordinates: Iterable[float], wanted: Iterable[float], linearised: Iterable[float]

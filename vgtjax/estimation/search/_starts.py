@@ -14,7 +14,7 @@ from ...parameters import Transform
 from .._task import Task
 from ..derivatives import Computation, side_by_side
 from ._point import Reduced
-from ._progress import Progress
+from ._progress import Progress, StartEnded
 from ._search import LevenbergMarquardt
 
 FACTOR = 1.5
@@ -48,9 +48,9 @@ class Ended:
     coordinates: tuple[float, ...] = ()
 
     @property
-    def row(self) -> tuple[float | None, int, str]:
+    def row(self) -> StartEnded:
         """What a progress keeps of it."""
-        return (self.cost if np.isfinite(self.cost) else None, self.steps, self.status)
+        return StartEnded(self.cost if np.isfinite(self.cost) else None, self.steps, self.status)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
