@@ -27,11 +27,16 @@ def find_gradients(plan: Plan, design: RadialDesign, store: ChunkStore) -> Outpu
     done = agree(np.array([store.has_slopes(number) for number in range(count)]))
     if np.any(done):
         console.print(f"resuming with {np.sum(done)} of {count} parts of the gradients done")
+    failures: list[str] = []
     with console.status("exact gradients"):
         for number in np.flatnonzero(~done).tolist():
             slopes = evaluator.gradient(parts[number])
+            if slopes.failed.any():
+                failures.append(slopes.failure)
             if leads():
                 store.save_slopes(number, slopes.matrix)
+    if failures:
+        console.print(f"note: some actuators have no derivatives, as their simulation failed. {failures[0]}")
     if not leads():
         return None
     matrix = np.concatenate([store.load_slopes(number) for number in range(count)])

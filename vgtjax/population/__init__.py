@@ -22,6 +22,7 @@ from ._population import (
 from ._results import (
     CAUSES as CAUSES,
     Description as Description,
+    Gradients as Gradients,
     OutputTable as OutputTable,
     Results as Results,
     column_names as column_names,

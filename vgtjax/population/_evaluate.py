@@ -1,5 +1,6 @@
 """Experiments on many actuators at once: lanes of one compiled function, spread over all devices."""
 
+import functools
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -17,7 +18,7 @@ from ..simulation import RESULTS, AbstractFixedStepping, FixedMarch, FixedStep, 
 from ..traces import Drive, Start, cast, require
 from ._factors import Factors
 from ._population import Population
-from ._results import OutputTable, Results
+from ._results import Gradients, Results
 from ._sampling import make_sample
 
 LANES = 1024
@@ -84,18 +85,19 @@ class Evaluator:
 
     def __call__(self, values: Float[np.ndarray, "rows factors"]) -> Results:
         """Results of every row of values, in the units of the table."""
-        matrix, status = self._map(_evaluate, (values,), self.lanes)
-        return Results(self.outputs, matrix.astype(float), status)
+        matrix, result = self._map(_evaluate, (values,), self.lanes)
+        return Results(self.outputs, matrix.astype(float), result)
 
-    def gradient(self, values: Float[np.ndarray, "rows factors"]) -> OutputTable:
+    def gradient(self, values: Float[np.ndarray, "rows factors"]) -> Gradients:
         """Exact derivatives of every output with respect to every factor, at every row.
 
-        Its matrix is `(rows, columns, factors)`; NaN where the output is NaN.
+        NaN where the output is NaN.
         """
         rows, size = values.shape
         points, directions = np.repeat(values, size, axis=0), np.tile(np.eye(size), (rows, 1))
-        slopes = self._map(_slopes, (points, directions), min(self.lanes, rows * size))
-        return OutputTable(self.outputs, slopes.astype(float).reshape(rows, size, -1).swapaxes(1, 2))
+        slopes, ends = self._map(_slopes, (points, directions), min(self.lanes, rows * size))
+        result = jax.tree.map(lambda leaf: leaf[::size], ends)  # that of a row in every direction
+        return Gradients(self.outputs, slopes.astype(float).reshape(rows, size, -1).swapaxes(1, 2), result)
 
     def _map(self, function: Callable[..., Any], rows: tuple[np.ndarray, ...], lanes: int) -> Any:
         def at(places: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -117,11 +119,12 @@ def _evaluate(
 @eqx.filter_jit
 def _slopes(
     model: AbstractModel, factors: Factors, prepared: tuple[_Prepared, ...], values: Array, directions: Array
-) -> Float[Array, "lanes columns"]:
-    def slope(row: Array, direction: Array) -> Array:
-        found, along = jax.jvp(lambda row: _run(factors.unpack(model, row), prepared)[0], (row,), (direction,))
+) -> tuple[Float[Array, "lanes columns"], RESULTS]:
+    def slope(row: Array, direction: Array) -> tuple[Array, RESULTS]:
+        run = functools.partial(_run, prepared=prepared)
+        found, along, status = jax.jvp(lambda row: run(factors.unpack(model, row)), (row,), (direction,), has_aux=True)
         # A NaN that is put in is a constant to the derivative, which would be zero.
-        return jnp.where(jnp.isnan(found), jnp.nan, along)
+        return jnp.where(jnp.isnan(found), jnp.nan, along), status
 
     return jax.vmap(slope)(values, directions)
 

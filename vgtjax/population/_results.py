@@ -2,17 +2,18 @@
 
 import dataclasses
 import math
+import warnings
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from .._printing import Cells, Printed
 from ..experiments import Output
 from ..parameters import unknown_name
-from ..simulation import RESULTS
+from ..simulation import RESULTS, HasEnds
 
 CAUSES: tuple[str, ...] = tuple(RESULTS._name_to_item)
 """Names of the members of `RESULTS` in the order of their numbers, which equinox keeps to itself."""
@@ -63,24 +64,25 @@ class OutputTable:
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Results(Printed, OutputTable):
+class Results(Printed, HasEnds, OutputTable):
     """What the experiments read off some actuators; all outputs of a simulation that failed are NaN.
 
-    `status` says of every row how its simulations ended, by the first that failed: `results.status ==
+    `result` says of every row how its simulations ended, by the first that failed: `results.result ==
     RESULTS.diverged` has the shape `(rows,)`.
     """
 
-    status: RESULTS
+    result: RESULTS
 
     @property
-    def failed(self) -> Bool[np.ndarray, " rows"]:
-        """Rows of which a simulation failed."""
-        return np.asarray(self.status != RESULTS.successful)
+    def status(self) -> RESULTS:
+        """Deprecated: the former name of `result`."""
+        warnings.warn("status of Results is called result; use that", DeprecationWarning, stacklevel=2)
+        return self.result
 
     @property
     def causes(self) -> tuple[str, ...]:
         """Of every row the name of its member of `RESULTS`."""
-        return tuple(CAUSES[number] for number in np.asarray(self.status._value).tolist())
+        return tuple(CAUSES[number] for number in np.asarray(self.result._value).tolist())
 
     def _title(self) -> str:
         counts = Counter(cause for cause in self.causes if cause != CAUSES[0])
@@ -96,6 +98,14 @@ class Results(Printed, OutputTable):
                 figures = [found.mean, found.deviation, *found.quantiles]
                 rows.append([output.name, output.unit, *(f"{figure:.5g}" for figure in figures)])
         return [rows]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Gradients(HasEnds, OutputTable):
+    """Derivatives of outputs with respect to some factors, whose matrix is `(rows, columns, factors)`; all of a
+    simulation that failed are NaN, and `result` says of every row how it ended."""
+
+    result: RESULTS
 
 
 class Description(NamedTuple):

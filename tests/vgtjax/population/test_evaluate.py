@@ -138,7 +138,9 @@ def test_a_row_that_fails_touches_no_other(evaluator, results):
     bad = np.array([False, True, True, False, True, False])
     found = evaluator(mixed)
     np.testing.assert_array_equal(found.failed, bad)
-    np.testing.assert_array_equal(np.asarray(found.status == vgtjax.RESULTS.diverged), bad)
+    np.testing.assert_array_equal(np.asarray(found.result == vgtjax.RESULTS.diverged), bad)
+    with pytest.warns(DeprecationWarning, match="status of Results is called result"):
+        assert found.status is found.result
     assert found.causes == tuple("diverged" if each else "successful" for each in bad)
     assert np.all(np.isnan(found.matrix[bad]))
     np.testing.assert_array_equal(found.matrix[~bad], results.matrix[~bad])
@@ -231,7 +233,10 @@ def test_exact_derivatives_are_central_differences(entry, derivatives, evaluator
 def test_a_row_that_fails_has_no_derivatives_and_others_do(evaluator):
     bad = NOMINAL.copy()
     bad[0] = 0.0
-    found = evaluator.gradient(np.stack([NOMINAL, bad, ROWS[0]])).matrix
+    slopes = evaluator.gradient(np.stack([NOMINAL, bad, ROWS[0]]))
+    found = slopes.matrix
+    assert slopes.failed.tolist() == [False, True, False]
+    assert slopes.failure == evaluator(bad[None]).failure
     assert np.all(np.isnan(found[1]))
     assert np.all(np.isfinite(found[[0, 2]]))
     np.testing.assert_array_equal(found[0], evaluator.gradient(NOMINAL[None]).matrix[0])
