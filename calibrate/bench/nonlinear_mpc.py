@@ -51,6 +51,11 @@ class NonlinearMPC(AbstractController):
         smooth = dataclasses.replace(fitted, pressure_range=PolynomialFlow().pressure_range)
         return cls(LoadObserver.for_plant(plant), smooth, **settings)
 
+    @property
+    def observes(self) -> frozenset[str]:
+        """See the base class."""
+        return frozenset({"pressure"})
+
     def initial_state(self, measurement: Measurement) -> Any:
         """As a controller that learns the load begins."""
         estimate = self.observer.initial_state(measurement.position, measurement.ambient)

@@ -153,7 +153,8 @@ def _follow(
 
     def lane(scenario: Scenario) -> tuple[Array, Array, Array, Array]:
         loop = control.close_loop(plant, controller, scenario, duration, throw=False)
-        believed = loop.log.get("pressure", loop.pressure)
+        observed = loop.observed("pressure")
+        believed = loop.pressure if observed is None else observed
         return loop.time, loop.reference.position, loop.position, loop.pressure - believed
 
     return jax.vmap(lane, out_axes=(None, 0, 0, 0))(scenarios)

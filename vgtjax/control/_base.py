@@ -15,6 +15,9 @@ from ._design import AbstractDesign
 Memory = PyTree[Array]
 Log = dict[str, Values]
 
+JUDGED = frozenset({"pressure", "velocity_error"})
+"""What a controller may observe that its closed loops are judged by, as it is called in a log."""
+
 
 class Measurement(eqx.Module):
     """What a controller measures at one sample, or at all samples of a run (leading axis)."""
@@ -56,6 +59,15 @@ class AbstractController(AbstractDesign):
     What it remembers from one sample to the next is a PyTree of arrays that it alone understands, of the same
     shapes and types at every sample.
     """
+
+    @property
+    def observes(self) -> frozenset[str]:
+        """What it logs of the plant as it sees it, by which its closed loops are judged: `pressure`, the chamber's in
+        Pa absolute, and `velocity_error` in m/s, by how much the velocity of an observer that switches is off.
+
+        Here nothing. A controller around another one observes what that does.
+        """
+        return frozenset()
 
     @classmethod
     def for_plant(cls, plant: AbstractPlant, **settings: Any) -> "AbstractController":

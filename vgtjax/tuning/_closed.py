@@ -131,7 +131,7 @@ def _close(timing: Timing, settled: float, rows: Row) -> tuple[tuple[Array | Non
 
     def lane(*row: Any) -> tuple[tuple[Array | None, ...], dict[str, Any]]:
         run = run_loop(row, timing)
-        signals = (run.reference.position, run.position, run.pressure, run.duty, run.log.get("pressure"))
+        signals = (run.reference.position, run.position, run.pressure, run.duty, run.observed("pressure"))
         return signals, figures_of(run, settled)
 
     return jax.vmap(lane)(*rows)

@@ -28,6 +28,10 @@ class Misled(AbstractController):
     wrong: jax.Array
     inner: LoadBackstepping = eqx.field(default_factory=LoadBackstepping)
 
+    @property
+    def observes(self):
+        return self.inner.observes
+
     def initial_state(self, measurement):
         state = self.inner.initial_state(measurement)
         return eqx.tree_at(lambda s: s.estimate.mean, state, state.estimate.mean.at[3:].add(self.wrong))

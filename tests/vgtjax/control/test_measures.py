@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+import vgtjax
 from vgtjax import control
 from vgtjax.control import (
     PI,
@@ -46,6 +47,45 @@ def lag(constant, ring=0.0):
     return position
 
 
+class Misspelt(PI):
+    """Says that it observes the pressure, and logs another name."""
+
+    @property
+    def observes(self):
+        return frozenset({"pressure"})
+
+    def update(self, state, measurement, reference, period):
+        onward, command, log = super().update(state, measurement, reference, period)
+        return onward, command, {**log, "presure": measurement.pressure}
+
+
+class Silent(PI):
+    """Logs a pressure, and does not say that it observes it."""
+
+    def update(self, state, measurement, reference, period):
+        onward, command, log = super().update(state, measurement, reference, period)
+        return onward, command, {**log, "pressure": measurement.pressure}
+
+
+@pytest.mark.parametrize(
+    ("controller", "said"),
+    [
+        (Misspelt(), "Misspelt names pressure, and it logs nothing"),
+        (Silent(), "Silent names nothing, and it logs press"),
+    ],
+)
+def test_what_is_observed_is_what_is_logged(actuator, controller, said):
+    scenario = Scenario(Sine(0.001, 10.0, 0.004), start=control.balanced_at(0.004), duty_before=51.0)
+    with pytest.raises(vgtjax.InputError, match=f"must name what it logs of pressure, velocity_error, but.*{said}"):
+        close_loop(actuator, controller, scenario, 0.01)
+
+
+def test_what_nobody_observes_is_no_name(run):
+    assert run.observes == {"pressure", "velocity_error"}
+    with pytest.raises(vgtjax.InputError, match="observes pressure, velocity_error, but no presure; use one of these"):
+        run.observed("presure")
+
+
 def test_settling_times_are_those_of_a_lag():
     """`T log(height / band)`, to a sample."""
     first, second = step_answers(TIME, STEPPED, lag(0.05))
@@ -80,7 +120,7 @@ def test_pressure_is_judged_where_one_is_observed(run, actuator):
     late = np.asarray(run.time) >= 0.1
     error = np.asarray(run.pressure - run.log["pressure"])[late]
     assert float(pressure_rms(run, 0.1)) == pytest.approx(np.sqrt(np.mean(error**2)))
-    blind = dataclasses.replace(run, log={})
+    blind = dataclasses.replace(run, log={}, observes=frozenset())
     assert np.isnan(pressure_rms(blind))
 
 

@@ -59,6 +59,11 @@ class Backstepping(AbstractController):
         """Any positive gains; what the observer asks for is its own."""
         return positive(self, "position_gain", "velocity_gain", "pressure_gain", "pressure_weight")
 
+    @property
+    def observes(self) -> frozenset[str]:
+        """See the base class."""
+        return frozenset({"pressure", "velocity_error"})
+
     def initial_state(self, measurement: Measurement) -> BacksteppingState:
         """At rest, with the chamber at atmosphere."""
         observed = self.observer.initial_state(measurement.ambient)

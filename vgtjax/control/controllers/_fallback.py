@@ -61,6 +61,11 @@ class WithFallback(AbstractController):
         """It is by what is no number that it knows a sensor that is lost."""
         return True
 
+    @property
+    def observes(self) -> frozenset[str]:
+        """See the base class."""
+        return self.controller.observes
+
     def initial_state(self, measurement: Measurement) -> FallbackState:
         """As if all had been good."""
         good = numbers(measurement, nominal(measurement))

@@ -61,6 +61,11 @@ class Knocker(AbstractController):
             )
         }
 
+    @property
+    def observes(self) -> frozenset[str]:
+        """See the base class."""
+        return self.controller.observes
+
     def initial_state(self, measurement: Measurement) -> KnockerState:
         """As if a pulse had just ended."""
         none = jnp.zeros_like(measurement.position)

@@ -80,6 +80,11 @@ class LoadBackstepping(AbstractController):
             )
         }
 
+    @property
+    def observes(self) -> frozenset[str]:
+        """See the base class."""
+        return frozenset({"pressure"})
+
     def initial_state(self, measurement: Measurement) -> LoadState:
         """At rest, with the chamber at atmosphere."""
         estimate = self.observer.initial_state(measurement.position, measurement.ambient)

@@ -94,6 +94,11 @@ class LQG(AbstractController):
         feedback, correction = design(model)
         return cls(**{"feedback": feedback, "correction": correction, "model": model} | settings)
 
+    @property
+    def observes(self) -> frozenset[str]:
+        """See the base class."""
+        return frozenset({"pressure"})
+
     def initial_state(self, measurement: Measurement) -> LQGState:
         """At rest where it is measured, with the chamber at the pressure that holds it there."""
         none = jnp.zeros_like(measurement.position)

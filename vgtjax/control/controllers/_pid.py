@@ -38,6 +38,11 @@ class PI(AbstractController):
         """Around the plant's [`StaticBalance`][]."""
         return cls(**{"base": StaticBalance.for_plant(plant)} | settings)
 
+    @property
+    def observes(self) -> frozenset[str]:
+        """See the base class."""
+        return self.base.observes
+
     def initial_state(self, measurement: Measurement) -> PIState:
         """Nothing integrated."""
         return PIState(jnp.zeros_like(measurement.position), self.base.initial_state(measurement))
@@ -79,6 +84,11 @@ class PID(AbstractController):
     def for_plant(cls, plant: AbstractPlant, **settings: Any) -> "PID":
         """With the [`PI`][] for the plant."""
         return cls(**{"pi": PI.for_plant(plant)} | settings)
+
+    @property
+    def observes(self) -> frozenset[str]:
+        """See the base class."""
+        return self.pi.observes
 
     def initial_state(self, measurement: Measurement) -> PIDState:
         """Nothing integrated, and at rest."""

@@ -57,6 +57,11 @@ class ScheduledPI(AbstractController):
             design["knots"] = plant.diaphragm.travel * jnp.asarray(KNOTS)
         return cls(**design | settings)
 
+    @property
+    def observes(self) -> frozenset[str]:
+        """See the base class."""
+        return self.base.observes
+
     def initial_state(self, measurement: Measurement) -> PIState:
         """Nothing integrated."""
         return self._pi(measurement.position).initial_state(measurement)

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from collections.abc import Set as AbstractSet
 from typing import Any
 
 import diffrax
@@ -11,7 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..._errors import InputError, is_traced
-from ..._types import Scalar, Tree
+from ..._types import Scalar, Tree, Values
 from ...parts import tabulated
 from ...plants import AbstractModel, State
 from ...simulation import (
@@ -27,7 +28,7 @@ from ...simulation import (
     scan_in_blocks,
 )
 from ...traces import Drive
-from .._base import AbstractController, Log, Measurement, Reference, saturate
+from .._base import JUDGED, AbstractController, Log, Measurement, Reference, saturate
 from .._held import answer, begin
 from ..surroundings import Disturbed, Scenario
 
@@ -39,7 +40,7 @@ class ClosedLoop(eqx.Module):
     number of which the controller was given where one is none.
     `command` is the duty in percent that it asked for, `duty` what the converter got, held to the next sample, which
     a [`LateDuty`][] makes another one.
-    `log` is what the controller logged.
+    `log` is what the controller logged, and `observes` names what of it the closed loop is judged by.
     """
 
     plant: Solution
@@ -48,6 +49,16 @@ class ClosedLoop(eqx.Module):
     command: Float[Array, "*batch time"]
     duty: Float[Array, "*batch time"]
     log: Log
+    observes: frozenset[str] = eqx.field(static=True)
+
+    def observed(self, name: str) -> Values | None:
+        """What the controller observed, of its log; `None` for one that does not observe this.
+
+        **Raises:** `InputError` for a name that no controller observes.
+        """
+        if name not in JUDGED:
+            raise InputError(f"a controller observes {_listed(JUDGED)}, but no {name}; use one of these")
+        return self.log[name] if name in self.observes else None
 
     @property
     def time(self) -> Float[Array, "*batch time"]:
@@ -194,7 +205,23 @@ def _close_loop(
     signals = jax.vmap(plant.signals)(run.state, dataclasses.replace(felt, pwm=run.duty))
     result = end_of((run.state, run.command), choose(solved, RESULTS.successful, RESULTS.root_not_found), plant)
     solution = Solution(time, run.state, signals, result)
-    return ClosedLoop(solution, run.measured, reference, run.command, run.duty, run.log)
+    return ClosedLoop(solution, run.measured, reference, run.command, run.duty, run.log, _observed(controller, run.log))
+
+
+def _observed(controller: AbstractController, log: Log) -> frozenset[str]:
+    """What a controller observes, if that is what it logs of what closed loops are judged by."""
+    logged = JUDGED & set(log)
+    if controller.observes != logged:
+        raise InputError(
+            f"observes of a controller must name what it logs of {_listed(JUDGED)}, but that of "
+            f"{type(controller).__name__} names {_listed(controller.observes)}, and it logs {_listed(logged)}; make "
+            "them agree"
+        )
+    return controller.observes
+
+
+def _listed(names: AbstractSet[str]) -> str:
+    return ", ".join(sorted(names)) or "nothing"
 
 
 def _cast(tree: Tree, dtype: Any) -> Tree:

@@ -30,26 +30,28 @@ def tracking_peak(run: ClosedLoop, settled: float = 0.0) -> Scalar:
 
 def pressure_rms(run: ClosedLoop, settled: float = 0.0) -> Scalar:
     """Root mean square of true minus observed chamber pressure in Pa; NaN for a controller that observes none."""
-    if "pressure" not in run.log:
+    observed = run.observed("pressure")
+    if observed is None:
         return jnp.asarray(jnp.nan, run.pressure.dtype)
-    return jnp.sqrt(_mean(jnp.square(run.pressure - run.log["pressure"]), run.time >= settled))
+    return jnp.sqrt(_mean(jnp.square(run.pressure - observed), run.time >= settled))
 
 
 def pressure_peak(run: ClosedLoop, settled: float = 0.0) -> Scalar:
     """Largest error of the observed chamber pressure in Pa; NaN for a controller that observes none."""
-    if "pressure" not in run.log:
+    observed = run.observed("pressure")
+    if observed is None:
         return jnp.asarray(jnp.nan, run.pressure.dtype)
-    return jnp.max(jnp.where(run.time >= settled, jnp.abs(run.pressure - run.log["pressure"]), 0.0))
+    return jnp.max(jnp.where(run.time >= settled, jnp.abs(run.pressure - observed), 0.0))
 
 
 def sliding_share(run: ClosedLoop, settled: float = 0.0) -> Scalar:
     """Share of samples at which a switching observer slides: its velocity is the one that it is given [5.16].
 
-    NaN for a controller that logs no error of an observed velocity.
+    NaN for a controller that observes no error of a velocity.
     """
-    if "velocity_error" not in run.log:
+    error = run.observed("velocity_error")
+    if error is None:
         return jnp.asarray(jnp.nan, run.pressure.dtype)
-    error = run.log["velocity_error"]
     held = jnp.abs(error) < HELD * jnp.finfo(error.dtype).eps
     return _mean(jnp.where(held, 1.0, 0.0), run.time >= settled)
 
