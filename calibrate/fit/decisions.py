@@ -45,9 +45,11 @@ def _of_the_fit(fitted: Fitted) -> Iterator[Decision]:
     rule = "a full linear step from the end may not promise more, or errors are indicative"
     yield _below("chi^2 that a further linear step promises", calibration.uncertainty.gain, FURTHER, rule)
     rule = "what remains of no signal of a fitted trace may be more times its sensor's noise"
-    # A trace whose simulation failed has no number, and is the worst.
-    (trace, channel), worst = max(calibration.noise_ratios.items(), key=lambda pair: (np.isnan(pair[1]), pair[1]))
-    yield _below(f"worst trace: {channel} of {trace}", worst, MEETS, rule)
+    # A trace whose simulation failed is the worst, and has no number.
+    failed = {result.trace.name for result in calibration.traces if result.failed}
+    ratios = {place: np.inf if place[0] in failed else ratio for place, ratio in calibration.noise_ratios.items()}
+    (trace, channel), worst = max(ratios.items(), key=lambda pair: pair[1])
+    yield _below(f"worst trace: {channel} of {trace}", np.nan if trace in failed else worst, MEETS, rule)
 
 
 def _of_derivatives(certificate: Certificate) -> Iterator[Decision]:

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..plants import AbstractModel
+from ..simulation import RESULTS, first_failure
 from ..traces import Trace
 from ._task import Task
 from .derivatives import CHANNELS, Bundle, Computation, Evaluation, ask, bundle_traces, run_alone
@@ -53,15 +54,15 @@ class Comparison:
 class TraceResult:
     """How a fitted model meets one trace.
 
-    `simulated` has each observed signal at the trace's `time`; `channels` compares those that were measured. `failure`
-    says why its simulation failed, and what helps.
+    `simulated` has each observed signal at the trace's `time`; `channels` compares those that were measured. `result`
+    says how its simulation ended.
     """
 
     trace: Trace
     use: str
     simulated: dict[str, np.ndarray]
     channels: dict[str, Comparison]
-    failure: str = ""
+    result: RESULTS
 
     @property
     def rmse(self) -> dict[str, float]:
@@ -82,6 +83,11 @@ class TraceResult:
     def failed(self) -> bool:
         """Whether the simulation failed."""
         return bool(self.failure)
+
+    @property
+    def failure(self) -> str:
+        """Why its simulation failed, and what helps; empty where it did not."""
+        return first_failure(self.result)
 
 
 def compare(task: Task, model: AbstractModel, delay: float = 0.0, sensors: Sensors | None = None) -> list[TraceResult]:
@@ -107,20 +113,24 @@ def comparing(
         read = read_duties(traces, task.linear, edges, delay)
         bundles = bundle_traces(model, read, task.steps, bundles)
         evaluated = yield from ask(Evaluation(model, bundles, delay or None))
-        observed, failures = by_trace(bundles, evaluated), evaluated.failures(bundles)
+        observed, ends = by_trace(bundles, evaluated), evaluated.results(bundles)
         known = sensors if use == "fit" and sensors is not None else white_sensors(traces, task.channels)
         of_errors = task.traces if use == "fit" else read
-        of_each = zip(traces, read, of_errors, observed, known, failures, strict=True)
-        for trace, applied, before, seen, each, failure in of_each:
+        of_each = zip(traces, read, of_errors, observed, known, ends, strict=True)
+        for trace, applied, before, seen, each, end in of_each:
             error = next(left)
             error = None if error is None else error[before.rows_at(trace.time)]
-            compared = _compare_one(trace, use, seen[applied.rows_at(trace.time)], each, error)
-            results.append(dataclasses.replace(compared, failure=failure))
+            results.append(_compare_one(trace, use, seen[applied.rows_at(trace.time)], each, error, end))
     return results
 
 
 def _compare_one(
-    trace: Trace, use: str, observed: np.ndarray, sensors: dict[str, Sensor], errors: np.ndarray | None
+    trace: Trace,
+    use: str,
+    observed: np.ndarray,
+    sensors: dict[str, Sensor],
+    errors: np.ndarray | None,
+    result: RESULTS,
 ) -> TraceResult:
     simulated = dict(zip(CHANNELS, observed.T, strict=True))
     compared = {}
@@ -130,4 +140,4 @@ def _compare_one(
             rows = trace.rows(name)
             error = None if errors is None else errors[rows, CHANNELS.index(name)]
             compared[name] = Comparison(sampled.time, sampled.value, simulated[name][rows], sensor.level, error)
-    return TraceResult(trace, use, simulated, compared)
+    return TraceResult(trace, use, simulated, compared, result)

@@ -11,6 +11,7 @@ from .._kept import keep_compiled
 from .._types import Coordinates
 from ..parameters import Selection
 from ..plants import bare
+from ..simulation import first_failure
 from ._calibration import Calibration
 from ._comparison import comparing
 from ._found import found_besides, traces_met
@@ -225,8 +226,8 @@ def _moved_by_inputs(task: Task, search: LevenbergMarquardt) -> Computation[Rows
         bundles = bundle_traces(task.model, traces, task.steps)
         after = yield from ask(dataclasses.replace(asked, bundles=bundles))
         change = problem.residuals_of(after.observed) - problem.residuals_of(before.observed)
-        for number, failure in enumerate(after.failures(bundles)):
-            if not failure:
+        for number, end in enumerate(after.results(bundles)):
+            if not first_failure(end):
                 moves[number].append(_followed(search, np.where(owner == number, change, 0.0)))
     if lost := [trace.name for trace, mine in zip(task.traces, moves, strict=True) if not mine]:
         raise SimulationError(

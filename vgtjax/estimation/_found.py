@@ -33,10 +33,9 @@ def found_besides(calibration: Calibration) -> list[str]:
 
 def traces_met(calibration: Calibration) -> str:
     """A sentence on how the fitted trace that is met worst is met."""
-    ratios = {place: ratio for place, ratio in calibration.noise_ratios.items() if np.isfinite(ratio)}
-    if len(ratios) < len(calibration.noise_ratios):
+    if any(result.failed for result in calibration.traces if result.use == "fit"):
         return "what remains of some traces is no number, as their simulation failed"
-    (trace, channel), worst = max(ratios.items(), key=lambda pair: pair[1])
+    (trace, channel), worst = max(calibration.noise_ratios.items(), key=lambda pair: pair[1])
     if worst <= MEETS:
         return f"every trace is met to within {worst:.2f} of its sensors' noise"
     return (

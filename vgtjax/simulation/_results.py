@@ -28,6 +28,8 @@ class RESULTS(eqx.Enumeration):
     """Of an engine, whose exhaust pulsates."""
     no_steady_flow = "There is no steady flow through the nozzle: check its geometry and its gas, or vary them less."
     """Of a turbine that a fit or a population varies; one that is built says so at once."""
+    no_number = "What the sensors would see left the finite numbers: check what is known of them."
+    """Of a simulation that did not fail itself."""
 
 
 def choose(condition: Any, one: Any, other: Any) -> RESULTS:

@@ -170,7 +170,8 @@ def test_a_notebook_shows_the_same_table(calibration):
 def _failed(result):
     channel = result.channels["x_d"]
     lost = dataclasses.replace(channel, simulated=np.full_like(channel.simulated, np.nan))
-    return dataclasses.replace(result, channels={**result.channels, "x_d": lost}, failure="The solver gave up.")
+    channels = {**result.channels, "x_d": lost}
+    return dataclasses.replace(result, channels=channels, result=vgtjax.RESULTS.max_steps_reached)
 
 
 def test_what_is_wrong_with_a_fit_is_part_of_its_answer(calibration):
@@ -191,7 +192,10 @@ def test_what_is_wrong_with_a_fit_is_part_of_its_answer(calibration):
     assert far.ran_away == ("friction.viscous_damping",)
     assert not far.converged
     failed, away = far.troubles
-    assert failed == "the simulation of step_80 with the fitted values failed: The solver gave up"
+    assert failed == (
+        "the simulation of step_80 with the fitted values failed: The solver took max_steps steps before the end: "
+        "raise max_steps, or loosen rtol and atol"
+    )
     assert away.startswith("fitted values must stay within a factor 100000 of their start values, but friction.viscous")
     assert far.verdict == f"{failed}; {away}"
     assert repr(far).startswith("Calibration: NOT converged after ")

@@ -28,7 +28,7 @@ def result():
     for name, noise in {"x_d": 8e-6, "p_act": 60.0}.items():
         sampled, rows = trace.sampled(name), trace.rows(name)
         channels[name] = Comparison(sampled.time, sampled.value, simulated[name][rows], noise)
-    return TraceResult(trace, "fit", simulated, channels)
+    return TraceResult(trace, "fit", simulated, channels, vgtjax.RESULTS.successful)
 
 
 def test_numbers_of_a_trace_are_those_of_its_channels_samples(result):

@@ -36,7 +36,7 @@ def test_every_trace_says_how_it_ended(actuator):
     found = Evaluated([np.asarray(observed)], [], [ended])
     assert np.all(np.isfinite(observed))
     assert found.failed
-    assert [failure.split(":")[0] for failure in found.failures([bundle])][1] == NO_ROOT
+    assert found.results([bundle])[1] == vgtjax.RESULTS.root_not_found
 
 
 def test_a_root_that_is_not_found_leaves_no_derivatives(actuator):
@@ -53,7 +53,7 @@ def test_what_a_sensor_shows_may_be_no_number(actuator):
     (bundle,) = bundle_traces(actuator, [TRACE])
     observed, ended = observe(actuator, bundle)
     found = Evaluated([np.full(observed.shape, np.nan)], [], [ended])
-    assert found.failure == found.failures([bundle])[0]
+    assert found.results([bundle])[0] == vgtjax.RESULTS.no_number
     assert found.failure.startswith("What the sensors would see left the finite numbers")
 
 
@@ -64,5 +64,5 @@ def test_nothing_is_asked_of_no_trace(actuator, derivatives):
     found, alone = [], run_alone(ask(question))
     run_together({"only": ask(question)}, lambda name, answer: found.append(answer))
     for answer in (alone, *found):
-        assert (answer.observed, answer.columns, answer.failed, answer.failures([])) == ([], [], False, [])
+        assert (answer.observed, answer.columns, answer.failed, answer.results([])) == ([], [], False, [])
     assert len(found) == 1

@@ -7,7 +7,7 @@ the top, and who drives it decides what runs beside it.
 import dataclasses
 from collections import deque
 from collections.abc import Generator, Sequence
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import jax
 import numpy as np
@@ -19,8 +19,7 @@ from ._bundle import Bundle
 
 T = TypeVar("T")
 
-NO_NUMBER = "What the sensors would see left the finite numbers: check what is known of them."
-"""Of a simulation that did not fail itself."""
+NO_NUMBER: Any = RESULTS.no_number  # a member, which mypy takes for its sentence
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -80,15 +79,15 @@ class Evaluated:
         """Why the first simulation failed, and what helps; empty where none did."""
         # One bad number makes a sum bad, and a sum is the cheapest look at many.
         seen = all(np.isfinite(np.sum(observed)) for observed in self.observed)
-        return next(filter(None, map(first_failure, self.ended)), "" if seen else NO_NUMBER)
+        return next(filter(None, map(first_failure, self.ended)), "" if seen else first_failure(NO_NUMBER))
 
-    def failures(self, bundles: Sequence[Bundle]) -> list[str]:
-        """The same of every trace of the bundles by itself."""
-        found: dict[int, str] = {}
+    def results(self, bundles: Sequence[Bundle]) -> list[RESULTS]:
+        """How every trace of the bundles ended, by itself."""
+        found: dict[int, RESULTS] = {}
         for bundle, lanes, ended in zip(bundles, self.observed, self.ended, strict=True):
             for place, (index, seen) in enumerate(zip(bundle.indices, bundle.from_lanes(lanes), strict=True)):
-                advice = first_failure(jax.tree.map(lambda end, place=place: end[place], ended))
-                found[index] = advice or ("" if np.isfinite(np.sum(seen)) else NO_NUMBER)
+                end = jax.tree.map(lambda end, place=place: end[place], ended)
+                found[index] = end if first_failure(end) or np.isfinite(np.sum(seen)) else NO_NUMBER
         return [found[index] for index in range(len(found))]
 
 

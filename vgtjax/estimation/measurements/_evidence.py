@@ -16,7 +16,7 @@ from jaxtyping import Float, Int
 
 from ..._errors import SimulationError
 from ...plants import AbstractModel
-from ...simulation import FixedStep
+from ...simulation import FixedStep, first_failure
 from ...traces import Trace
 from ..derivatives import CHANNELS, Bundle, Computation, Evaluated, Evaluation, ask, bundle_traces
 from ._chatter import in_phase
@@ -103,7 +103,7 @@ def simulated(evaluated: Evaluated, bundles: Sequence[Bundle], traces: Sequence[
 
     **Raises:** `SimulationError` naming the first of them whose simulation failed.
     """
-    for trace, failure in zip(traces, evaluated.failures(bundles), strict=True):
+    for trace, failure in zip(traces, map(first_failure, evaluated.results(bundles)), strict=True):
         if failure:
             raise SimulationError(
                 f"the simulation of trace '{trace.name}' failed; check its inputs and the start values. {failure}"
