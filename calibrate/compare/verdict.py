@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from vgtjax.estimation import VERDICTS, Calibration, Remains, find_remains, sample_interval
-from vgtjax.identification import Compared, Ranking, Row, worst_verdict
+from vgtjax.identification import Compared, RankedStructure, StructureRanking, worst_verdict
 
 from ..study.tables import Study
 from ..study.units import Unit
@@ -68,7 +68,7 @@ def judge(study: Study, unit: Unit, compared: Compared) -> Verdict:
     return Verdict(choices, _table(compared), remains, rankings[0].scored)
 
 
-def _beyond(ranking: Ranking, chosen: str, kin: Sequence[str] = ()) -> Choice:
+def _beyond(ranking: StructureRanking, chosen: str, kin: Sequence[str] = ()) -> Choice:
     """What is chosen of a ranking, decided if it is the best, beyond doubt against all that are not of its kin."""
     rivals = [name for name in ranking.against if name not in kin]
     doubt = ranking.doubt(rivals) if rivals else ALONE
@@ -79,7 +79,7 @@ def _beyond(ranking: Ranking, chosen: str, kin: Sequence[str] = ()) -> Choice:
     return Choice(chosen, not doubt, doubt or "better than every other beyond doubt")
 
 
-def _friction(ranking: Ranking, chosen: str) -> dict[str, Choice]:
+def _friction(ranking: StructureRanking, chosen: str) -> dict[str, Choice]:
     """The family, and the exponent of its Stribeck curve, which are one list of variants."""
     kin = tuple(EXPONENTS) if chosen in EXPONENTS and ranking.best in EXPONENTS else ()
     family = _beyond(ranking, chosen, kin)
@@ -136,7 +136,7 @@ def _table(compared: Compared) -> list[dict[str, Any]]:
     return [_row(component, ranking, row) for component, ranking in compared.rankings.items() for row in ranking.rows]
 
 
-def _row(component: str, ranking: Ranking, row: Row) -> dict[str, Any]:
+def _row(component: str, ranking: StructureRanking, row: RankedStructure) -> dict[str, Any]:
     duel = ranking.against.get(row.name)
     return {
         "component": component,

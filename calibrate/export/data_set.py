@@ -7,7 +7,7 @@ from vgtjax.parameters import table_row
 from vgtjax.plants import converter_of
 
 from ..study.characteristics import DERIVED, Characteristic, DataSet
-from .results import Results, Row
+from .results import ExportedEntry, Results
 
 DUTIES = np.linspace(0.0, 100.0, 21)
 """Percent."""
@@ -43,7 +43,7 @@ def _derived(results: Results) -> list[Characteristic]:
     ]
 
 
-def _of_entry(results: Results, row: Row) -> Characteristic:
+def _of_entry(results: Results, row: ExportedEntry) -> Characteristic:
     return Characteristic(
         row.name,
         _long_name(results, row.name),
@@ -54,7 +54,9 @@ def _of_entry(results: Results, row: Row) -> Characteristic:
     )
 
 
-def _of_parameter(results: Results, name: str, rows: list[Row], axes: tuple[str, ...], is_axis: bool) -> Characteristic:
+def _of_parameter(
+    results: Results, name: str, rows: list[ExportedEntry], axes: tuple[str, ...], is_axis: bool
+) -> Characteristic:
     values = np.array([row.value for row in rows])
     if axes:
         values = values.reshape(len(results.rows_of(axes[0])), -1)
@@ -70,12 +72,12 @@ def _long_name(results: Results, name: str) -> str:
     return f"{name} ({row.symbol})"
 
 
-def _state(rows: list[Row]) -> str:
+def _state(rows: list[ExportedEntry]) -> str:
     """`calibrated` is what the fit stands behind."""
     return "calibrated" if all(row.identifiable for row in rows) else "prelimcalibrated"
 
 
-def _said(row: Row) -> str:
+def _said(row: ExportedEntry) -> str:
     """What a fit knows of an entry."""
     if not row.free:
         return f"{row.name}: held"

@@ -33,7 +33,7 @@ FIELDS: dict[str, tuple[Callable[[Any], bool], str]] = {
 
 
 @dataclasses.dataclass(frozen=True)
-class Row:
+class ExportedEntry:
     """One number of a calibrated model; what is not known is `None`."""
 
     name: str
@@ -59,11 +59,11 @@ class Results:
     hashes: dict[str, str]
 
     @property
-    def rows(self) -> list[Row]:
+    def rows(self) -> list[ExportedEntry]:
         """Every entry, in the order of the parameter table."""
         return [row for name in vgtjax.parameter_table(self.model) for row in self.rows_of(name)]
 
-    def rows_of(self, name: str) -> list[Row]:
+    def rows_of(self, name: str) -> list[ExportedEntry]:
         """The entries of one parameter."""
         fields = self.parameters[name]
         if not isinstance(fields["value"], list):
@@ -75,11 +75,11 @@ class Results:
         return [_row(f"{name}[{index}]", each) for index, each in enumerate(apart)]
 
 
-def _row(name: str, fields: dict[str, Any]) -> Row:
+def _row(name: str, fields: dict[str, Any]) -> ExportedEntry:
     low, high = fields.get("interval") or (None, None)
     value = math.inf if fields["value"] is None else float(fields["value"])
     free, known = bool(fields.get("free")), bool(fields.get("identifiable"))
-    return Row(name, value, fields["unit"], fields.get("std_error"), low, high, free, known)
+    return ExportedEntry(name, value, fields["unit"], fields.get("std_error"), low, high, free, known)
 
 
 def read_results(place: pathlib.Path) -> Results:

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import scipy
 
-from .results import Results, Row
+from .results import ExportedEntry, Results
 
-COLUMNS = tuple(field.name for field in dataclasses.fields(Row))
+COLUMNS = tuple(field.name for field in dataclasses.fields(ExportedEntry))
 TEXTS = ("name", "unit")
 HEAD_BYTES = 116
 """What a MATLAB file begins with: a text that its writer chooses."""

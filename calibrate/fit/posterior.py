@@ -22,7 +22,7 @@ FILE = "posterior.npz"
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Row:
+class DrawnEntry:
     """One entry: what the draws say, and the linear interval of the fit's noise beside it."""
 
     name: str
@@ -65,7 +65,7 @@ def sample(end: End, draws: int, folder: pathlib.Path, who: str) -> Posterior:
     return found
 
 
-def rows(posterior: Posterior, calibration: Calibration) -> list[Row]:
+def rows(posterior: Posterior, calibration: Calibration) -> list[DrawnEntry]:
     """Every determined entry; `calibration` has the linear interval of it."""
     # The draws know of the noise only, so the other parts of an error are left out of what they are compared with.
     by_noise = dict(zip(calibration, calibration.budget.noise.tolist(), strict=True))
@@ -77,7 +77,7 @@ def rows(posterior: Posterior, calibration: Calibration) -> list[Row]:
         low, high = posterior.intervals[number].tolist()
         linear = float(np.ptp(known.interval)) * (by_noise[name] / known.std_error)
         found.append(
-            Row(
+            DrawnEntry(
                 name,
                 float(posterior.medians[number]),
                 low,

@@ -11,7 +11,7 @@ NUMBER = re.compile(r"(?<![\w.])(?<!Table )(?<!section )([A-C]|\d)\.(\d+)(?:-(?:
 
 
 @dataclasses.dataclass(frozen=True)
-class Row:
+class EquationRow:
     """A row of the table of equations, with the errata of its numbers."""
 
     title: str
@@ -62,17 +62,17 @@ def errata() -> list[Erratum]:
     return [Erratum(*cells) for cells in table("erratum of the print")]
 
 
-def equations() -> list[Row]:
+def equations() -> list[EquationRow]:
     """All rows of the table of equations, in the thesis's order, each with its errata."""
     rows = []
     for title, what, code, test in table("equation"):
         numbers = tuple(numbers_in(title)) if not title.startswith("section") else ()
         found = tuple(erratum for erratum in errata() if erratum.numbers & set(numbers))
-        rows.append(Row(title, what, code, test, numbers, found))
+        rows.append(EquationRow(title, what, code, test, numbers, found))
     return sorted(rows, key=_place)
 
 
-def _place(row: Row) -> tuple[str, int]:
+def _place(row: EquationRow) -> tuple[str, int]:
     """Chapter and first number of a row."""
     chapter, first = re.findall(r"([A-C]|\d)\.(\d+)", row.title)[0]
     return chapter, int(first)

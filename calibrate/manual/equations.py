@@ -2,7 +2,7 @@
 
 import re
 
-from .contributing import Erratum, Row, equations, errata
+from .contributing import EquationRow, Erratum, equations, errata
 
 
 def index() -> str:
@@ -23,12 +23,12 @@ def other_errata() -> str:
     return "\n".join(_said(erratum) for erratum in errata() if erratum not in shown)
 
 
-def heading(row: Row) -> str:
+def heading(row: EquationRow) -> str:
     """What a section is called."""
     return f"{f'({row.title})' if row.numbers else row.title} {row.what}"
 
 
-def _section(row: Row) -> str:
+def _section(row: EquationRow) -> str:
     lines = [f"### {heading(row)}", ""]
     if len(row.numbers) > 1:
         lines += ["Equations " + ", ".join(f"({number})" for number in row.numbers) + ".", ""]

@@ -15,7 +15,7 @@ from .._lanes import map_rows
 from .._printing import Cells, Printed
 from ..control import AbstractController, StepAnswer, step_answers
 from ._cases import Case, Cases
-from ._loops import LANES, MEASURES, Figures, Row, Timing, figures_of, rows_of, run_loop
+from ._loops import LANES, MEASURES, Figures, LoopParts, Timing, figures_of, rows_of, run_loop
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -126,7 +126,7 @@ def close_loops(
 
 
 @eqx.filter_jit
-def _close(timing: Timing, settled: float, rows: Row) -> tuple[tuple[Array | None, ...], dict[str, Any]]:
+def _close(timing: Timing, settled: float, rows: LoopParts) -> tuple[tuple[Array | None, ...], dict[str, Any]]:
     """Signals and figures of every row."""
 
     def lane(*row: Any) -> tuple[tuple[Array | None, ...], dict[str, Any]]:

@@ -73,11 +73,11 @@ class Timing(NamedTuple):
     period: float
 
 
-Row = tuple[AbstractController, AbstractModel, Scenario]
+LoopParts = tuple[AbstractController, AbstractModel, Scenario]
 """One closed loop, or many of them with a leading axis."""
 
 
-def run_loop(row: Row, timing: Timing, memory: float | Scalar = math.inf) -> ClosedLoop:
+def run_loop(row: LoopParts, timing: Timing, memory: float | Scalar = math.inf) -> ClosedLoop:
     """One closed loop, whose derivatives last for `memory` seconds."""
     (controller, plant, scenario), (duration, period) = row, timing
     return close_loop(plant, controller, scenario, duration, period=period, derivative_memory=memory, throw=False)
@@ -95,7 +95,7 @@ def _unless_failed(run: ClosedLoop, figure: Array) -> Array:
 
 def rows_of(
     controllers: AbstractController | Mapping[str, AbstractController], cases: Cases
-) -> Callable[[np.ndarray], Row]:
+) -> Callable[[np.ndarray], LoopParts]:
     """Some of the cases, by their places, each with its controller: one for all, or that of each plant by its name.
 
     **Raises:** `InputError` for a plant that has no controller, or controllers of other structures.
@@ -106,7 +106,7 @@ def rows_of(
         raise InputError(f"every plant needs a controller, but '{missing[0]}' has none; give it one")
     stacked = stack_trees([given[label.plant] for label in cases.labels], "controllers")
 
-    def at(places: np.ndarray) -> Row:
+    def at(places: np.ndarray) -> LoopParts:
         chosen = cases.take(places.tolist())
         return jax.tree.map(lambda leaf: leaf[places], stacked), chosen.plants, chosen.scenarios
 

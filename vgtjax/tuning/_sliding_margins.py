@@ -22,7 +22,7 @@ from ..control import (
 )
 from ..parts import Diaphragm
 from ._cases import Cases
-from ._loops import Row, rows_of
+from ._loops import LoopParts, rows_of
 
 SHARE, RATE = 0.3, 2.0
 """Of the travel to either side of its middle, and rad/s: a sine along which the rod never rests in between."""
@@ -56,7 +56,7 @@ def sliding_margins(
 
 
 @eqx.filter_jit
-def _linearise(period: float, rows: Row) -> tuple[Any, ...]:
+def _linearise(period: float, rows: LoopParts) -> tuple[Any, ...]:
     """Matrices of every lane's loops; the first axis is that of lanes, the second that of times."""
 
     def lane(controller: AbstractController, plant: Any, scenario: Scenario) -> tuple[Any, ...]:

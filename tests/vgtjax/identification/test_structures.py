@@ -23,7 +23,7 @@ from vgtjax.estimation import (
 from vgtjax.estimation.search._searches import FAR_ABOVE, MOST_TO_GO, TRIED, _is_hopeless
 from vgtjax.identification import compare_structures
 from vgtjax.identification.structures import _ranking, _structures
-from vgtjax.identification.structures._ranking import ASTRAY, STRONG, Duel, Ranking, Row
+from vgtjax.identification.structures._ranking import ASTRAY, STRONG, Duel, RankedStructure, StructureRanking
 
 COUNT = 2000
 """Measurements, so that chi^2 is as many times 2."""
@@ -281,7 +281,7 @@ def test_what_is_beaten_is_tried_beside_what_is_not(monkeypatch, together, struc
         apart = {name: each - outcomes[best] for name, each in outcomes.items() if name != best}
         why = {name: "" if each > STRONG else f"the criterion differs by {each:g}" for name, each in apart.items()}
         duels = {name: Duel(each, 0.0, None, why[name]) for name, each in apart.items()}
-        return Ranking([Row(name) for name in outcomes], best, duels, "none")
+        return StructureRanking([RankedStructure(name) for name in outcomes], best, duels, "none")
 
     monkeypatch.setattr(_structures._Search, "_fit", fit)
     monkeypatch.setattr(_structures._Search, "usable", lambda search, structure: None)

@@ -16,7 +16,7 @@ from .. import _limits as limits
 from .._result import Curve, Identified, NotPossible, bench_test, thinned
 from ._axis_regression import regress_axis
 from ._motion import MotionRecord, dry_level, mechanical_half, read_motions
-from ._response_errors import Linearised, covariance, drive_variances, linearise
+from ._response_errors import ResponseColumns, covariance, drive_variances, linearise
 from ._sliding import at_closed_stop
 
 ROUNDS = 4
@@ -223,13 +223,13 @@ def _bounds(
     return ends
 
 
-def _regular(whole: Linearised) -> bool:
+def _regular(whole: ResponseColumns) -> bool:
     """Whether the fit ended where derivatives mean something: bristles as short as a sample's path are chaotic."""
     columns = whole.columns
     return bool(np.all(np.isfinite(columns))) and float(np.max(np.abs(columns), initial=0.0)) < limits.SENSITIVITY
 
 
-def _determined(whole: Linearised, calibrator: Calibrator, free: Bool[np.ndarray, " entries"]) -> np.ndarray:
+def _determined(whole: ResponseColumns, calibrator: Calibrator, free: Bool[np.ndarray, " entries"]) -> np.ndarray:
     """Which of the free entries the traces determine, and did not drive to the far end of what they may be."""
     table, entries = parameter_table(whole.task.model), whole.task.selection.entries
     if not _regular(whole):
@@ -249,7 +249,7 @@ def _determined(whole: Linearised, calibrator: Calibrator, free: Bool[np.ndarray
     return good
 
 
-def _response(calibration: Calibration, whole: Linearised, free: np.ndarray) -> ResponseFit:
+def _response(calibration: Calibration, whole: ResponseColumns, free: np.ndarray) -> ResponseFit:
     entries = calibration.task.selection.entries
     errors = np.sqrt(np.diag(covariance(whole, ~free)) + drive_variances(whole, ~free))
     slope = np.where(whole.transform.positive, calibration.values, whole.transform.scale)

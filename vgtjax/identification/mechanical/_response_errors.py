@@ -29,7 +29,7 @@ EXPERIMENTS = 5
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Linearised:
+class ResponseColumns:
     """A fit where it ended, with nothing held: residuals in units of the noise, and their derivatives with respect to
     the coordinates of `transform`.
 
@@ -60,7 +60,7 @@ class Linearised:
         return np.repeat(lanes, SEGMENT * len(CHANNELS))[self.rows]
 
 
-def linearise(calibrator: Calibrator, motions: Sequence[MotionRecord]) -> Linearised:
+def linearise(calibrator: Calibrator, motions: Sequence[MotionRecord]) -> ResponseColumns:
     """A fit of motions linearised where it ended, with nothing held."""
     task, found = calibrator.task, np.asarray(calibrator.minimiser.progress.coordinates)
     values = np.asarray(calibrator.transform.to_physical(found))
@@ -73,10 +73,10 @@ def linearise(calibrator: Calibrator, motions: Sequence[MotionRecord]) -> Linear
     here, there = (each.slope(np.asarray(each.to_coordinates(values))) for each in (transform, calibrator.transform))
     rows = (residuals != 0) | np.any(columns != 0, axis=1)
     columns = columns[rows] * (np.asarray(here) / np.asarray(there))
-    return Linearised(task, calibrator.minimiser.problem, transform, motions, rows, residuals[rows], columns)
+    return ResponseColumns(task, calibrator.minimiser.problem, transform, motions, rows, residuals[rows], columns)
 
 
-def covariance(whole: Linearised, held: Bool[np.ndarray, " entries"]) -> Float[np.ndarray, "entries entries"]:
+def covariance(whole: ResponseColumns, held: Bool[np.ndarray, " entries"]) -> Float[np.ndarray, "entries entries"]:
     """Covariance of the coordinates, with all that makes fitted values wrong: correlated residuals, unknown offsets of
     the pressure, held parameters."""
     residuals, columns = whole.residuals, whole.columns
@@ -100,7 +100,7 @@ def covariance(whole: Linearised, held: Bool[np.ndarray, " entries"]) -> Float[n
     return worst[0] * np.outer(grow, grow)
 
 
-def drive_variances(whole: Linearised, held: Bool[np.ndarray, " entries"]) -> Float[np.ndarray, " entries"]:
+def drive_variances(whole: ResponseColumns, held: Bool[np.ndarray, " entries"]) -> Float[np.ndarray, " entries"]:
     """Variances of the coordinates from noise of the drive that its smoothing lets through, by experiment."""
     noisy = [number for number, motion in enumerate(whole.motions) if motion.drive_noise > 0]
     bread, task = _bread(whole, held), whole.task
@@ -126,14 +126,14 @@ def drive_variances(whole: Linearised, held: Bool[np.ndarray, " entries"]) -> Fl
     return variances
 
 
-def _bread(whole: Linearised, held: Bool[np.ndarray, " entries"]) -> np.ndarray:
+def _bread(whole: ResponseColumns, held: Bool[np.ndarray, " entries"]) -> np.ndarray:
     """Inverse of the normal equations, in which held entries may be wrong by `ERROR_RESPONSE`."""
     prior = np.diag(np.where(held, 1 / limits.ERROR_RESPONSE, 0.0))
     rows = np.vstack([whole.triangle, prior])
     return least_squares(rows, np.zeros(len(rows))).covariance
 
 
-def _blocks(whole: Linearised, seconds: float) -> np.ndarray:
+def _blocks(whole: ResponseColumns, seconds: float) -> np.ndarray:
     """The stretch of so many seconds of every row."""
     blocks, first = [], 0
     for bundle in whole.problem.bundles:

@@ -1,6 +1,11 @@
 """Which structure the traces favour."""
 
-from ._ranking import Duel as Duel, Ranking as Ranking, Row as Row, worst_verdict as worst_verdict
+from ._ranking import (
+    Duel as Duel,
+    RankedStructure as RankedStructure,
+    StructureRanking as StructureRanking,
+    worst_verdict as worst_verdict,
+)
 from ._structures import (
     Ahead as Ahead,
     Begin as Begin,

@@ -38,7 +38,7 @@ FEWEST = 3
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Row:
+class RankedStructure:
     """One structure in a ranking; `reason` says why it can't win, empty if it can.
 
     `criterion` is Schwarz's, `chi2` in the weights of the best one's sensors, `parameters` those that the traces
@@ -70,10 +70,10 @@ class Duel:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Ranking:
+class StructureRanking:
     """Structures, best first; `best` is `None` where no fit may be used, `against` has a duel for every other."""
 
-    rows: Sequence[Row]
+    rows: Sequence[RankedStructure]
     best: str | None
     against: Mapping[str, Duel]
     scored: str
@@ -84,7 +84,7 @@ class Ranking:
         """The others that might have won, as their fits may be used."""
         return [row.name for row in self.rows if not row.reason and row.name != self.best]
 
-    def doubting(self, name: str, doubt: str) -> "Ranking":
+    def doubting(self, name: str, doubt: str) -> "StructureRanking":
         """The same ranking with a doubt about the duel with one of the others."""
         duel = dataclasses.replace(self.against[name], doubt=doubt)
         return dataclasses.replace(self, against={**self.against, name: duel})
@@ -119,7 +119,7 @@ exponent was known five had the wrong one in front, one of them by 180."""
 
 def rank(
     outcomes: Mapping[str, Outcome], wider: Related | None = None, alike: Related | None = None
-) -> Computation[Ranking]:
+) -> Computation[StructureRanking]:
     """Ranks fits of the same traces, as a computation.
 
     **Arguments:** `wider`: which structures contain which others as a limit. Nothing can speak against those. `alike`:
@@ -129,7 +129,7 @@ def rank(
     reasons = {name: unusable(each) for name, each in outcomes.items()}
     able = [name for name in fits if not reasons[name]]
     if not able:
-        return Ranking([Row(name, reason) for name, reason in reasons.items()], None, {}, "none")
+        return StructureRanking([RankedStructure(name, reason) for name, reason in reasons.items()], None, {}, "none")
     # Residuals of all are compared in the weights of one; the one whose own noise explains the traces best.
     likeliest = min(able, key=lambda name: own_criterion(fits[name]))
     common = fits[likeliest].calibration.sensors
@@ -159,7 +159,7 @@ def rank(
             elif best in (alike or {}).get(name, ()):
                 duel = dataclasses.replace(duel, doubt=duel.doubt or _made_up_for(duel.difference))
             against[name] = duel
-    return Ranking(rows, best, against, "none" if unseen is None else unseen.what, remains)
+    return StructureRanking(rows, best, against, "none" if unseen is None else unseen.what, remains)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -333,9 +333,9 @@ def _row(
     weighed: Mapping[str, Weighed],
     criteria: Mapping[str, float],
     unseen: _Unseen | None,
-) -> Row:
+) -> RankedStructure:
     if name not in weighed:
-        return Row(name, reason)
+        return RankedStructure(name, reason)
     each = weighed[name]
     score = None if unseen is None else float(np.sum(unseen.blocks[name])) / unseen.count
-    return Row(name, reason, each.chi2, each.rank, criteria[name], score)
+    return RankedStructure(name, reason, each.chi2, each.rank, criteria[name], score)

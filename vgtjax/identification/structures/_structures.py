@@ -21,7 +21,7 @@ from ...estimation import (
     run_alone,
 )
 from ...parameters import get_parameter, parameter_table
-from ._ranking import Outcome, Ranking, Related, own_criterion, rank, unusable
+from ._ranking import Outcome, Related, StructureRanking, own_criterion, rank, unusable
 
 MOST_SWEEPS = 3
 """Times that all components are gone through; after that nothing is decided."""
@@ -66,7 +66,7 @@ class Compared:
     nothing.
     """
 
-    rankings: Mapping[str, Ranking]
+    rankings: Mapping[str, StructureRanking]
     structure: Structure
     fit: Linearised | None
     settled: bool
@@ -105,7 +105,7 @@ def comparing_structures(
     **Arguments:** `ahead`: is told which structures are fitted next, and what it returns is left when they are.
     """
     search, base = _Search(fitting, wider, alike, ahead), dict(own)
-    rankings: dict[str, Ranking] = {}
+    rankings: dict[str, StructureRanking] = {}
     ranked_in: dict[str, Structure] = {}
     for _ in range(MOST_SWEEPS):
         before = dict(base)
@@ -122,7 +122,7 @@ def comparing_structures(
     return Compared(rankings, base, search.usable(base), False)
 
 
-def _better(ranking: Ranking, now: str) -> str:
+def _better(ranking: StructureRanking, now: str) -> str:
     """The variant to go on with: another one only if it is better beyond doubt, or this one's fit may not be used."""
     if ranking.best is None or ranking.best == now:
         return now
@@ -130,7 +130,7 @@ def _better(ranking: Ranking, now: str) -> str:
     return ranking.best if unusable_now or not ranking.against[now].doubt else now
 
 
-def _pairs(rankings: Mapping[str, Ranking], base: Structure) -> list[tuple[tuple[str, str], tuple[str, str]]]:
+def _pairs(rankings: Mapping[str, StructureRanking], base: Structure) -> list[tuple[tuple[str, str], tuple[str, str]]]:
     """A component and a variant that is beaten, and another component and one that is not told from that of the base,
     all with fits that may be used. One that contains the best as a limit is left out: it always meets the traces as
     well."""
@@ -139,7 +139,7 @@ def _pairs(rankings: Mapping[str, Ranking], base: Structure) -> list[tuple[tuple
     return [(one, other) for one, other in itertools.product(beaten, left) if one[0] != other[0]]
 
 
-def _undecided(ranking: Ranking, now: str) -> list[str]:
+def _undecided(ranking: StructureRanking, now: str) -> list[str]:
     """Variants of a component that may be right instead of the one of a structure."""
     leading = [ranking.best] if ranking.best not in (None, now) else []
     return [*leading, *(name for name in ranking.rivals if name != now and ranking.against[name].open)]
@@ -158,7 +158,7 @@ class _Search:
         found = self._fits.get(_key(structure))
         return found if isinstance(found, Linearised) and not unusable(found) else None
 
-    def rank(self, base: Structure, component: str, names: Sequence[str]) -> Computation[Ranking]:
+    def rank(self, base: Structure, component: str, names: Sequence[str]) -> Computation[StructureRanking]:
         """The variants of a component in a structure, those fitted that aren't yet."""
         structures = {name: {**base, component: name} for name in names}
         in_turn = (base, *(each for each in structures.values() if each != base))
@@ -173,14 +173,14 @@ class _Search:
         yield from self._fit(base, Begin(self._values(structures[ranking.best]), again=True))
         return (yield from self._rank(structures))
 
-    def _rank(self, structures: Mapping[str, Structure]) -> Computation[Ranking]:
+    def _rank(self, structures: Mapping[str, Structure]) -> Computation[StructureRanking]:
         """The fits of the variants of a component."""
         outcomes = {name: self._fits[_key(structure)] for name, structure in structures.items()}
         return (yield from rank(outcomes, self._wider, self._alike))
 
     def together(
-        self, rankings: Mapping[str, Ranking], base: dict[str, str]
-    ) -> Computation[tuple[dict[str, Ranking], dict[str, str]]]:
+        self, rankings: Mapping[str, StructureRanking], base: dict[str, str]
+    ) -> Computation[tuple[dict[str, StructureRanking], dict[str, str]]]:
         """Rankings in which nothing is beaten that is not so beside each undecided variant of another component, and
         the structure to go on with: one with both changed, where that is better beyond doubt."""
         found = dict(rankings)
@@ -199,7 +199,7 @@ class _Search:
                 found[component] = found[component].doubting(beaten, f"with {variant} as {other}: {why}")
         return found, base
 
-    def _duel(self, base: Structure, both: Structure, now: str, name: str) -> Computation[Ranking]:
+    def _duel(self, base: Structure, both: Structure, now: str, name: str) -> Computation[StructureRanking]:
         """Two structures under these names; if the base does not lead, it has begun at the end of the other as well."""
         ranking = yield from rank({now: self._fits[_key(base)], name: self._fits[_key(both)]})
         if ranking.best != name or _key(base) in self._again:
