@@ -8,7 +8,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 import vgtjax
-from vgtjax.estimation import Sensor, TraceResult
+from vgtjax.estimation import SensorNoise, TraceResult
 from vgtjax.experiments import HysteresisLoop, find_loop
 
 from . import figures
@@ -99,7 +99,7 @@ def trace_section(result: TraceResult) -> dict[str, Any]:
     }
 
 
-def sensor_summary(sensors: Mapping[str, Sensor]) -> dict[str, Any]:
+def sensor_summary(sensors: Mapping[str, SensorNoise]) -> dict[str, Any]:
     """What a fit found out of the sensors of a trace, by channel, in SI units."""
     return {
         name: {"noise": sensor.level, "memory": sensor.memory.tolist(), "outliers": sensor.outliers}

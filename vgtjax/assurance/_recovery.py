@@ -14,7 +14,7 @@ from ..estimation import (
     Calibrator,
     Computation,
     LevenbergMarquardt,
-    Sensors,
+    SensorsOfTraces,
     Slopes,
     Task,
     first_progress,
@@ -53,7 +53,7 @@ class Truth:
 
     task: Task
     clean: Sequence[Float[np.ndarray, "_ channel"]]
-    sensors: Sensors
+    sensors: SensorsOfTraces
     slopes: Slopes
     """Derivatives over all places that the errors of the traces leave possible around the truth, where every fit
     begins."""
@@ -112,7 +112,7 @@ def _known_again(task: Task, rng: np.random.Generator) -> Task:
     return dataclasses.replace(task, centers=centers, deviations={**task.deviations, **widths})
 
 
-def _check_fitted(task: Task, sensors: Sensors) -> None:
+def _check_fitted(task: Task, sensors: SensorsOfTraces) -> None:
     """What a model leaves over counts as noise, which nothing would be seen behind."""
     for trace, known, plain in zip(task.fit, sensors, white_sensors(task.fit, task.channels), strict=True):
         for name, sensor in known.items():
@@ -170,7 +170,7 @@ def refitting(truth: Truth, number: int, seed: int) -> Computation[Refit]:
     return Refit(number, calibration.converged, calibration.verdict, coordinates, tuple(errors))
 
 
-def _begun(calibrator: Calibrator, sensors: Sensors) -> Computation[Calibrator]:
+def _begun(calibrator: Calibrator, sensors: SensorsOfTraces) -> Computation[Calibrator]:
     """Where a search by these sensors would have ended: what follows are full linear steps, with the derivatives that
     are known."""
     search, task = calibrator.minimiser, calibrator.task
@@ -180,7 +180,7 @@ def _begun(calibrator: Calibrator, sensors: Sensors) -> Computation[Calibrator]:
     return dataclasses.replace(calibrator, sensors=sensors, minimiser=began)
 
 
-def _known_sensors(task: Task, known: Sensors) -> Sensors:
+def _known_sensors(task: Task, known: SensorsOfTraces) -> SensorsOfTraces:
     """Sensors of new traces with the noise that is known of them, and no outlier."""
     return [
         {

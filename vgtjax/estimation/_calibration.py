@@ -17,7 +17,7 @@ from ._estimate import Estimate
 from ._least_squares import NORMAL_95, LeastSquares
 from ._task import RUNAWAY, Task
 from .errors import Budget, taken_for_exact
-from .measurements import FoundDuty, InputSensor, Sensors, in_seconds, left_over_noise, sample_interval
+from .measurements import FoundDuty, InputSensor, SensorsOfTraces, in_seconds, left_over_noise, sample_interval
 from .search import Progress
 
 
@@ -43,7 +43,7 @@ class Calibration(Printed):
     traces: list[TraceResult]
     count: int
     """Number of measurements fitted."""
-    sensors: Sensors
+    sensors: SensorsOfTraces
     """What the fit found out of the sensors of every trace fitted, by channel."""
     budget: Budget
     """Where the standard errors come from."""

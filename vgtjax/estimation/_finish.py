@@ -19,7 +19,7 @@ from ._least_squares import LeastSquares, finite_columns, least_squares, windowe
 from ._task import Task
 from .derivatives import CHANNELS, Computation, ask, bundle_traces
 from .errors import Bands, Budget, by_gains, predicted_spread, uncertain_gains
-from .measurements import Sensors, turns
+from .measurements import SensorsOfTraces, turns
 from .search import LevenbergMarquardt
 
 WINDOW = 0.25
@@ -52,7 +52,7 @@ HOLD, DRIVE, SLOW = "hold of the duty", "sensor of the drive", "derivatives of s
 
 
 def finishing(
-    task: Task, search: LevenbergMarquardt, sensors: Sensors, notes: tuple[str, ...], lacking: Lacking
+    task: Task, search: LevenbergMarquardt, sensors: SensorsOfTraces, notes: tuple[str, ...], lacking: Lacking
 ) -> Computation[Calibration]:
     """The result, as a computation."""
     problem, progress, transform = search.problem, search.progress, search.problem.transform

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy.signal
 
-from vgtjax.estimation import Sensor
+from vgtjax.estimation import SensorNoise
 from vgtjax.estimation.measurements._sensors import innovations, learn_sensor, noise_to_meet
 from vgtjax.traces import Channel
 
@@ -12,7 +12,7 @@ COUNT, SIZE = 20_000, 8e-6
 
 
 def learn(noise, **choices):
-    sensor = Sensor(np.zeros(len(noise)), SIZE, np.zeros(0), np.ones(len(noise)))
+    sensor = SensorNoise(np.zeros(len(noise)), SIZE, np.zeros(0), np.ones(len(noise)))
     return learn_sensor(sensor, noise, 1e-9, **{"coloured": True, "loss": "huber", **choices})
 
 
@@ -82,7 +82,7 @@ def test_students_loss_claims_the_error_that_a_mean_has(freedom, gain):
     for noise in rng.standard_t(freedom, (400, count)):
         mean = float(np.median(noise))
         for _ in range(4):
-            sensor = Sensor(noise, 1.0, np.zeros(0), np.ones(count))
+            sensor = SensorNoise(noise, 1.0, np.zeros(0), np.ones(count))
             found = learn_sensor(sensor, noise - mean, 1e-9, coloured=False, loss="student")
             weights = (found.trust / found.deviation) ** 2
             mean = float(weights @ noise / np.sum(weights))
@@ -137,7 +137,7 @@ def test_a_long_memory_is_no_excuse(remains, ratio):
 def test_a_record_that_hardly_moves_has_finite_weights(last):
     """Its residuals are equal but for one at most, so that a scale fitted to them goes to zero."""
     noise = np.append(np.zeros(49), last * SIZE)
-    sensor = Sensor(np.zeros(50), SIZE, np.zeros(0), np.ones(50))
+    sensor = SensorNoise(np.zeros(50), SIZE, np.zeros(0), np.ones(50))
     found = learn_sensor(sensor, noise, 0.1 * SIZE, coloured=True, loss="student")
     # Without a floor of the scale not finite, or 1e101; a weight of 100 is a hundred times the least deviation.
     assert np.all(found.trust < 100)

@@ -8,7 +8,7 @@ import scipy
 from jaxtyping import Float
 
 from .._calibration import Calibration, TraceResult
-from ..measurements import Samples, Sensor, innovations, noise_to_meet
+from ..measurements import Samples, SensorNoise, innovations, noise_to_meet
 
 LAGS = 10
 """Lags of Ljung and Box's statistic."""
@@ -58,7 +58,7 @@ def find_remains(calibration: Calibration) -> list[Remains]:
     return found
 
 
-Piece = tuple[TraceResult, Samples, Sensor]
+Piece = tuple[TraceResult, Samples, SensorNoise]
 
 
 def _pieces(calibration: Calibration, channel: str) -> Iterator[Piece]:

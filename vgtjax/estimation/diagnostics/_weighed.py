@@ -10,7 +10,7 @@ from .._calibration import Calibration
 from .._comparison import comparing
 from .._least_squares import LeastSquares, estimate_uncertainty, finite_columns, reduce_rows
 from ..derivatives import CHANNELS, Computation, Evaluated
-from ..measurements import FitProblem, Sensors
+from ..measurements import FitProblem, SensorsOfTraces
 from ..search import LevenbergMarquardt, Progress, Slopes, problem_of, transform_of
 
 BLOCKS = 16
@@ -51,7 +51,7 @@ class Linearised:
         slopes = yield from Slopes.find(_own(problem, calibration), at)
         return Linearised(calibration, problem, at, (yield from _with_delay(problem, slopes, calibration)))
 
-    def _with_noise(self, sensors: Sensors) -> FitProblem:
+    def _with_noise(self, sensors: SensorsOfTraces) -> FitProblem:
         """The problem with the noise of these sensors; values have this fit's own numerical errors taken away."""
         own = [
             {name: dataclasses.replace(sensor, values=mine[name].values) for name, sensor in each.items()}
@@ -59,7 +59,7 @@ class Linearised:
         ]
         return self.problem.with_sensors(self.calibration.task.traces, own)
 
-    def searched(self, sensors: Sensors) -> Computation["Linearised"]:
+    def searched(self, sensors: SensorsOfTraces) -> Computation["Linearised"]:
         """Where the search ends in the weights of these sensors, which are not those of the fit itself."""
         problem = _own(self._with_noise(sensors), self.calibration)
         search = yield from LevenbergMarquardt.begin(problem, Progress(tuple(self.at.tolist())))
@@ -91,7 +91,7 @@ class Linearised:
             found.append(columns if np.all(believed) else np.where(believed[..., None], columns, 0.0))
         return found
 
-    def weighed(self, sensors: Sensors) -> "Weighed":
+    def weighed(self, sensors: SensorsOfTraces) -> "Weighed":
         """Seen with the noise of these sensors."""
         problem = self._with_noise(sensors)
         residuals = problem.residuals_of(self.evaluated.observed)

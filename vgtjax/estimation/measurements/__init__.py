@@ -37,12 +37,16 @@ from ._holds import (
 )
 from ._inputs import InputSensor as InputSensor, read_inputs as read_inputs
 from ._instruments import instrumented as instrumented
-from ._measured import Sensors as Sensors, count_of as count_of, white_sensors as white_sensors
+from ._measured import SensorsOfTraces as SensorsOfTraces, count_of as count_of, white_sensors as white_sensors
 from ._residuals import FitProblem as FitProblem, Prior as Prior, build_fit_problem as build_fit_problem
 from ._sensors import (
     Samples as Samples,
-    Sensor as Sensor,
+    SensorNoise as SensorNoise,
     innovations as innovations,
     left_over_noise as left_over_noise,
     noise_to_meet as noise_to_meet,
 )
+
+Sensor = SensorNoise
+Sensors = SensorsOfTraces
+"""Both as `estimation/_comparison.py` still calls them; nothing else does."""

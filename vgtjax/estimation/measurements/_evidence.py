@@ -20,8 +20,8 @@ from ...simulation import FixedStep, first_failure
 from ...traces import Trace
 from ..derivatives import CHANNELS, Bundle, Computation, Evaluated, Evaluation, ask, bundle_traces
 from ._chatter import in_phase
-from ._measured import Sensors, white_sensors
-from ._sensors import Samples, Sensor, learn_sensor
+from ._measured import SensorsOfTraces, white_sensors
+from ._sensors import Samples, SensorNoise, learn_sensor
 
 SHARP_STEP = 1e-4
 """s; the steps of what a model would give without numerical errors."""
@@ -143,21 +143,21 @@ def learn_sensors(
     smooth: Sequence[np.ndarray],
     sharp: Sequence[np.ndarray],
     unknown: Unknown,
-) -> Sensors:
+) -> SensorsOfTraces:
     """What a fit that ended at a smooth simulation tells of the sensors, and its sharp one of numerical errors.
 
     **Arguments:** `smooth`, `sharp`: what is observed of every trace, `(time, channel)`.
     """
     sensors = white_sensors(traces, channels)
 
-    def learn(index: int, channel: str, sensor: Sensor) -> Sensor:
+    def learn(index: int, channel: str, sensor: SensorNoise) -> SensorNoise:
         rows, at = traces[index].rows(channel), CHANNELS.index(channel)
         return _learn(sensor, smooth[index][rows, at], sharp[index][rows, at], unknown)
 
     return [{name: learn(index, name, each) for name, each in known.items()} for index, known in enumerate(sensors)]
 
 
-def _learn(sensor: Sensor, smooth: Samples, sharp: Samples, unknown: Unknown) -> Sensor:
+def _learn(sensor: SensorNoise, smooth: Samples, sharp: Samples, unknown: Unknown) -> SensorNoise:
     """A sensor by what is left of its values, less the numerical errors of the smooth simulation."""
     defect = in_phase(sharp - smooth, sensor.values - smooth, sensor.deviation)
     largest = LARGEST_DEFECT * sensor.deviation

@@ -12,7 +12,7 @@ from jaxtyping import Array, Float, Int
 from ..._kept import keep_compiled
 from ...traces import Trace
 from ..derivatives import CHANNELS, SEGMENT, Bundle
-from ._sensors import MEMORY, Sensor, white_sensor
+from ._sensors import MEMORY, SensorNoise, white_sensor
 
 SMALLEST = 1e-300
 Weights = Float[Array | np.ndarray, "lanes sample channel"]
@@ -38,22 +38,22 @@ class Measured(eqx.Module):
     expected: Weights | None = None
 
 
-Sensors = Sequence[dict[str, Sensor]]
+SensorsOfTraces = Sequence[dict[str, SensorNoise]]
 """Sensors of every trace, by channel; those that are not fitted are left out."""
 
 
-def white_sensors(traces: Sequence[Trace], channels: Sequence[str]) -> Sensors:
+def white_sensors(traces: Sequence[Trace], channels: Sequence[str]) -> SensorsOfTraces:
     """Sensors whose noise is white and of the size that their own signals show."""
     found = [{channel: white_sensor(trace, channel) for channel in channels} for trace in traces]
     return [{channel: sensor for channel, sensor in sensors.items() if sensor is not None} for sensors in found]
 
 
-def count_of(sensors: Sensors) -> int:
+def count_of(sensors: SensorsOfTraces) -> int:
     """Samples that say something."""
     return sum(sensor.count for each in sensors for sensor in each.values())
 
 
-def measure(bundle: Bundle, traces: Sequence[Trace], sensors: Sensors) -> Measured:
+def measure(bundle: Bundle, traces: Sequence[Trace], sensors: SensorsOfTraces) -> Measured:
     order = MEMORY if any(len(sensor.memory) for each in sensors for sensor in each.values()) else 0
     places = SEGMENT * len(bundle.lane_trace)
     values, weights = np.zeros((2, places, len(CHANNELS)))

@@ -30,7 +30,7 @@ from ..derivatives import (
 from ._edge_times import Edges, covariance_root, from_mean
 from ._measured import (
     Measured,
-    Sensors,
+    SensorsOfTraces,
     count_of,
     jacobian_block,
     knowing_edges,
@@ -166,7 +166,7 @@ class FitProblem(eqx.Module):
         owners = [np.asarray(bundle.indices)[bundle.lane_trace[: bundle.owned]] for bundle in self.bundles]
         return np.repeat(np.concatenate(owners), SEGMENT * len(CHANNELS))
 
-    def with_sensors(self, traces: Sequence[Trace], sensors: Sensors) -> "FitProblem":
+    def with_sensors(self, traces: Sequence[Trace], sensors: SensorsOfTraces) -> "FitProblem":
         """The same problem with other knowledge of the sensors."""
         measured = [measure(bundle, traces, sensors) for bundle in self.bundles]
         again = dataclasses.replace(self, measured=measured, count=count_of(sensors))
@@ -259,7 +259,7 @@ def build_fit_problem(
     traces: Sequence[Trace],
     *,
     channels: Sequence[str] = CHANNELS,
-    sensors: Sensors | None = None,
+    sensors: SensorsOfTraces | None = None,
     stepping: AbstractStepping | None = None,
     prior: Prior | None = None,
 ) -> FitProblem:

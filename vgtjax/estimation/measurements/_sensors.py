@@ -37,7 +37,7 @@ Loss = Literal["gaussian", "huber", "student"]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Sensor:
+class SensorNoise:
     """One channel of one trace as a fit weighs it.
 
     `values` in m or Pa at the channel's valid samples; `deviation` in the same unit of what is new in every sample;
@@ -76,15 +76,15 @@ class Sensor:
         return float(np.mean(self.trust == 0))
 
 
-def white_sensor(trace: Trace, channel: str) -> Sensor | None:
+def white_sensor(trace: Trace, channel: str) -> SensorNoise | None:
     """A channel with white noise of the size that its own signal shows; `None` where a trace lacks it."""
     sampled = trace.sampled(channel)
     if sampled is None:
         return None
-    return Sensor(sampled.value, noise_level(sampled.value, channel), np.zeros(0), np.ones(len(sampled.value)))
+    return SensorNoise(sampled.value, noise_level(sampled.value, channel), np.zeros(0), np.ones(len(sampled.value)))
 
 
-def noise_to_meet(sensor: Sensor, measured: Channel, name: str) -> float:
+def noise_to_meet(sensor: SensorNoise, measured: Channel, name: str) -> float:
     """The noise in m or Pa that what remains of a channel is compared with.
 
     That which the signal itself shows between neighbours. Noise behind a filter shows too little of itself there, so
@@ -95,7 +95,7 @@ def noise_to_meet(sensor: Sensor, measured: Channel, name: str) -> float:
     return sensor.level if coloured else noise_level(measured.value, name)
 
 
-def left_over_noise(sensor: Sensor, measured: Channel, name: str, residuals: Samples) -> float:
+def left_over_noise(sensor: SensorNoise, measured: Channel, name: str, residuals: Samples) -> float:
     """The root mean square of what remains of a channel, in units of `noise_to_meet`: without outliers, of which one in
     two hundred would double it."""
     return float(np.std(residuals[sensor.trust > 0])) / noise_to_meet(sensor, measured, name)
@@ -108,7 +108,7 @@ def _filter_frequency(memory: Float[np.ndarray, " order"], time: Samples) -> flo
     return 1 / (np.pi * integral)
 
 
-def learn_sensor(sensor: Sensor, residuals: Samples, least: float, *, coloured: bool, loss: Loss) -> Sensor:
+def learn_sensor(sensor: SensorNoise, residuals: Samples, least: float, *, coloured: bool, loss: Loss) -> SensorNoise:
     """What the residuals of a fit tell of a sensor.
 
     The order of the autoregression is that of the least Bayesian information criterion (Schwarz, 1978), so that white
@@ -127,7 +127,7 @@ def learn_sensor(sensor: Sensor, residuals: Samples, least: float, *, coloured: 
     return learned if loss == "gaussian" else dataclasses.replace(learned, trust=_trust(np.abs(new) / deviation))
 
 
-def _by_student(sensor: Sensor, sizes: Samples, least: float) -> Sensor:
+def _by_student(sensor: SensorNoise, sizes: Samples, least: float) -> SensorNoise:
     """A sensor whose noise is taken for Student's, of a scale that its residuals in deviations tell best.
 
     Weights alone would claim too much: of `FREEDOM` degrees of freedom seven measurements are worth five. What they are

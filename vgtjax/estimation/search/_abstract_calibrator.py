@@ -11,7 +11,7 @@ from ...parameters import Transform
 from .._least_squares import LeastSquares
 from .._task import Task
 from ..derivatives import Computation
-from ..measurements import Sensors
+from ..measurements import SensorsOfTraces
 from ._progress import Progress, Report, quiet
 from ._search import LevenbergMarquardt
 
@@ -29,7 +29,7 @@ class AbstractCalibrator(abc.ABC):
     """
 
     task: Task
-    sensors: Sensors
+    sensors: SensorsOfTraces
     minimiser: LevenbergMarquardt
     notes: tuple[str, ...] = ()
 

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from ..._types import Coordinates
 from ...parameters import Transform, replace_parameters
 from .._task import Task
-from ..measurements import DELAY_SCALE, LONGEST_DELAY, FitProblem, Sensors, build_fit_problem
+from ..measurements import DELAY_SCALE, LONGEST_DELAY, FitProblem, SensorsOfTraces, build_fit_problem
 from ._progress import Progress
 
 
@@ -33,7 +33,7 @@ def transform_of(task: Task, progress: Progress) -> Transform:
     return transform.extended(DELAY_SCALE, -longest, longest)
 
 
-def problem_of(task: Task, progress: Progress, sensors: Sensors | None = None) -> FitProblem:
+def problem_of(task: Task, progress: Progress, sensors: SensorsOfTraces | None = None) -> FitProblem:
     """The problem of a search that knows so much of its sensors, or no more than that their noise is white."""
     return build_fit_problem(
         task.model,

@@ -14,7 +14,7 @@ from ...estimation import (
     Computation,
     Linearised,
     Remains,
-    Sensors,
+    SensorsOfTraces,
     Weighed,
     find_remains,
 )
@@ -266,7 +266,7 @@ def worst_verdict(remains: Sequence[Remains]) -> str:
     return max((each.verdict for each in remains), key=VERDICTS.index, default=VERDICTS[0])
 
 
-def _at_best(fit: Linearised, sensors: Sensors) -> Computation[Linearised]:
+def _at_best(fit: Linearised, sensors: SensorsOfTraces) -> Computation[Linearised]:
     """A fit where it is best in the weights of another one's sensors."""
     if fit.evaluated.failed or fit.calibration.progress.given_up or fit.weighed(sensors).uncertainty.gain < SMALL:
         return fit
