@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from vgtjax.parts import CRANK_RANGE, HIGHEST_PRESSURE, Stage, no_steady_flow
-from vgtjax.turbine import Flow, Inlet, Passage, States, steady_near
+from vgtjax.turbine import Inlet, Passage, PassageFlow, States, steady_near
 
 PRESSURES, ANGLES = 10, 10
 QUANTITIES = {
@@ -100,7 +100,7 @@ def solve_map(stage: Stage) -> NozzleMap:
 
 def solve_point(
     stage: Stage, total_pressure: Array, crank_angle: Array, near: States | None = None
-) -> tuple[Passage, Flow, States]:
+) -> tuple[Passage, PassageFlow, States]:
     """Steady flow at Pa absolute and deg, what it flows through, and states to search its neighbour from."""
     passage, inlet = _passage(stage, total_pressure, crank_angle)
     return passage, *steady_near(passage, inlet, stage.outlet_pressure, stage.gas, near)
@@ -128,7 +128,7 @@ def _passage(stage: Stage, total_pressure: Array, crank_angle: Array) -> tuple[P
 
 
 @eqx.filter_jit
-def _quantities(stage: Stage, passage: Passage, flow: Flow) -> tuple[Array, ...]:
+def _quantities(stage: Stage, passage: Passage, flow: PassageFlow) -> tuple[Array, ...]:
     """In the order of [`QUANTITIES`][]."""
     moment, normal = stage.nozzle.vane_moment(passage, flow)
     return flow.mass_flow, flow.power, moment, normal, stage.force(moment)

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from vgtjax.parts import HIGHEST_PRESSURE, Stage, no_steady_flow
-from vgtjax.turbine import VANES, Flow, Passage
+from vgtjax.turbine import VANES, Passage, PassageFlow
 
 from .nozzle_map import solve_point
 
@@ -41,7 +41,7 @@ class Along:
     """Pa absolute."""
     crank_angle: float
     passage: Passage
-    flow: Flow
+    flow: PassageFlow
 
     @property
     def row(self) -> Cells:

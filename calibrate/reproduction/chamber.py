@@ -4,7 +4,7 @@ import functools
 
 import jax.numpy as jnp
 
-from vgtjax.parts import Flow, Gas
+from vgtjax.parts import Flow, GasState
 
 from . import experiments
 from .rows import Found, Kind, Near, Row
@@ -16,7 +16,7 @@ def _pressure_rate(flow: float, displacement_rate: float) -> float:
     air = model.air
     rates = model.chamber.rates(
         air,
-        Gas(air.pressure, air.temperature),
+        GasState(air.pressure, air.temperature),
         Flow(jnp.asarray(flow), air.temperature),
         jnp.zeros(()),
         jnp.asarray(displacement_rate),

@@ -9,7 +9,7 @@ import numpy as np
 
 import vgtjax
 from vgtjax import DelayLine
-from vgtjax.parts import TURBULENT as BLASIUS, Gas, friction_rate, speed_of_sound
+from vgtjax.parts import TURBULENT as BLASIUS, GasState, friction_rate, speed_of_sound
 
 from . import experiments
 from .rows import Between, Found, Kind, Near, Row
@@ -56,7 +56,7 @@ def _exponents(column: str) -> np.ndarray:
     flow = np.asarray(getattr(solution, column))
     matters = flow > 0.1 * flow.max()
     state = (jnp.asarray(np.asarray(signal)[matters]) for signal in (flow, solution.p_act, solution.T_act))
-    rate = jax.vmap(lambda m, p, t: friction_rate(air, Gas(p, t), m, tube().bore, tube().viscosity))
+    rate = jax.vmap(lambda m, p, t: friction_rate(air, GasState(p, t), m, tube().bore, tube().viscosity))
     return np.asarray(0.5 * rate(*state) * _delay_seconds())
 
 

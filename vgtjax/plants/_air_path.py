@@ -8,7 +8,17 @@ import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
 from .._types import StateLeaf, Values
-from ..parts import AbstractChamber, AbstractLine, AdiabaticChamber, Air, Converter, ConverterState, Flow, Gas, NoLine
+from ..parts import (
+    AbstractChamber,
+    AbstractLine,
+    AdiabaticChamber,
+    Air,
+    Converter,
+    ConverterState,
+    Flow,
+    GasState,
+    NoLine,
+)
 from ..traces import Drive
 from ._base import AbstractModel, Inner
 
@@ -84,7 +94,7 @@ class AirPathState(eqx.Module):
 
     converter: ConverterState
     line: PyTree[StateLeaf]
-    gas: Gas
+    gas: GasState
 
 
 class AirPath(AbstractConverterPath):
@@ -96,7 +106,7 @@ class AirPath(AbstractConverterPath):
 
     def start(self, air: Air, pressure: Values, drive: Drive) -> AirPathState:
         """The plunger balanced, the line filled, air of ambient temperature."""
-        gas = Gas(pressure, jnp.broadcast_to(air.temperature, jnp.shape(pressure)))
+        gas = GasState(pressure, jnp.broadcast_to(air.temperature, jnp.shape(pressure)))
         reservoir = reservoir_pressure(0.0, drive)
         converter = self.converter.start(drive.pwm, ambient_pressure(air, drive), reservoir, pressure)
         return AirPathState(converter, self.line.initial_state(air, gas), gas)
@@ -145,7 +155,7 @@ class AirPath(AbstractConverterPath):
 
     def typical_state(self, air: Air) -> Any:
         """That of the converter; ambient pressure and temperature."""
-        gas = Gas(air.pressure, air.temperature)
+        gas = GasState(air.pressure, air.temperature)
         return AirPathState(self.converter.typical_state(), self.line.typical_state(gas), gas)
 
     @property
@@ -155,10 +165,10 @@ class AirPath(AbstractConverterPath):
 
     def _port(
         self, air: Air, state: AirPathState, ambient: Values, reservoir: Values, volume: Values | None = None
-    ) -> tuple[Gas, Flow]:
+    ) -> tuple[GasState, Flow]:
         """What the converter sees, and the flow that leaves it, into a chamber of a volume in m3."""
 
-        def flow(into: Gas) -> Flow:
+        def flow(into: GasState) -> Flow:
             lift = state.converter.plunger.position
             return self.converter.flow(air, lift, ambient, reservoir, into.pressure, into.temperature, volume)
 

@@ -9,7 +9,7 @@ from jaxtyping import Array
 
 from .._types import Values
 from ..parameters import Part, nested, parameter
-from ..parts import Air, Gas, Rows, has_tables, rows_of, tables_of, with_tables
+from ..parts import Air, GasState, Rows, has_tables, rows_of, tables_of, with_tables
 from ..traces import STANDARD_ATMOSPHERE, Drive, Ramp, Start
 from ._base import AbstractModel, Inner, State
 
@@ -154,10 +154,10 @@ def _warmed(state: State, kelvin: Values) -> State:
     """A state whose gas is warmer, where it has a temperature."""
 
     def is_gas(node: Any) -> bool:
-        return isinstance(node, Gas)
+        return isinstance(node, GasState)
 
     def warm(node: Any) -> Any:
-        return Gas(node.pressure, node.temperature + kelvin) if is_gas(node) else node
+        return GasState(node.pressure, node.temperature + kelvin) if is_gas(node) else node
 
     return jax.tree.map(warm, state, is_leaf=is_gas)
 

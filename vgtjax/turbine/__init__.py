@@ -10,11 +10,16 @@ from ._losses import (
     Range as Range,
     Soderberg as Soderberg,
 )
-from ._march import march as march
+from ._march import unsteady as unsteady
 from ._newton import Ending as Ending
 from ._nozzle import CELLS as CELLS, VANES as VANES, WHEEL as WHEEL, Losses as Losses, Nozzle as Nozzle
 from ._passage import Inlet as Inlet, Passage as Passage
 from ._riemann import States as States
 from ._rotor import Rotor as Rotor
-from ._steady import Flow as Flow, first_guess as first_guess, steady as steady, steady_near as steady_near
+from ._steady import (
+    PassageFlow as PassageFlow,
+    first_guess as first_guess,
+    steady as steady,
+    steady_near as steady_near,
+)
 from ._steppers import AbstractStepper as AbstractStepper, Explicit as Explicit, Implicit as Implicit

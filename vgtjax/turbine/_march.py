@@ -14,7 +14,7 @@ from ._balance import Ends, balance_of
 from ._gas import Gas
 from ._passage import Inlet, Passage
 from ._riemann import States, pack
-from ._steady import Flow, as_plain_arrays, flow_of
+from ._steady import PassageFlow, as_plain_arrays, flow_of
 from ._steppers import AbstractStepper, Explicit, Implicit
 
 State = tuple[Values, Values, Values, Values]
@@ -28,7 +28,7 @@ STATE = {
 """What each must be."""
 
 
-def march(
+def unsteady(
     passage: Passage,
     inlet: Inlet | None,
     outlet_pressure: Values | None,
@@ -37,7 +37,7 @@ def march(
     gas: Gas,
     *,
     stepper: AbstractStepper | None = None,
-) -> Flow:
+) -> PassageFlow:
     """Flow through a passage at given times, from a state at the first of them; `steady` is where it ends.
 
     Differentiable in both modes. Where `converged` is false, nothing later means anything.
@@ -67,7 +67,9 @@ def march(
 
 
 @eqx.filter_jit
-def _march(passage: Passage, ends: Ends, state: State, times: Values, gas: Gas, stepper: AbstractStepper) -> Flow:
+def _march(
+    passage: Passage, ends: Ends, state: State, times: Values, gas: Gas, stepper: AbstractStepper
+) -> PassageFlow:
     """One program for all passages of as many cells and as many times."""
     density, velocity, swirling, pressure = state
     start = pack(density, velocity, swirling * passage.centre_radius, pressure)
@@ -104,7 +106,7 @@ def _over(times: Values, ends: Ends) -> Ends:
 def _checked(passage: Passage, state: State, times: Values) -> tuple[State, Values]:
     """Arrays of one kind.
 
-    **Raises:** as `march`.
+    **Raises:** as `unsteady`.
     """
     times = jnp.asarray(times, jnp.result_type(float, *state))
     if not is_traced(times) and (

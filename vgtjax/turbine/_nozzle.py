@@ -16,7 +16,7 @@ from ._gas import Gas
 from ._losses import AbstractLoss, Angles, Blading, GivenLoss
 from ._passage import Inlet, Passage
 from ._rotor import Rotor, smooth_step
-from ._steady import Flow
+from ._steady import PassageFlow
 
 Yes = Bool[Array, "..."]
 CELLS = 224
@@ -236,7 +236,7 @@ class Nozzle(Part):
         friction = sum(_friction(bare, number, zeta) for number, zeta in losses.items())
         return eqx.tree_at(lambda passage: passage.friction, bare, friction)
 
-    def vane_moment(self, passage: Passage, flow: Flow) -> tuple[Values, Values]:
+    def vane_moment(self, passage: Passage, flow: PassageFlow) -> tuple[Values, Values]:
         """Moment of the gas on one vane about its pivot in N m, positive opening, and its normal force in N, positive
         inwards [3.71, corrected].
 

@@ -93,7 +93,7 @@ class Inlet(eqx.Module):
     """
 
     total_pressure: Values
-    """Pa absolute; one number, or one a time in `march`."""
+    """Pa absolute; one number, or one a time in `unsteady`."""
     total_temperature: Values
     """K."""
     tangent: Values

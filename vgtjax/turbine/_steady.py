@@ -24,8 +24,8 @@ LEAST_SPEED = 0.01
 against the pressure before it, and at rest, gas goes to and fro by rounding."""
 
 
-class Flow(eqx.Module):
-    """Flow through a passage, one value a cell unless said; with a leading axis of times from `march`."""
+class PassageFlow(eqx.Module):
+    """Flow through a passage, one value a cell unless said; with a leading axis of times from `unsteady`."""
 
     m: Values
     """Distance along the passage, in m."""
@@ -51,7 +51,7 @@ class Flow(eqx.Module):
     """How the search for a steady flow ended."""
 
 
-def steady(passage: Passage, inlet: Inlet, outlet_pressure: Scalar, gas: Gas) -> Flow:
+def steady(passage: Passage, inlet: Inlet, outlet_pressure: Scalar, gas: Gas) -> PassageFlow:
     """Steady flow through a passage, subsonic, choked or with a shock.
 
     Differentiable in both modes by the implicit function theorem. Where `converged` is false no other value means
@@ -66,7 +66,7 @@ def steady(passage: Passage, inlet: Inlet, outlet_pressure: Scalar, gas: Gas) ->
 
 def steady_near(
     passage: Passage, inlet: Inlet, outlet_pressure: Scalar, gas: Gas, near: States | None = None
-) -> tuple[Flow, States]:
+) -> tuple[PassageFlow, States]:
     """`steady`, searched from the states of a flow nearby, and the states that it ends at, without derivatives.
 
     **Raises:** as `steady`.
@@ -81,7 +81,7 @@ def steady_near(
 @eqx.filter_jit
 def _steady_from(
     start: States, first_cfl: float, passage: Passage, inlet: Inlet, outlet_pressure: Scalar, gas: Gas
-) -> tuple[Flow, States]:
+) -> tuple[PassageFlow, States]:
     """One program for all passages of as many cells."""
     problem = _Steady(passage, inlet, outlet_pressure, gas)
     states, ending = solve(problem, start, first_cfl, CAREFUL_CFL)
@@ -144,14 +144,14 @@ class _Steady(AbstractProblem):
         return rest + (start - rest) * jnp.stack([share, root, root, share])[None]
 
 
-def flow_of(balance: Balance, states: States, converged: Bool[Array, "..."]) -> Flow:
+def flow_of(balance: Balance, states: States, converged: Bool[Array, "..."]) -> PassageFlow:
     """What a state of all cells means."""
     passage, gas = balance.passage, balance.gas
     density, velocity, swirl, pressure = unpack(states)
     faces = balance.at_faces(states)
     forces = balance.forces(states, faces)
     moment = passage.volume * passage.centre_radius * (forces.blade_u + forces.friction_u)
-    return Flow(
+    return PassageFlow(
         passage.centres,
         density,
         velocity,

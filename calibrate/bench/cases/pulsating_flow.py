@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
 
 from vgtjax.parts import Stage
-from vgtjax.turbine import CELLS, Flow, Passage, march, steady
+from vgtjax.turbine import CELLS, Passage, PassageFlow, steady, unsteady
 
 from ..table import Section
 
@@ -76,17 +76,17 @@ def _pressure(time: Any) -> Any:
     return MEAN - SWING * np.cos(2 * np.pi * HERTZ * time)
 
 
-def _require_found(flow: Flow) -> None:
+def _require_found(flow: PassageFlow) -> None:
     """**Raises:** `RuntimeError` where a flow was not found."""
     if not bool(jnp.all(flow.converged)):
         raise RuntimeError("a flow of the pulsation was not found; look for why")
 
 
 @jax.jit
-def _steady_states(stage: Stage, passage: Passage, pressures: jax.Array) -> tuple[Flow, jax.Array]:
+def _steady_states(stage: Stage, passage: Passage, pressures: jax.Array) -> tuple[PassageFlow, jax.Array]:
     """Flows at pressures in Pa absolute, and their forces at the rod in N."""
 
-    def one(pressure: jax.Array) -> tuple[Flow, jax.Array]:
+    def one(pressure: jax.Array) -> tuple[PassageFlow, jax.Array]:
         inlet = stage.nozzle.inlet(pressure, stage.total_temperature)
         flow = steady(passage, inlet, stage.outlet_pressure, stage.gas)
         return flow, stage.force(stage.nozzle.vane_moment(passage, flow)[0])
@@ -96,16 +96,16 @@ def _steady_states(stage: Stage, passage: Passage, pressures: jax.Array) -> tupl
 
 @jax.jit
 def _unsteady(
-    stage: Stage, passage: Passage, pressures: jax.Array, first: Flow, times: jax.Array
-) -> tuple[Flow, jax.Array]:
+    stage: Stage, passage: Passage, pressures: jax.Array, first: PassageFlow, times: jax.Array
+) -> tuple[PassageFlow, jax.Array]:
     """The flow at times in s behind a plenum of such pressures in Pa absolute, and its forces at the rod in N."""
     state = first.density, first.v_m, first.v_u, first.pressure
     inlet = stage.nozzle.inlet(pressures, stage.total_temperature)
-    flow = march(passage, inlet, stage.outlet_pressure, state, times, stage.gas)
+    flow = unsteady(passage, inlet, stage.outlet_pressure, state, times, stage.gas)
     return flow, jax.vmap(lambda flow: stage.force(stage.nozzle.vane_moment(passage, flow)[0]))(flow)
 
 
-def _sound_to_vanes(stage: Stage, passage: Passage, flow: Flow) -> float:
+def _sound_to_vanes(stage: Stage, passage: Passage, flow: PassageFlow) -> float:
     """Time in s that sound takes from the inlet to the trailing edges of the vanes."""
     speed = flow.v_m + stage.gas.sound_speed(flow.temperature)
     last = np.flatnonzero(np.asarray(passage.row) == 1)[-1]

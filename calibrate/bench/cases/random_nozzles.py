@@ -7,7 +7,7 @@ import numpy as np
 
 from vgtjax import InputError
 from vgtjax.parts import Stage
-from vgtjax.turbine import Flow, Gas, Nozzle, States, first_guess, steady_near
+from vgtjax.turbine import Gas, Nozzle, PassageFlow, States, first_guess, steady_near
 
 from ..table import Section
 
@@ -67,7 +67,7 @@ def _draw(rng: np.random.Generator) -> Case:
 @jax.jit
 def _solve(
     nozzle: Nozzle, vane_angle: Any, total_pressure: Any, speed: Any, near: States | None
-) -> tuple[Flow, States]:
+) -> tuple[PassageFlow, States]:
     stage = Stage()
     passage = nozzle.passage(vane_angle, speed, CELLS, stage.gas)
     return steady_near(

@@ -56,7 +56,7 @@ def test_with_the_ratio_of_heat_capacities_the_chamber_is_adiabatic_at_the_tempe
     position, velocity, pressure, flow = map(number, (0.003, -0.02, 6e4, 2e-5))
     entering = Flow(flow, plant.air.temperature)
     swept = plant.diaphragm.displaced_volume(position), plant.diaphragm.displaced_volume(velocity)
-    rates = plant.chamber.rates(plant.air, vgtjax.parts.Gas(pressure, plant.air.temperature), entering, *swept)
+    rates = plant.chamber.rates(plant.air, vgtjax.parts.GasState(pressure, plant.air.temperature), entering, *swept)
     found = model.pressure_rate(flow, position, velocity, pressure)
     # The same equation in another order: rounding alone.
     assert float(found) == pytest.approx(float(rates.pressure), rel=1e-12)

@@ -10,7 +10,7 @@ from support import duty_trace, rms
 
 import vgtjax
 from vgtjax import Actuator, Air, FixedStep, IsothermalChamber, WallChamber, replace_parameters, simulate
-from vgtjax.parts import Flow, Gas
+from vgtjax.parts import Flow, GasState
 from vgtjax.parts.chamber._base import DEAD_VOLUME
 
 AIR = Air()
@@ -91,7 +91,7 @@ def test_energy_of_the_gas_balances_enthalpy_work_and_heat():
 def test_gas_that_is_shut_in_takes_on_the_wall(conductance):
     """`T` decays with `h A / (m c_v)`, no faster than `fastest_exchange`; `p / T` stays."""
     chamber = WallChamber(wall_conductance=conductance, wall_temperature=330.0)
-    gas = Gas(jnp.asarray(5.0e4), jnp.asarray(250.0))
+    gas = GasState(jnp.asarray(5.0e4), jnp.asarray(250.0))
     none = Flow(jnp.asarray(0.0), jnp.asarray(250.0))
     rates = chamber.rates(AIR, gas, none, jnp.asarray(1e-5), jnp.asarray(0.0))
     capacity = 5.0e4 * 5e-5 / (0.396 * 250.0)
@@ -114,7 +114,7 @@ def test_the_bound_on_the_exchange_changes_nothing_that_is_real():
 
 def test_isothermal_pressure_moves_by_gamma_less():
     """Erratum 9: gas that enters at the temperature of the chamber, and compression without flow."""
-    gas = Gas(jnp.asarray(8.0e4), AIR.temperature)
+    gas = GasState(jnp.asarray(8.0e4), AIR.temperature)
     for flow, displacement in ((2e-4, 0.0), (-2e-4, 0.0), (0.0, 1e-5)):
         isothermal, adiabatic = (
             CHAMBERS[name].rates(AIR, gas, Flow(jnp.asarray(flow), AIR.temperature), jnp.asarray(1e-5), displacement)
@@ -186,7 +186,7 @@ def test_gas_that_a_diaphragm_squeezes_out_comes_back_as_it_was():
     chamber, none = vgtjax.AdiabaticChamber(), Flow(jnp.asarray(0.0), jnp.asarray(293.15))
     way = np.linspace(chamber.volume - 4e-6, chamber.volume + 2e-7, 4001)
     gas, seen = np.array([2e4, 250.0]), []
-    rates = jax.jit(lambda gas, displaced: chamber.rates(AIR, Gas(*gas), none, displaced, jnp.asarray(1.0)))
+    rates = jax.jit(lambda gas, displaced: chamber.rates(AIR, GasState(*gas), none, displaced, jnp.asarray(1.0)))
     for begin, end in itertools.pairwise(way):
         middle, step = (begin + end) / 2, end - begin
         slope = np.array(jax.tree.leaves(rates(gas, begin)))

@@ -10,11 +10,11 @@ from support import duty_trace, rms
 
 import vgtjax
 from vgtjax import Actuator, Air, DelayLine, FixedStep, WaveLine, replace_parameters, simulate
-from vgtjax.parts import Flow, Gas, friction_rate, resistance, speed_of_sound
+from vgtjax.parts import Flow, GasState, friction_rate, resistance, speed_of_sound
 
 AIR = Air()
 SOUND = float(speed_of_sound(AIR))
-GAS = Gas(jnp.asarray(8.0e4), jnp.asarray(280.0))
+GAS = GasState(jnp.asarray(8.0e4), jnp.asarray(280.0))
 BORE, VISCOSITY = 4e-3, 1.81e-5
 TRACE = duty_trace((0, 0.05), (80, 0.5), (30, 0.3), (100, 0.4), (0, 0.4), p_res=2.0e4)
 LINES = [DelayLine, WaveLine]
@@ -222,7 +222,9 @@ def test_attenuation_loses_5_percent_of_the_evacuation():
     sent = np.interp(time - 0.5 / SOUND, time, out)
     lost = 1 - arriving[80:] / sent[80:]  # after the plunger has moved, the flow changes slowly
     assert np.all((lost > 0.045) & (lost < 0.055))
-    expected = 0.5 * friction_rate(AIR, Gas(run.p_act[begin], run.T_act[begin]), sent, BORE, VISCOSITY) * 0.5 / SOUND
+    expected = (
+        0.5 * friction_rate(AIR, GasState(run.p_act[begin], run.T_act[begin]), sent, BORE, VISCOSITY) * 0.5 / SOUND
+    )
     np.testing.assert_allclose(lost[20:], 1 - np.exp(-expected[100:]), rtol=0.01)
 
 

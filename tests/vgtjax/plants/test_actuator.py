@@ -178,9 +178,9 @@ def test_a_trace_has_the_atmosphere_that_it_states(actuator):
 
 def test_volume_term_has_the_sign_of_compression(actuator):
     """Erratum 3: a chamber that shrinks raises its pressure; with no flow, `p V^gamma` stays."""
-    from vgtjax.parts import Flow, Gas
+    from vgtjax.parts import Flow, GasState
 
-    gas = Gas(jnp.asarray(5.0e4), jnp.asarray(250.0))
+    gas = GasState(jnp.asarray(5.0e4), jnp.asarray(250.0))
     rates = actuator.chamber.rates(actuator.air, gas, Flow(jnp.asarray(0.0), jnp.asarray(250.0)), 1e-5, 1e-6)
     assert rates.pressure == pytest.approx(1.396 * 5.0e4 * 1e-6 / 5e-5)
     assert rates.temperature == pytest.approx(0.396 * 250.0 * 1e-6 / 5e-5)

@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import brentq
 
 import vgtjax
-from vgtjax.turbine import VANES, WHEEL, Explicit, Gas, Implicit, Nozzle, march
+from vgtjax.turbine import VANES, WHEEL, Explicit, Gas, Implicit, Nozzle, unsteady
 
 from . import filling
 from .ducts import duct, plenum, solve
@@ -22,7 +22,7 @@ LEFT = np.asarray(TUBE.centres) < 0.5
 STILL = np.zeros(200)
 SOD = (np.where(LEFT, 1.0, 0.125), STILL, STILL, np.where(LEFT, 1e5, 1e4))
 NOZZLE, OUTLET = Nozzle(), 1.05e5
-run = eqx.filter_jit(march)
+run = eqx.filter_jit(unsteady)
 
 
 def sod(position, time, gamma=1.4):
@@ -250,7 +250,7 @@ def last(values, stepper):
     pressure = values[1] * jnp.linspace(1.6e5, 2e5, 3)
     ones = jnp.ones(8)
     state = (values[2] * 0.5 * ones, 20 * ones, 5 * ones, 1.5e5 * ones)
-    flow = march(passage, plenum(pressure), 1.5e5, state, np.linspace(0, 6e-4, 3), Gas(), stepper=stepper)
+    flow = unsteady(passage, plenum(pressure), 1.5e5, state, np.linspace(0, 6e-4, 3), Gas(), stepper=stepper)
     return jnp.stack([flow.mass_flow[-1], flow.pressure[-1, 5] / 1e5])
 
 
@@ -288,11 +288,11 @@ def test_both_modes_agree():
 
 def test_bad_times_and_states():
     with pytest.raises(vgtjax.InputError, match="times must be two or more that increase, in s"):
-        march(TUBE, None, None, SOD, np.array([0.0, 0.0]), AIR)
+        unsteady(TUBE, None, None, SOD, np.array([0.0, 0.0]), AIR)
     with pytest.raises(vgtjax.InputError, match="times must be two or more that increase, in s"):
-        march(TUBE, None, None, SOD, np.array([0.0, np.inf]), AIR)
+        unsteady(TUBE, None, None, SOD, np.array([0.0, np.inf]), AIR)
     with pytest.raises(vgtjax.InputError, match=r"each of 200 cells, but the shape of its v_u is \(3,\)"):
-        march(TUBE, None, None, (SOD[0], STILL, STILL[:3], SOD[3]), np.array([0.0, 1e-4]), AIR)
+        unsteady(TUBE, None, None, (SOD[0], STILL, STILL[:3], SOD[3]), np.array([0.0, 1e-4]), AIR)
 
 
 @pytest.mark.parametrize(
@@ -308,14 +308,14 @@ def test_a_state_of_no_gas(entry, value, sentence):
     state = [each.copy() for each in SOD]
     state[entry][7] = value
     with pytest.raises(vgtjax.InputError, match=f"^{re.escape(sentence)}$"):
-        march(TUBE, None, None, tuple(state), np.array([0.0, 1e-4]), AIR)
+        unsteady(TUBE, None, None, tuple(state), np.array([0.0, 1e-4]), AIR)
 
 
 @pytest.mark.parametrize("inlet", [None, plenum()])
 @pytest.mark.parametrize("outlet", [-1e5, np.array([1e5, np.nan])])
 def test_a_pressure_that_no_outlet_has(inlet, outlet):
     with pytest.raises(vgtjax.InputError, match=r"^outlet_pressure must be a positive .* in Pa absolute, but"):
-        march(TUBE, inlet, outlet, SOD, np.array([0.0, 1e-4]), AIR)
+        unsteady(TUBE, inlet, outlet, SOD, np.array([0.0, 1e-4]), AIR)
 
 
 def test_open_ends_have_no_pressure_behind_them():
@@ -328,5 +328,5 @@ def test_open_ends_have_no_pressure_behind_them():
 
 
 def test_an_explicit_march_that_runs_out_of_steps_says_so():
-    flow = march(TUBE, None, None, SOD, np.array([0.0, 6e-4]), AIR, stepper=Explicit(most_steps=16))
+    flow = unsteady(TUBE, None, None, SOD, np.array([0.0, 6e-4]), AIR, stepper=Explicit(most_steps=16))
     assert np.asarray(flow.converged).tolist() == [True, False]

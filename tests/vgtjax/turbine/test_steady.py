@@ -11,7 +11,7 @@ import pytest
 from scipy.optimize import brentq
 
 import vgtjax
-from vgtjax.turbine import Flow, Gas, Nozzle, Passage, steady
+from vgtjax.turbine import Gas, Nozzle, Passage, PassageFlow, steady
 
 from .ducts import CELLS, duct, plenum, solve
 
@@ -27,11 +27,11 @@ def turbine(vane_angle=30.0, speed=12000.0) -> Passage:
 
 
 @pytest.fixture(scope="module")
-def mid() -> Flow:
+def mid() -> PassageFlow:
     return solve(turbine(), Nozzle().inlet(2e5, 900.0), 1.05e5, GAS)
 
 
-def mach(flow: Flow) -> np.ndarray:
+def mach(flow: PassageFlow) -> np.ndarray:
     return np.asarray(flow.v_m / GAS.sound_speed(flow.temperature))
 
 

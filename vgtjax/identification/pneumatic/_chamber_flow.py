@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..._types import Scalar
-from ...parts import Flow, Gas, orifice_flow
+from ...parts import Flow, GasState, orifice_flow
 from ...plants import Actuator
 from ...traces import Trace, noise_level
 from .._filters import Offset, Samples, Smooth, reservoir_pressure, sensor_offset, smooth
@@ -169,9 +169,9 @@ def _read_flow(
     ambient: Scalar,
 ) -> tuple[Scalar, Scalar, Scalar, Scalar]:
     """Rate of the temperature, and what `_gas` returns, at one time: the energy balance solved for the flow."""
-    gas, displaced = Gas(pressure, temperature), model.diaphragm.displaced_volume
+    gas, displaced = GasState(pressure, temperature), model.diaphragm.displaced_volume
 
-    def rates_with(flow: Flow, velocity: Scalar) -> Gas:
+    def rates_with(flow: Flow, velocity: Scalar) -> GasState:
         return model.chamber.rates(model.air, gas, flow, displaced(position), displaced(velocity))
 
     none = Flow(jnp.zeros_like(pressure), temperature)

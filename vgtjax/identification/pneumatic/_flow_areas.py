@@ -14,7 +14,7 @@ from jaxtyping import Array, Bool, Float, Int
 from ..._types import Vector
 from ...estimation import clustered_errors, determined_within, error_factor
 from ...parameters import Selection, Transform, build_transform, entry_names, get_parameter, parameter_table, select
-from ...parts import Gas, NoLine
+from ...parts import GasState, NoLine
 from ...plants import Actuator
 from ...traces import Trace
 from .. import _limits as limits
@@ -278,7 +278,7 @@ def _residuals(
     def one(s):
         area = jnp.where(s.lift < 0, -1.0, 1.0) * converter.orifice_area(s.lift)
         flow = flow_through(model, area, s.pressure, s.temperature, s.reservoir, s.ambient)
-        gas = Gas(s.pressure, s.temperature)
+        gas = GasState(s.pressure, s.temperature)
         rate = model.chamber.rates(model.air, gas, flow, displaced(s.position), displaced(s.velocity)).pressure
         return (rate - s.rate) / s.rate_error
 

@@ -4,10 +4,10 @@ from ..._types import Scalar, Values
 from ...parameters import parameter
 from .._air import Air
 from .._converter import Flow
-from ._base import AbstractChamber, Gas
+from ._base import AbstractChamber, GasState
 
 
-def adiabatic_rates(air: Air, gas: Gas, inflow: Flow, volume: Values, displacement_rate: Values) -> Gas:
+def adiabatic_rates(air: Air, gas: GasState, inflow: Flow, volume: Values, displacement_rate: Values) -> GasState:
     """Time derivatives of pressure (Pa/s) and temperature (K/s) without heat exchange.
 
     [2.57] with the volume term `+ gamma p A_d v / V` (erratum), and `T' = T (p'/p + V'/V - m'/m)` with
@@ -21,7 +21,7 @@ def adiabatic_rates(air: Air, gas: Gas, inflow: Flow, volume: Values, displaceme
     leaving = air.gas_constant * gas.temperature * inflow.mass_flow
     pressure_rate = gamma * (heat - work) / volume
     temperature_rate = gas.temperature * (gamma * heat - (gamma - 1) * work - leaving) / (gas.pressure * volume)
-    return Gas(pressure_rate, temperature_rate)
+    return GasState(pressure_rate, temperature_rate)
 
 
 class AdiabaticChamber(AbstractChamber):
@@ -29,11 +29,11 @@ class AdiabaticChamber(AbstractChamber):
 
     volume: Scalar = parameter(60e-6, symbol="V_0", unit="m3", source="B.2")
 
-    def rates(self, air: Air, gas: Gas, inflow: Flow, displaced: Values, displacement_rate: Values) -> Gas:
+    def rates(self, air: Air, gas: GasState, inflow: Flow, displaced: Values, displacement_rate: Values) -> GasState:
         """Time derivatives of pressure (Pa/s) and temperature (K/s) [2.57]."""
         shrinking = self.shrinking(displaced, displacement_rate)
         return adiabatic_rates(air, gas, inflow, self.gas_volume(displaced), shrinking)
 
-    def relaxation(self, air: Air, gas: Gas, displaced: Values) -> Gas:
+    def relaxation(self, air: Air, gas: GasState, displaced: Values) -> GasState:
         """The gas is slow."""
-        return Gas(None, None)
+        return GasState(None, None)

@@ -17,7 +17,7 @@ THIN_VOLUME = 6e-6
 """m3 below which gas may be too stiff a spring for the default step."""
 
 
-class Gas(eqx.Module):
+class GasState(eqx.Module):
     """State of the gas in the chamber: pressure in Pa absolute and temperature in K."""
 
     pressure: StateLeaf
@@ -59,12 +59,12 @@ class AbstractChamber(Part):
         return jnp.clip((self.volume - displaced) * (0.5 / DEAD_VOLUME), 0.0, 1.0)
 
     @abc.abstractmethod
-    def rates(self, air: Air, gas: Gas, inflow: Flow, displaced: Values, displacement_rate: Values) -> Gas:
+    def rates(self, air: Air, gas: GasState, inflow: Flow, displaced: Values, displacement_rate: Values) -> GasState:
         """Time derivatives of pressure (Pa/s) and temperature (K/s).
 
         **Arguments:** `displaced` in m3 and `displacement_rate` in m3/s, the volume swept by the diaphragm.
         """
 
     @abc.abstractmethod
-    def relaxation(self, air: Air, gas: Gas, displaced: Values) -> Gas:
+    def relaxation(self, air: Air, gas: GasState, displaced: Values) -> GasState:
         """Relaxation rates in 1/s of pressure and temperature, `None` where they are slow."""

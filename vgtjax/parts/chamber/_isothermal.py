@@ -8,7 +8,7 @@ from ..._types import Scalar, Values
 from ...parameters import parameter
 from .._air import Air
 from .._converter import Flow
-from ._base import AbstractChamber, Gas
+from ._base import AbstractChamber, GasState
 
 
 class IsothermalChamber(AbstractChamber):
@@ -18,7 +18,7 @@ class IsothermalChamber(AbstractChamber):
 
     volume: Scalar = parameter(60e-6, symbol="V_0", unit="m3", source="B.2")
 
-    def rates(self, air: Air, gas: Gas, inflow: Flow, displaced: Values, displacement_rate: Values) -> Gas:
+    def rates(self, air: Air, gas: GasState, inflow: Flow, displaced: Values, displacement_rate: Values) -> GasState:
         """Time derivatives of pressure (Pa/s) and temperature (zero).
 
         `p' = (R T_atm m' + p A_d v) / V` [5.2]. [3.13] has inflow and outflow swapped (erratum), and its equation
@@ -27,8 +27,8 @@ class IsothermalChamber(AbstractChamber):
         flow = air.gas_constant * air.temperature * inflow.mass_flow
         shrinking = self.shrinking(displaced, displacement_rate)
         pressure_rate = (flow + gas.pressure * shrinking) / self.gas_volume(displaced)
-        return Gas(pressure_rate, jnp.zeros_like(gas.temperature))
+        return GasState(pressure_rate, jnp.zeros_like(gas.temperature))
 
-    def relaxation(self, air: Air, gas: Gas, displaced: Values) -> Gas:
+    def relaxation(self, air: Air, gas: GasState, displaced: Values) -> GasState:
         """The gas is slow."""
-        return Gas(None, None)
+        return GasState(None, None)

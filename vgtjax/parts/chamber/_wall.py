@@ -9,7 +9,7 @@ from ...parameters import parameter
 from .._air import Air
 from .._converter import Flow
 from ._adiabatic import adiabatic_rates
-from ._base import AbstractChamber, Gas
+from ._base import AbstractChamber, GasState
 
 
 class WallChamber(AbstractChamber):
@@ -28,7 +28,7 @@ class WallChamber(AbstractChamber):
     def __check_init__(self) -> None:
         require_positive("fastest_exchange", self.fastest_exchange, "rate in 1/s", "use e.g. 3e3")
 
-    def rates(self, air: Air, gas: Gas, inflow: Flow, displaced: Values, displacement_rate: Values) -> Gas:
+    def rates(self, air: Air, gas: GasState, inflow: Flow, displaced: Values, displacement_rate: Values) -> GasState:
         """Time derivatives of pressure (Pa/s) and temperature (K/s): [2.57] and the wall's heat."""
         shrinking = self.shrinking(displaced, displacement_rate)
         isolated = adiabatic_rates(air, gas, inflow, self.gas_volume(displaced), shrinking)
@@ -37,13 +37,13 @@ class WallChamber(AbstractChamber):
         warming = warming / jnp.maximum(exchange / self.fastest_exchange, 1.0)
         # At given mass and volume pressure goes with temperature; this is (gamma - 1) Q / V.
         heating = gas.pressure * (warming - isolated.temperature) / gas.temperature
-        return Gas(isolated.pressure + heating, warming)
+        return GasState(isolated.pressure + heating, warming)
 
-    def relaxation(self, air: Air, gas: Gas, displaced: Values) -> Gas:
+    def relaxation(self, air: Air, gas: GasState, displaced: Values) -> GasState:
         """Pressure is slow; temperature relaxes to that of the wall."""
-        return Gas(None, jnp.minimum(self._exchange_rate(air, gas, displaced), self.fastest_exchange))
+        return GasState(None, jnp.minimum(self._exchange_rate(air, gas, displaced), self.fastest_exchange))
 
-    def _exchange_rate(self, air: Air, gas: Gas, displaced: Values) -> Values:
+    def _exchange_rate(self, air: Air, gas: GasState, displaced: Values) -> Values:
         """`h A / (m c_v)` in 1/s, with `m c_v = p V / ((gamma - 1) T)`."""
         capacity = gas.pressure * self.gas_volume(displaced) / ((air.heat_capacity_ratio - 1) * gas.temperature)
         return self.wall_conductance / capacity

@@ -10,7 +10,7 @@ from ..._types import StateLeaf
 from ...parameters import Part
 from .._air import Air
 from .._converter import Flow
-from ..chamber._base import Gas
+from ..chamber._base import GasState
 
 
 class AbstractLine(Part):
@@ -19,18 +19,18 @@ class AbstractLine(Part):
     place: ClassVar[str] = "line"
 
     @abc.abstractmethod
-    def initial_state(self, air: Air, gas: Gas) -> PyTree[StateLeaf]:
+    def initial_state(self, air: Air, gas: GasState) -> PyTree[StateLeaf]:
         """State at rest, filled with the gas of the chamber."""
 
     @abc.abstractmethod
-    def port(self, air: Air, state: Any, gas: Gas, flow: Callable[[Gas], Flow]) -> tuple[Gas, Flow]:
+    def port(self, air: Air, state: Any, gas: GasState, flow: Callable[[GasState], Flow]) -> tuple[GasState, Flow]:
         """What the converter sees at its end of the line, and the flow that enters there.
 
         **Arguments:** `gas` is the state of the chamber; `flow` is the converter's, into a gas that it sees.
         """
 
     @abc.abstractmethod
-    def __call__(self, air: Air, state: Any, entering: Flow, gas: Gas) -> tuple[Flow, PyTree[StateLeaf]]:
+    def __call__(self, air: Air, state: Any, entering: Flow, gas: GasState) -> tuple[Flow, PyTree[StateLeaf]]:
         """Flow into the chamber, and the time derivative of the state.
 
         **Arguments:** `entering` is the flow that `port` says; `gas` is the state of the chamber; `air` gives speed of
@@ -38,7 +38,7 @@ class AbstractLine(Part):
         """
 
     @abc.abstractmethod
-    def relaxation(self, air: Air, state: Any, gas: Gas) -> PyTree[StateLeaf]:
+    def relaxation(self, air: Air, state: Any, gas: GasState) -> PyTree[StateLeaf]:
         """Relaxation rate in 1/s of each state, `None` where it is slow or oscillates."""
 
     @property
@@ -51,5 +51,5 @@ class AbstractLine(Part):
         """The state and the flow into the chamber, by the names of the trace columns."""
 
     @abc.abstractmethod
-    def typical_state(self, gas: Gas) -> PyTree[StateLeaf]:
+    def typical_state(self, gas: GasState) -> PyTree[StateLeaf]:
         """The usual size of each state with `gas` in the line, by which an absolute tolerance is scaled."""

@@ -14,7 +14,7 @@ from ..._types import Scalar, Values
 from ...parameters import parameter
 from .._air import Air
 from .._converter import Flow
-from ..chamber._base import Gas
+from ..chamber._base import GasState
 from ._base import AbstractLine
 from ._losses import friction_rate, speed_of_sound
 
@@ -44,15 +44,15 @@ class DelayLine(AbstractLine):
             raise InputError(f"a delay line has 2 to 5 cells, but {self.cells} are asked for; choose e.g. 3")
         require_positive("shortest_lag", self.shortest_lag, "number of seconds", "use e.g. 3e-4")
 
-    def initial_state(self, air: Air, gas: Gas) -> Lags:
+    def initial_state(self, air: Air, gas: GasState) -> Lags:
         """Nothing flows."""
         return (jnp.zeros_like(gas.pressure),) * self.cells
 
-    def port(self, air: Air, state: Lags, gas: Gas, flow: Callable[[Gas], Flow]) -> tuple[Gas, Flow]:
+    def port(self, air: Air, state: Lags, gas: GasState, flow: Callable[[GasState], Flow]) -> tuple[GasState, Flow]:
         """The chamber."""
         return gas, flow(gas)
 
-    def __call__(self, air: Air, state: Lags, entering: Flow, gas: Gas) -> tuple[Flow, Lags]:
+    def __call__(self, air: Air, state: Lags, entering: Flow, gas: GasState) -> tuple[Flow, Lags]:
         """What arrives [2.29], of ambient temperature, or what leaves, of the chamber's; and `m_k'` in kg/s2."""
         delay = self.length / speed_of_sound(air)
         weights = self._weights(delay / self._span(air))
@@ -64,7 +64,7 @@ class DelayLine(AbstractLine):
         rates = tuple(part / lag for part, lag in zip(missing, self._lags(air), strict=True))
         return Flow(arriving, jnp.where(arriving > 0, air.temperature, gas.temperature)), rates
 
-    def relaxation(self, air: Air, state: Lags, gas: Gas) -> Lags:
+    def relaxation(self, air: Air, state: Lags, gas: GasState) -> Lags:
         """One over each lag."""
         return tuple(1 / lag for lag in self._lags(air))
 
@@ -77,7 +77,7 @@ class DelayLine(AbstractLine):
         """Flow into the chamber."""
         return {"m_dot_line": inflow.mass_flow}
 
-    def typical_state(self, gas: Gas) -> tuple[float, ...]:
+    def typical_state(self, gas: GasState) -> tuple[float, ...]:
         """A tenth of a gram a second."""
         return (1e-4,) * self.cells
 

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 
 from ..._types import Values
 from .._air import Air
-from ..chamber._base import Gas
+from ..chamber._base import GasState
 
 LAMINAR = 32.0
 """Poiseuille's `R_t D^2 / mu`."""
@@ -40,7 +40,7 @@ def resistance(mass_flow: Values, bore: Values, viscosity: Values) -> Values:
     return TURBULENT * viscosity * root * jnp.sqrt(root) / bore**2
 
 
-def friction_rate(air: Air, gas: Gas, mass_flow: Values, bore: Values, viscosity: Values) -> Values:
+def friction_rate(air: Air, gas: GasState, mass_flow: Values, bore: Values, viscosity: Values) -> Values:
     """Rate in 1/s at which friction stops a flow, `R_t / rho` [2.20] with `rho = p / (R T)` [2.25].
 
     **Arguments:** `gas` gives the density; the others as in [`resistance`][].

@@ -13,7 +13,7 @@ from ..._types import Scalar, StateLeaf, Values
 from ...parameters import parameter
 from .._air import Air
 from .._converter import Flow
-from ..chamber._base import Gas
+from ..chamber._base import GasState
 from ._base import AbstractLine
 from ._losses import cross_section, friction_rate, speed_of_sound
 
@@ -49,27 +49,29 @@ class WaveLine(AbstractLine):
             raise InputError(f"a wave line needs 2 cells or more, but {self.cells} are asked for; choose e.g. 2")
         require_positive("shortest", self.shortest, "number of metres", "use e.g. 0.4")
 
-    def initial_state(self, air: Air, gas: Gas) -> WaveState:
+    def initial_state(self, air: Air, gas: GasState) -> WaveState:
         """The chamber's pressure all along, nothing flows."""
         return WaveState((gas.pressure,) * self.cells, (jnp.zeros_like(gas.pressure),) * self.cells)
 
-    def port(self, air: Air, state: WaveState, gas: Gas, flow: Callable[[Gas], Flow]) -> tuple[Gas, Flow]:
+    def port(
+        self, air: Air, state: WaveState, gas: GasState, flow: Callable[[GasState], Flow]
+    ) -> tuple[GasState, Flow]:
         """The pressure at the converter's end, and the flow that enters: one step of Newton's method from the cell's
         own values, as more entering flow must raise the pressure at once."""
         pressure, reference = _edges(state.pressures)[0][0], _edges(state.flows)[0][0]
         impedance = self._share() * self._impedance(air)
 
         def entering(p: Values) -> tuple[Values, Values]:
-            into = flow(Gas(p, gas.temperature))
+            into = flow(GasState(p, gas.temperature))
             return into.mass_flow, into.temperature
 
         guess = gas.pressure + self._share() * (pressure - gas.pressure)
         (mass_flow, temperature), (slope, _) = jax.jvp(entering, (guess,), (jnp.ones_like(guess),))
         mass_flow = (mass_flow - slope * impedance * reference) / (1 - slope * impedance)
         pressure = guess + impedance * (mass_flow - reference)
-        return Gas(pressure, gas.temperature), Flow(mass_flow, temperature)
+        return GasState(pressure, gas.temperature), Flow(mass_flow, temperature)
 
-    def __call__(self, air: Air, state: WaveState, entering: Flow, gas: Gas) -> tuple[Flow, WaveState]:
+    def __call__(self, air: Air, state: WaveState, entering: Flow, gas: GasState) -> tuple[Flow, WaveState]:
         """Flow into the chamber, and rates in Pa/s and kg/s2 [2.17, 2.18]."""
         impedance, crossing = self._impedance(air), self._crossing_rate(air)
         (p_left, p_right), (m_left, m_right) = _edges(state.pressures), _edges(state.flows)
@@ -96,7 +98,7 @@ class WaveLine(AbstractLine):
         arriving = entering.mass_flow + self._share() * (flows[-1] - entering.mass_flow)
         return Flow(arriving, jnp.where(arriving > 0, air.temperature, gas.temperature)), rates
 
-    def relaxation(self, air: Air, state: WaveState, gas: Gas) -> WaveState:
+    def relaxation(self, air: Air, state: WaveState, gas: GasState) -> WaveState:
         """Pressures oscillate; flows too, unless friction is faster, as in a very narrow line."""
         crossing = self._crossing_rate(air)
         rates = tuple(crossing + friction for friction in self._friction_rates(air, state, gas))
@@ -111,7 +113,7 @@ class WaveLine(AbstractLine):
         """Flow into the chamber."""
         return {"m_dot_line": inflow.mass_flow}
 
-    def typical_state(self, gas: Gas) -> WaveState:
+    def typical_state(self, gas: GasState) -> WaveState:
         """Pressure of the gas, a tenth of a gram a second."""
         return WaveState((gas.pressure,) * self.cells, (1e-4,) * self.cells)
 
@@ -134,9 +136,9 @@ class WaveLine(AbstractLine):
         """`c / dx` in 1/s."""
         return self.cells * speed_of_sound(air) / self._span()
 
-    def _friction_rates(self, air: Air, state: WaveState, gas: Gas) -> tuple[Values, ...]:
+    def _friction_rates(self, air: Air, state: WaveState, gas: GasState) -> tuple[Values, ...]:
         return tuple(
-            friction_rate(air, Gas(pressure, gas.temperature), flow, self.bore, self.viscosity)
+            friction_rate(air, GasState(pressure, gas.temperature), flow, self.bore, self.viscosity)
             for pressure, flow in zip(state.pressures, state.flows, strict=True)
         )
 

@@ -10,7 +10,7 @@ from jaxtyping import Array, Bool, Float
 from ..._errors import InputError, SimulationError, require_finite, require_positive
 from ..._types import Scalar, Values
 from ...parameters import Part, as_float_array, parameter
-from ...turbine import CELLS, Flow, Gas, Inlet, Nozzle, Passage, States, steady_near
+from ...turbine import CELLS, Gas, Inlet, Nozzle, Passage, PassageFlow, States, steady_near
 from .._vanes import Crank
 
 CRANK_RANGE = (4.0, 37.0)
@@ -138,7 +138,7 @@ class Stage(eqx.Module):
 @eqx.filter_jit
 def flow_at(
     stage: Stage, total_pressure: Scalar, crank_angle: Scalar, cells: int = CELLS, near: States | None = None
-) -> tuple[Flow, Float[Array, " 2"], States]:
+) -> tuple[PassageFlow, Float[Array, " 2"], States]:
     """Steady flow; force at the rod in N and mass flow in kg/s; and the states where the search ended.
 
     **Arguments:** Pa absolute and deg; `near`: where to search from.

@@ -11,7 +11,7 @@ from ..._errors import is_traced, require_finite, require_positive
 from ..._types import Scalar, Values
 from ...parameters import Part, as_float_array, parameter
 from ...traces import STANDARD_ATMOSPHERE, Drive
-from ...turbine import CELLS, Flow, Gas, Nozzle
+from ...turbine import CELLS, Gas, Nozzle, PassageFlow
 from .._tabulated import AbstractTabulated, Rows
 from .._vanes import Crank, Vanes
 from ._base import AbstractStatelessVaneForce
@@ -129,7 +129,7 @@ class Turbine(AbstractStatelessVaneForce, AbstractTabulated):
         forces, flows = table
         return StageTable(forces, flows, self.crank, *around)
 
-    def flow(self, total_pressure: Scalar, crank_angle: Scalar, cells: int = CELLS) -> Flow:
+    def flow(self, total_pressure: Scalar, crank_angle: Scalar, cells: int = CELLS) -> PassageFlow:
         """Steady flow through the nozzle at Pa absolute and deg; see `converged`.
 
         **Raises:** `InputError` for a pressure that is not positive, or an angle at which the nozzle does not work.

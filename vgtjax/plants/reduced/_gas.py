@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..._types import Values
-from ...parts import Air, Flow, Gas, IsothermalChamber
+from ...parts import Air, Flow, GasState, IsothermalChamber
 from .._actuator import Actuator
 from ._fitting import FlowMap
 
@@ -22,7 +22,7 @@ def pressure_rate(
     in m3 and its rate in m3/s.
     """
     entering = Flow(flow, air.temperature)
-    return chamber.rates(air, Gas(pressure, air.temperature), entering, displaced, displacement_rate).pressure
+    return chamber.rates(air, GasState(pressure, air.temperature), entering, displaced, displacement_rate).pressure
 
 
 def flow_signals(pressure: Values, flow: Values) -> dict[str, Array]:
