@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import equinox as eqx
 import numpy as np
 from jax.typing import ArrayLike
-from jaxtyping import Float
+from jaxtyping import Float, PyTree, Shaped
 
 Tree = TypeVar("Tree")
 """Any tree of arrays, which comes back with other leaves."""
@@ -21,6 +21,7 @@ if TYPE_CHECKING:  # mypy knows no shapes, and would complain of sums and produc
     StateLeaf = Any
     Vector = Any
     Knots = Any
+    OwnState = Any
 else:
     Scalar = Float[ArrayLike, ""]
     """One number: an array without axes inside of `jit` and `vmap`, or a number of Python or NumPy outside."""
@@ -32,6 +33,9 @@ else:
     """One number per free entry of a model."""
     Knots = Float[ArrayLike, " _"]
     """Where a table has its values."""
+    OwnState = PyTree[Shaped[ArrayLike, "..."]]
+    """What a part, a plant or a controller remembers, in the class that others are derived from. Each of those narrows
+    it to a class of its own, which mypy allows of an argument that is `Any` alone."""
 
 Coordinates = Float[np.ndarray, " coordinates"]
 """What a search moves, on the host: one for each free entry, and behind them what else it may find out."""

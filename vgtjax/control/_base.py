@@ -7,7 +7,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
-from .._types import Scalar, Values
+from .._types import OwnState, Scalar, Values
 from ..parts import FULL_DUTY
 from ..plants import AbstractPlant
 from ._design import AbstractDesign
@@ -90,7 +90,7 @@ class AbstractController(AbstractDesign):
 
     @abc.abstractmethod
     def update(
-        self, state: Any, measurement: Measurement, reference: Reference, period: float
+        self, state: OwnState, measurement: Measurement, reference: Reference, period: float
     ) -> tuple[Memory, Scalar, Log]:
         """One sample, `period` s before the next: what it remembers then, the duty in percent before saturation, and
         scalars to be logged."""

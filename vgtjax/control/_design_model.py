@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from .._errors import InputError
-from .._types import Scalar
+from .._types import OwnState, Scalar
 from ..parameters import Part, parameter
 from ..parts import (
     AbstractFlowMap,
@@ -39,15 +39,17 @@ class Motion(eqx.Module):
     turbine: Scalar = eqx.field(default_factory=lambda: jnp.zeros(()))
 
 
-def vane_load(law: AbstractVaneForce, body: Diaphragm, motion: Motion, state: Any) -> tuple[Scalar, PyTree[Scalar]]:
+def vane_load(
+    law: AbstractVaneForce, body: Diaphragm, motion: Motion, state: OwnState
+) -> tuple[Scalar, PyTree[Scalar]]:
     """Force of the gas on the vanes in N along -x as far as it is known, and rates of what it remembers."""
     return law(_vanes(body, motion), motion.velocity, state)
 
 
-def vane_load_rate(law: AbstractVaneForce, body: Diaphragm, motion: Motion, state: Any) -> Scalar:
+def vane_load_rate(law: AbstractVaneForce, body: Diaphragm, motion: Motion, state: OwnState) -> Scalar:
     """Time derivative of the force in N/s, at a constant turbine pressure and velocity."""
 
-    def force(position: Scalar, state: Any) -> Scalar:
+    def force(position: Scalar, state: OwnState) -> Scalar:
         return vane_load(law, body, Motion(position, motion.velocity, motion.ambient, motion.turbine), state)[0]
 
     along = (motion.velocity, vane_load(law, body, motion, state)[1])
@@ -55,7 +57,7 @@ def vane_load_rate(law: AbstractVaneForce, body: Diaphragm, motion: Motion, stat
 
 
 def vane_state_after(
-    law: AbstractVaneForce, body: Diaphragm, motion: Motion, state: Any, period: float
+    law: AbstractVaneForce, body: Diaphragm, motion: Motion, state: OwnState, period: float
 ) -> PyTree[Scalar]:
     """What the force remembers a period in s later, by one step of implicit Euler."""
     relaxation = law.relaxation(_vanes(body, motion), motion.velocity, state)
@@ -176,15 +178,15 @@ class DesignModel(Part):
         """`z'` in m/s."""
         return velocity - self.relaxation_rate(velocity) * deflection
 
-    def vane_load(self, motion: Motion, state: Any) -> tuple[Scalar, PyTree[Scalar]]:
+    def vane_load(self, motion: Motion, state: OwnState) -> tuple[Scalar, PyTree[Scalar]]:
         """`F_v` in N along -x, and the rates of what it remembers, per second."""
         return vane_load(self.vane_force, self.diaphragm, motion, state)
 
-    def vane_load_rate(self, motion: Motion, state: Any) -> Scalar:
+    def vane_load_rate(self, motion: Motion, state: OwnState) -> Scalar:
         """`F_v'` in N/s."""
         return vane_load_rate(self.vane_force, self.diaphragm, motion, state)
 
-    def vane_state_after(self, motion: Motion, state: Any, period: float) -> PyTree[Scalar]:
+    def vane_state_after(self, motion: Motion, state: OwnState, period: float) -> PyTree[Scalar]:
         """What the force remembers a period in s later."""
         return vane_state_after(self.vane_force, self.diaphragm, motion, state, period)
 

@@ -1,13 +1,12 @@
 """The pneumatic half of a plant: from the duty to the pressure in the chamber [2.58, without 2.34]."""
 
 import abc
-from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
-from .._types import StateLeaf, Values
+from .._types import OwnState, StateLeaf, Values
 from ..parts import (
     AbstractChamber,
     AbstractLine,
@@ -52,25 +51,25 @@ class AbstractAirPath(eqx.Module):
         """State at rest at a chamber pressure in Pa absolute."""
 
     @abc.abstractmethod
-    def pressure(self, state: Any) -> Values:
+    def pressure(self, state: OwnState) -> Values:
         """Chamber pressure in Pa absolute."""
 
     @abc.abstractmethod
     def rates(
-        self, air: Air, time: Values, state: Any, drive: Drive, displaced: Values, displacement_rate: Values
+        self, air: Air, time: Values, state: OwnState, drive: Drive, displaced: Values, displacement_rate: Values
     ) -> PyTree[StateLeaf]:
         """Time derivative of the state."""
 
     @abc.abstractmethod
-    def relaxation(self, air: Air, state: Any, displaced: Values) -> PyTree[StateLeaf]:
+    def relaxation(self, air: Air, state: OwnState, displaced: Values) -> PyTree[StateLeaf]:
         """Relaxation rate in 1/s of each state, `None` where it is slow."""
 
     @abc.abstractmethod
-    def signals(self, air: Air, state: Any, drive: Drive) -> dict[str, Array]:
+    def signals(self, air: Air, state: OwnState, drive: Drive) -> dict[str, Array]:
         """What a simulation reports of it, by the names of the trace columns."""
 
     @abc.abstractmethod
-    def typical_state(self, air: Air) -> Any:
+    def typical_state(self, air: Air) -> PyTree[StateLeaf]:
         """The usual size of each state, by which an absolute tolerance is scaled."""
 
     @property
@@ -153,7 +152,7 @@ class AirPath(AbstractConverterPath):
             "m_dot_out": jnp.where(evacuating, -flow, 0.0),
         }
 
-    def typical_state(self, air: Air) -> Any:
+    def typical_state(self, air: Air) -> AirPathState:
         """That of the converter; ambient pressure and temperature."""
         gas = GasState(air.pressure, air.temperature)
         return AirPathState(self.converter.typical_state(), self.line.typical_state(gas), gas)

@@ -7,7 +7,7 @@ from typing import Any, Generic, TypeVar
 import equinox as eqx
 from jaxtyping import Array, Float, PyTree
 
-from .._types import Module, Values
+from .._types import Module, OwnState, StateLeaf, Values
 from ..parts import Air
 from ..traces import Drive, Start
 
@@ -28,23 +28,23 @@ class AbstractModel(eqx.Module):
         """State at the first sample; `drive` is the first interval."""
 
     @abc.abstractmethod
-    def vector_field(self, time: Values, state: Any, drive: Drive) -> State:
+    def vector_field(self, time: Values, state: OwnState, drive: Drive) -> State:
         """Time derivative of the state, `time` seconds after the start of the interval `drive`."""
 
     @abc.abstractmethod
-    def relaxation(self, time: Values, state: Any, drive: Drive) -> Any:
+    def relaxation(self, time: Values, state: OwnState, drive: Drive) -> PyTree[StateLeaf]:
         """Relaxation rate in 1/s of each state, shaped like the state, `None` where it is slow."""
 
     @abc.abstractmethod
-    def observe(self, state: Any, drive: Drive) -> tuple[Values, Values]:
+    def observe(self, state: OwnState, drive: Drive) -> tuple[Values, Values]:
         """What sensors see at the start of `drive`: position in m and chamber pressure in Pa absolute."""
 
     @abc.abstractmethod
-    def signals(self, state: Any, drive: Drive) -> dict[str, Array]:
+    def signals(self, state: OwnState, drive: Drive) -> dict[str, Array]:
         """All that a simulation reports at the start of `drive`, by the names of the trace columns."""
 
     @abc.abstractmethod
-    def typical_state(self) -> Any:
+    def typical_state(self) -> PyTree[StateLeaf]:
         """The usual size of each state, by which an absolute tolerance is scaled."""
 
     @property

@@ -5,9 +5,9 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array
+from jaxtyping import Array, PyTree
 
-from .._types import Values
+from .._types import OwnState, StateLeaf, Values
 from ..parameters import Part, nested, parameter
 from ..parts import Air, GasState, Rows, has_tables, rows_of, tables_of, with_tables
 from ..traces import STANDARD_ATMOSPHERE, Drive, Ramp, Start
@@ -100,24 +100,24 @@ class Instrumented(AbstractModel):
         )
         return _warmed(begun, self.initial.of("T_act", start))
 
-    def vector_field(self, time: Values, state: Any, drive: Drive) -> State:
+    def vector_field(self, time: Values, state: OwnState, drive: Drive) -> State:
         """That of the model, driven by what was there."""
         return self.model.vector_field(time, state, self.true_drive(drive))
 
-    def relaxation(self, time: Values, state: Any, drive: Drive) -> Any:
+    def relaxation(self, time: Values, state: OwnState, drive: Drive) -> PyTree[StateLeaf]:
         """That of the model, driven by what was there."""
         return self.model.relaxation(time, state, self.true_drive(drive))
 
-    def observe(self, state: Any, drive: Drive) -> tuple[Values, Values]:
+    def observe(self, state: OwnState, drive: Drive) -> tuple[Values, Values]:
         """What the sensors show of what the model does."""
         position, pressure = self.model.observe(state, self.true_drive(drive))
         return self.gain.x_d * position, self.gain.p_act * pressure
 
-    def signals(self, state: Any, drive: Drive) -> dict[str, Array]:
+    def signals(self, state: OwnState, drive: Drive) -> dict[str, Array]:
         """Those of the model: what was there."""
         return self.model.signals(state, self.true_drive(drive))
 
-    def typical_state(self) -> Any:
+    def typical_state(self) -> PyTree[StateLeaf]:
         """That of the model."""
         return self.model.typical_state()
 

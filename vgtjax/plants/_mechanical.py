@@ -1,7 +1,6 @@
 """The mechanical half alone: measured pressure or force in, position out (section 3.6)."""
 
 import math
-from typing import Any
 
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -72,7 +71,7 @@ class MechanicalActuator(AbstractRodModel):
             source = {"f_drive": drive.force(0.0)}
         return {**self.rod.signals(state, drive.turbine(0.0), drive.ambient_shift), **source}
 
-    def typical_state(self) -> Any:
+    def typical_state(self) -> RodState:
         """That of the rod."""
         return self.rod.typical_state()
 

@@ -1,7 +1,5 @@
 """A plant: an air path whose pressure moves a rod [2.58]."""
 
-from typing import Any
-
 import equinox as eqx
 from jaxtyping import Array, PyTree
 
@@ -86,7 +84,7 @@ class AbstractPlant(AbstractRodModel):
             **self.rod.signals(state.rod, drive.turbine(0.0), drive.ambient_shift),
         }
 
-    def typical_state(self) -> Any:
+    def typical_state(self) -> PlantState:
         """Those of air path and rod."""
         return PlantState(self.air_path.typical_state(self.air), self.rod.typical_state())
 

@@ -1,7 +1,5 @@
 """The pneumatic half alone: duty and the diaphragm's position in, chamber pressure out [2.58, without 2.34]."""
 
-from typing import Any
-
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -77,6 +75,6 @@ class PneumaticActuator(AbstractAirPathModel):
         """All of the air path, and the input."""
         return {**self.air_path.signals(self.air, state, drive), "x_d": self.observe(state, drive)[0]}
 
-    def typical_state(self) -> Any:
+    def typical_state(self) -> AirPathState:
         """That of the air path."""
         return self.air_path.typical_state(self.air)

@@ -1,12 +1,11 @@
 """Velocity from sampled positions."""
 
 import abc
-from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
 
-from ..._types import Scalar
+from ..._types import OwnState, Scalar
 from ...parameters import parameter
 from .._base import Memory
 from .._design import AbstractDesign
@@ -20,7 +19,7 @@ class AbstractDifferentiator(AbstractDesign):
         """What it remembers before the first sample, which is given and at rest."""
 
     @abc.abstractmethod
-    def update(self, state: Any, value: Scalar, period: float, expected: Scalar = 0.0) -> tuple[Memory, Scalar]:
+    def update(self, state: OwnState, value: Scalar, period: float, expected: Scalar = 0.0) -> tuple[Memory, Scalar]:
         """One sample: what it remembers next, and the derivative a second.
 
         `expected` is the derivative at the sample as far as it is known beforehand, that of a reference for instance:
@@ -28,7 +27,7 @@ class AbstractDifferentiator(AbstractDesign):
         """
 
     @abc.abstractmethod
-    def value(self, state: Any, period: float, expected: Scalar = 0.0) -> Scalar:
+    def value(self, state: OwnState, period: float, expected: Scalar = 0.0) -> Scalar:
         """The signal itself at the last sample, as smooth as the estimate has it; `expected` as there."""
 
 

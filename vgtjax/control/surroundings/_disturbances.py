@@ -8,7 +8,7 @@ from typing import Any
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from ..._types import Scalar
+from ..._types import OwnState, Scalar
 from ...plants import AbstractModel
 from ...traces import Drive
 from .._base import Measurement, Memory
@@ -42,7 +42,7 @@ class AbstractDutyPath(AbstractDisturbance):
         """What it remembers before the first sample, after a duty in percent was held; `period` in s."""
 
     @abc.abstractmethod
-    def arriving(self, memory: Any, duty: Scalar, period: float) -> tuple[Memory, Scalar]:
+    def arriving(self, memory: OwnState, duty: Scalar, period: float) -> tuple[Memory, Scalar]:
         """What it remembers next, and the duty that the converter gets until the next sample, in percent."""
 
 
@@ -54,7 +54,7 @@ class AbstractSensorFault(AbstractDisturbance):
         """What it remembers before the first sample, which is given."""
 
     @abc.abstractmethod
-    def shown(self, memory: Any, time: Scalar, measured: Measurement) -> tuple[Memory, Measurement]:
+    def shown(self, memory: OwnState, time: Scalar, measured: Measurement) -> tuple[Memory, Measurement]:
         """What it remembers next, and what is shown in place of a measurement at `time` in s."""
 
 

@@ -117,7 +117,9 @@ class LateDuty(AbstractDutyPath):
         """Earlier duties, the latest first."""
         return jnp.full(int(np.ceil(self.longest / period)) + 2, duty)
 
-    def arriving(self, memory: Any, duty: Scalar, period: float) -> tuple[Float[Array, " samples"], Scalar]:
+    def arriving(
+        self, memory: Float[Array, " samples"], duty: Scalar, period: float
+    ) -> tuple[Float[Array, " samples"], Scalar]:
         """See the base class."""
         duties = jnp.concatenate([duty[None], memory[:-1]])
         late = self.delay / period

@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from typing import Any, Literal
+from typing import Literal
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -27,7 +27,7 @@ class StuckSensor(AbstractSensorFault):
         """What it shows first."""
         return getattr(measured, self.channel)
 
-    def shown(self, memory: Any, time: Scalar, measured: Measurement) -> tuple[Scalar, Measurement]:
+    def shown(self, memory: Scalar, time: Scalar, measured: Measurement) -> tuple[Scalar, Measurement]:
         """See the base class; the value that is shown is the one that is remembered."""
         stuck = (time >= self.begin) & (time < self.end)
         value = jnp.where(stuck, memory, getattr(measured, self.channel))

@@ -1,14 +1,14 @@
 """What every friction model answers."""
 
 import abc
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, PyTree
 
-from ..._types import StateLeaf, Values
+from ..._types import OwnState, StateLeaf, Values
 from ...parameters import Part
 from .._vanes import Vanes
 
@@ -63,14 +63,14 @@ class AbstractFriction(Part):
         """State at rest with nothing stretched."""
 
     @abc.abstractmethod
-    def __call__(self, contact: Contact, state: Any, applied_force: Values) -> tuple[Values, PyTree[StateLeaf]]:
+    def __call__(self, contact: Contact, state: OwnState, applied_force: Values) -> tuple[Values, PyTree[StateLeaf]]:
         """Friction force in N and the time derivative of the state.
 
         **Arguments:** `applied_force` in N: all other forces on the rod along +x.
         """
 
     @abc.abstractmethod
-    def relaxation(self, contact: Contact, state: Any) -> PyTree[StateLeaf]:
+    def relaxation(self, contact: Contact, state: OwnState) -> PyTree[StateLeaf]:
         """Relaxation rate in 1/s of each state, `-d(state')/d(state)`."""
 
     @abc.abstractmethod
@@ -102,7 +102,7 @@ class AbstractFriction(Part):
         """
 
     @abc.abstractmethod
-    def signals(self, state: Any) -> dict[str, Array]:
+    def signals(self, state: OwnState) -> dict[str, Array]:
         """The state by the names of the trace columns."""
 
     @abc.abstractmethod

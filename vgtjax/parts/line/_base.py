@@ -2,11 +2,11 @@
 
 import abc
 from collections.abc import Callable
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from jaxtyping import Array, PyTree
 
-from ..._types import StateLeaf
+from ..._types import OwnState, StateLeaf
 from ...parameters import Part
 from .._air import Air
 from .._converter import Flow
@@ -23,14 +23,14 @@ class AbstractLine(Part):
         """State at rest, filled with the gas of the chamber."""
 
     @abc.abstractmethod
-    def port(self, air: Air, state: Any, gas: GasState, flow: Callable[[GasState], Flow]) -> tuple[GasState, Flow]:
+    def port(self, air: Air, state: OwnState, gas: GasState, flow: Callable[[GasState], Flow]) -> tuple[GasState, Flow]:
         """What the converter sees at its end of the line, and the flow that enters there.
 
         **Arguments:** `gas` is the state of the chamber; `flow` is the converter's, into a gas that it sees.
         """
 
     @abc.abstractmethod
-    def __call__(self, air: Air, state: Any, entering: Flow, gas: GasState) -> tuple[Flow, PyTree[StateLeaf]]:
+    def __call__(self, air: Air, state: OwnState, entering: Flow, gas: GasState) -> tuple[Flow, PyTree[StateLeaf]]:
         """Flow into the chamber, and the time derivative of the state.
 
         **Arguments:** `entering` is the flow that `port` says; `gas` is the state of the chamber; `air` gives speed of
@@ -38,7 +38,7 @@ class AbstractLine(Part):
         """
 
     @abc.abstractmethod
-    def relaxation(self, air: Air, state: Any, gas: GasState) -> PyTree[StateLeaf]:
+    def relaxation(self, air: Air, state: OwnState, gas: GasState) -> PyTree[StateLeaf]:
         """Relaxation rate in 1/s of each state, `None` where it is slow or oscillates."""
 
     @property
@@ -47,7 +47,7 @@ class AbstractLine(Part):
         """Longest step in s that resolves the line, infinite where any does."""
 
     @abc.abstractmethod
-    def signals(self, state: Any, inflow: Flow) -> dict[str, Array]:
+    def signals(self, state: OwnState, inflow: Flow) -> dict[str, Array]:
         """The state and the flow into the chamber, by the names of the trace columns."""
 
     @abc.abstractmethod

@@ -1,12 +1,12 @@
 """What every model of the magnetic force answers."""
 
 import abc
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import equinox as eqx
 from jaxtyping import Array, PyTree
 
-from ..._types import StateLeaf, Values
+from ..._types import OwnState, StateLeaf, Values
 from ...parameters import Part
 
 
@@ -24,7 +24,9 @@ class AbstractMagneticForce(Part):
         """State after a duty in percent has been held for long."""
 
     @abc.abstractmethod
-    def __call__(self, pwm: Values, position: Values, velocity: Values, state: Any) -> tuple[Values, PyTree[StateLeaf]]:
+    def __call__(
+        self, pwm: Values, position: Values, velocity: Values, state: OwnState
+    ) -> tuple[Values, PyTree[StateLeaf]]:
         """Pull in N, and the time derivative of the state.
 
         **Arguments:** `pwm` in percent, `position` (m, up is positive) and `velocity` (m/s) of the plunger.
@@ -35,11 +37,11 @@ class AbstractMagneticForce(Part):
         """Pull in N at a plunger position in m after a duty in percent has been held for long."""
 
     @abc.abstractmethod
-    def relaxation(self, position: Values, state: Any) -> PyTree[StateLeaf]:
+    def relaxation(self, position: Values, state: OwnState) -> PyTree[StateLeaf]:
         """Relaxation rate in 1/s of each state."""
 
     @abc.abstractmethod
-    def signals(self, state: Any) -> dict[str, Array]:
+    def signals(self, state: OwnState) -> dict[str, Array]:
         """The state by the names of the trace columns."""
 
     @abc.abstractmethod

@@ -1,10 +1,10 @@
 """The pull of a magnet that is stronger or weaker than it should be."""
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from jaxtyping import Array, PyTree
 
-from ..._types import Scalar, StateLeaf, Values
+from ..._types import OwnState, Scalar, StateLeaf, Values
 from ...parameters import parameter
 from ._base import AbstractMagneticForce
 
@@ -20,7 +20,9 @@ class ScaledForce(AbstractMagneticForce):
         """That of the other force."""
         return self.force.initial_state(pwm)
 
-    def __call__(self, pwm: Values, position: Values, velocity: Values, state: Any) -> tuple[Values, PyTree[StateLeaf]]:
+    def __call__(
+        self, pwm: Values, position: Values, velocity: Values, state: OwnState
+    ) -> tuple[Values, PyTree[StateLeaf]]:
         """See the base class."""
         pull, rates = self.force(pwm, position, velocity, state)
         return self.factor * pull, rates
@@ -29,11 +31,11 @@ class ScaledForce(AbstractMagneticForce):
         """See the base class."""
         return self.factor * self.force.steady_pull(pwm, position)
 
-    def relaxation(self, position: Values, state: Any) -> PyTree[StateLeaf]:
+    def relaxation(self, position: Values, state: OwnState) -> PyTree[StateLeaf]:
         """That of the other force."""
         return self.force.relaxation(position, state)
 
-    def signals(self, state: Any) -> dict[str, Array]:
+    def signals(self, state: OwnState) -> dict[str, Array]:
         """Those of the other force."""
         return self.force.signals(state)
 

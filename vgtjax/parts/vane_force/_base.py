@@ -1,12 +1,12 @@
 """What every model of the exhaust gas force on the vanes answers."""
 
 import abc
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
-from ..._types import StateLeaf, Values
+from ..._types import OwnState, StateLeaf, Values
 from ...parameters import Part
 from .._stateless import Stateless
 from .._vanes import Vanes
@@ -33,7 +33,7 @@ class AbstractVaneForce(Part):
         """State at rest."""
 
     @abc.abstractmethod
-    def __call__(self, vanes: Vanes, velocity: Values, state: Any) -> tuple[Values, PyTree[StateLeaf]]:
+    def __call__(self, vanes: Vanes, velocity: Values, state: OwnState) -> tuple[Values, PyTree[StateLeaf]]:
         """Force in N, and the time derivative of the state.
 
         **Arguments:** where the vanes are and the turbine pressure; `velocity` of the rod in m/s.
@@ -44,7 +44,7 @@ class AbstractVaneForce(Part):
         """Force in N of vanes that move steadily at a velocity of the rod in m/s."""
 
     @abc.abstractmethod
-    def relaxation(self, vanes: Vanes, velocity: Values, state: Any) -> PyTree[StateLeaf]:
+    def relaxation(self, vanes: Vanes, velocity: Values, state: OwnState) -> PyTree[StateLeaf]:
         """Relaxation rate in 1/s of each state; `None` where it is slow."""
 
     def damping(self, vanes: Vanes, velocity: Values) -> Values:
@@ -52,7 +52,7 @@ class AbstractVaneForce(Part):
         return jnp.zeros_like(velocity)
 
     @abc.abstractmethod
-    def signals(self, vanes: Vanes, velocity: Values, state: Any) -> dict[str, Array]:
+    def signals(self, vanes: Vanes, velocity: Values, state: OwnState) -> dict[str, Array]:
         """The force as `f_vane` in N, where there is one."""
 
     @abc.abstractmethod

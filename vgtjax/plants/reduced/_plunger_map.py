@@ -2,7 +2,6 @@
 
 import functools
 import math
-from typing import Any
 
 import equinox as eqx
 from jaxtyping import Array
@@ -81,7 +80,7 @@ class LiftMapPath(AbstractConverterPath):
             **flow_signals(state.pressure, self._flow(air, state, drive)),
         }
 
-    def typical_state(self, air: Air) -> Any:
+    def typical_state(self, air: Air) -> LiftMapState:
         """That of the converter, and ambient pressure."""
         return LiftMapState(self.converter.typical_state(), air.pressure)
 

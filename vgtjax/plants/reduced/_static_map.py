@@ -2,7 +2,6 @@
 
 import functools
 import math
-from typing import Any
 
 import equinox as eqx
 from jaxtyping import Array
@@ -56,7 +55,7 @@ class FlowMapPath(AbstractAirPath):
         """Pressure and flow."""
         return flow_signals(state, self._flow(air, state, drive))
 
-    def typical_state(self, air: Air) -> Any:
+    def typical_state(self, air: Air) -> Values:
         """Ambient pressure."""
         return air.pressure
 
