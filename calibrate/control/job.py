@@ -6,6 +6,7 @@ from typing import Any
 
 import vgtjax
 from vgtjax.control import AbstractController, AbstractSignal, check
+from vgtjax.plants import AbstractPlant
 from vgtjax.tuning import Cases, gain_names
 
 from ..population import Actuators, read_actuators
@@ -18,7 +19,7 @@ from ..study.units import StudyJob
 from ..tune.fallback import fallback_of, with_fallback
 from ..tune.gains_file import note_on_period, note_on_plant, read_gains
 from ..tune.job import EXAMPLE, cases_of, gas_notes, reference_files, require_samples, start_controller
-from ..tune.plants import BELIEFS, Plants, all_plants, belief_of, believed_model, is_alone
+from ..tune.plants import BELIEFS, Plants, all_plants, as_plant, belief_of, believed_model, is_alone
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -64,7 +65,7 @@ def _controllers(
     """A controller for each plant, the gains of the first, and those of the file, which go before the study's."""
     table = study.control
     if belief_of(study, actuators) == "plant":
-        started = {name: start_controller(table, plant)[0] for name, plant in plants.items()}
+        started = {name: start_controller(table, as_plant(plant))[0] for name, plant in plants.items()}
     else:
         started = dict.fromkeys(plants, start_controller(table, believed_model(study, actuators))[0])
     given = {} if gains is None else read_gains(gains, table.design, next(iter(started.values())))
@@ -73,7 +74,7 @@ def _controllers(
         check(controller)
     first = next(iter(controllers.values()))
     chosen = tabulate(first, first, {}, {}, gain_names(first))
-    controllers = {name: _guarded(study, actuators, plants[name], each) for name, each in controllers.items()}
+    controllers = {name: _guarded(study, actuators, as_plant(plants[name]), each) for name, each in controllers.items()}
     return controllers, tuple(chosen), given
 
 
@@ -87,7 +88,9 @@ def _on_gains(study: Study, actuators: Actuators, gains: pathlib.Path | None) ->
     return [note for note in (on_plant, note_on_period(gains, study)) if note is not None]
 
 
-def _guarded(study: Study, actuators: Actuators, plant: Any, controller: AbstractController) -> AbstractController:
+def _guarded(
+    study: Study, actuators: Actuators, plant: AbstractPlant, controller: AbstractController
+) -> AbstractController:
     """A controller with the study's fallback, which knows of the plant what the controller does."""
     believed = plant if belief_of(study, actuators) == "plant" else believed_model(study, actuators)
     return with_fallback(fallback_of(study), believed, controller)

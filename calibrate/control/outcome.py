@@ -11,7 +11,9 @@ from jaxtyping import Float
 
 from vgtjax.control import (
     AbstractController,
+    ClosedLoop,
     Margins,
+    Reference,
     Scenario,
     StepAnswer,
     WithFallback,
@@ -101,8 +103,8 @@ def look_at(controller: AbstractController, cases: Cases) -> tuple[tuple[str, ..
 
 
 def _run(
-    plant: AbstractModel, controller: AbstractController, scenario: Scenario, reference: Any, period: float
-) -> Any:
+    plant: AbstractModel, controller: AbstractController, scenario: Scenario, reference: Reference, period: float
+) -> ClosedLoop:
     short = dataclasses.replace(scenario, reference=reference)
     return close_loop(plant, controller, short, (len(reference.position) - 1) * period, period=period, throw=False)
 

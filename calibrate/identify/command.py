@@ -12,6 +12,7 @@ from vgtjax import SimulationError
 from vgtjax.estimation import Estimate, TraceResult, compare, plan_task
 from vgtjax.identification import Identified, identify
 from vgtjax.parameters import move_inside, table_row
+from vgtjax.plants import AbstractRodModel
 
 from ..output.console import console
 from ..output.files import REPORT, SUMMARY, finite, write_json, write_text
@@ -48,7 +49,8 @@ def _identify_unit(job: Job, unit: Unit, folder: pathlib.Path) -> None:
     began = time.monotonic()
     model, found = unit.model, []
     with console.status(f"{unit.name or 'identify'}: reading the traces") as status:
-        for updated, result in identify(unit.model, unit.used("fit")):
+        assert isinstance(model, AbstractRodModel)  # as every model of a study is
+        for updated, result in identify(model, unit.used("fit")):
             model = updated
             found.append(result)
             why = "; ".join(result.limitations)

@@ -11,7 +11,7 @@ import plotly.graph_objects as go
 
 import vgtjax
 from vgtjax.parts import AbstractGasTables, Contact, Vanes
-from vgtjax.plants import as_actuator
+from vgtjax.plants import AbstractRodModel, as_actuator
 
 from .figures import MEASURED, PALETTE, curve, styled
 
@@ -23,11 +23,13 @@ ROUNDED = 1e4
 """Pa to which pressures of traces are rounded, so that loops at nearly one pressure are one curve."""
 
 
-def component_figures(model: Any, traces: Sequence[vgtjax.Trace]) -> list[tuple[str, go.Figure]]:
+def component_figures(model: vgtjax.AbstractModel, traces: Sequence[vgtjax.Trace]) -> list[tuple[str, go.Figure]]:
     """Title and figure of every law that the model has: magnet, areas, flow function, friction, vane force; the last at
     the mean turbine pressures of traces."""
     full = as_actuator(model)
     figures = _air_path_figures(full) if full else []
+    if not isinstance(model, AbstractRodModel):
+        return figures
     figures.append(("Friction against velocity [3.7]", friction_figure(model)))
     if model.vane_force.feels_gas:
         figures.append((_vane_force_title(model.vane_force), vane_force_figure(model, _turbine_pressures(traces))))
@@ -62,7 +64,7 @@ def _air_path_laws(model: vgtjax.Actuator, duty: Any, position: Any, ratio: Any)
     return pull, area, vgtjax.flow_function(model.air, ratio), model.air.critical_ratio()
 
 
-def friction_figure(model: Any) -> go.Figure:
+def friction_figure(model: AbstractRodModel) -> go.Figure:
     """Steady force of friction over the velocity, without exhaust gas."""
     speed = np.geomspace(1e-5, 6e-3, 60)
     velocity = np.concatenate([-speed[::-1], speed])
@@ -78,10 +80,11 @@ def _turbine_pressures(traces: Sequence[vgtjax.Trace]) -> Sequence[float]:
     return sorted(mean for mean in means if mean > 0)[: len(PALETTE)] or USUAL_PRESSURES
 
 
-def vane_force_figure(model: Any, turbine_pressures: Sequence[float] = USUAL_PRESSURES) -> go.Figure:
+def vane_force_figure(model: AbstractRodModel, turbine_pressures: Sequence[float] = USUAL_PRESSURES) -> go.Figure:
     """Force over the crank angle at several turbine pressures in Pa gauge, those of its knots where it has any; closing
     and opening, where that makes a difference."""
-    vane_force, travel = model.vane_force, float(model.diaphragm.travel)
+    vane_force: Any = model.vane_force  # each that feels gas has a crank, which none of the classes above it asks for
+    travel = float(model.diaphragm.travel)
     opening = np.linspace(0.0, travel, 201)
     tabulated = isinstance(vane_force, AbstractGasTables)
     pressures = np.asarray(vane_force.turbine_pressure if tabulated else turbine_pressures)

@@ -1,8 +1,7 @@
 """Controllers by the names that a study gives them."""
 
-from typing import Any
-
 from vgtjax import control
+from vgtjax.plants import AbstractPlant
 
 DESIGNS: dict[str, type[control.AbstractController]] = {
     "pi": control.PI,
@@ -20,7 +19,7 @@ SAMPLED = ("lqg",)
 """Those that are designed for samples of one period."""
 
 
-def design_for(design: str, plant: Any, period: float) -> control.AbstractController:
+def design_for(design: str, plant: AbstractPlant, period: float) -> control.AbstractController:
     """A controller of a design for a plant, in a loop whose samples are `period` s apart."""
     sampled = {"period": period} if design in SAMPLED else {}
     return DESIGNS[design].for_plant(plant, **sampled)

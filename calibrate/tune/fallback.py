@@ -4,6 +4,7 @@ import math
 from typing import Any
 
 from vgtjax.control import AbstractController, WithFallback
+from vgtjax.plants import AbstractPlant
 
 from ..study.loop_disturbances import build_sensors
 from ..study.tables import Study
@@ -23,7 +24,9 @@ def fallback_of(study: Study) -> dict[str, Any] | None:
     return {"kind": table.fallback, "patience": WithFallback.patience if noisy else None}
 
 
-def with_fallback(said: dict[str, Any] | None, believed: Any, controller: AbstractController) -> AbstractController:
+def with_fallback(
+    said: dict[str, Any] | None, believed: AbstractPlant, controller: AbstractController
+) -> AbstractController:
     """The controller behind which the fallback stands that is said, and that believes in the same plant."""
     if said is None:
         return controller

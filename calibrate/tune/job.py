@@ -5,7 +5,6 @@ import hashlib
 import itertools
 import pathlib
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
 
 import jax
 import numpy as np
@@ -14,6 +13,7 @@ import vgtjax
 from vgtjax.control import AbstractController, AbstractSignal, TurbinePulsation
 from vgtjax.parameters import Bounds, check_bounds
 from vgtjax.parts import feels_gas
+from vgtjax.plants import AbstractPlant
 from vgtjax.tuning import (
     MEMORIES,
     Cases,
@@ -54,7 +54,7 @@ class TuneJob(StudyJob):
     """
 
     bounds: Bounds
-    believed: vgtjax.AbstractModel
+    believed: AbstractPlant
     smooth: TuningProblem
     true: TuningProblem
     unseen: TuningProblem
@@ -110,7 +110,7 @@ def reference_files(entries: Iterable[Reference], folder: pathlib.Path) -> dict[
     return {"[[control.reference]]": digests} if digests else {}
 
 
-def start_controller(table: ControlTable, believed: Any) -> tuple[AbstractController, Bounds]:
+def start_controller(table: ControlTable, believed: AbstractPlant) -> tuple[AbstractController, Bounds]:
     """The study's design for an actuator that it believes in, with the gains that the study states, and their bounds.
 
     **Raises:** `InputError` for gains that the design does not have or allow.

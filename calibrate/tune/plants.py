@@ -6,6 +6,7 @@ import numpy as np
 
 import vgtjax
 from vgtjax import InputError
+from vgtjax.plants import AbstractPlant
 from vgtjax.population import Members
 
 from ..population import Actuators
@@ -74,7 +75,13 @@ def belief_of(study: Study, actuators: Actuators) -> str:
     return study.control.belief or ("plant" if is_alone(study, actuators) else "population")
 
 
-def believed_model(study: Study, actuators: Actuators) -> vgtjax.AbstractModel:
+def as_plant(model: vgtjax.AbstractModel) -> AbstractPlant:
+    """A model of a study with `[control]`, which asks for the full one."""
+    assert isinstance(model, AbstractPlant)
+    return model
+
+
+def believed_model(study: Study, actuators: Actuators) -> AbstractPlant:
     """The one actuator that a controller for all plants believes in.
 
     **Raises:** `InputError` where the study wants it to know each of several plants.
@@ -85,7 +92,7 @@ def believed_model(study: Study, actuators: Actuators) -> vgtjax.AbstractModel:
             "a controller that is tuned for several plants must have one belief, but control.belief is 'plant'; use "
             "'population' or 'printed'"
         )
-    return vgtjax.Actuator() if belief == "printed" else actuators.population.model
+    return vgtjax.Actuator() if belief == "printed" else as_plant(actuators.population.model)
 
 
 def _notes(members: Members) -> tuple[str, ...]:

@@ -61,7 +61,7 @@ class OperatingPoint(eqx.Module):
     effective_area: Values | None = eqx.field(converter=_optional, default=None)
     """m2 of the orifice that stands for the turbine."""
     turbine: Any = None
-    """See [`TurbineFlow`][]."""
+    """See [`TurbineFlow`][]. `Any`, as a check of annotations would be before the sentence of `__check_init__`."""
     crank_angle: Values | None = eqx.field(converter=_optional, default=None)
     """deg of the crank that turns the turbine's vanes."""
 

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from ..estimation import bundle_traces, observe
 from ..parameters import parameter_table, replace_parameters
 from ..parts import AbstractVaneMap, ForcePolynomial
-from ..plants import AbstractModel, AbstractRodModel, MechanicalActuator, Plant, as_actuator, assemble
+from ..plants import AbstractModel, AbstractRodModel, Actuator, MechanicalActuator, Plant, as_actuator, assemble
 from ..simulation import first_failure
 from ..traces import Trace
 from ._filters import has_gas
@@ -26,6 +26,8 @@ from .mechanical import (
     mechanical_fit,
 )
 from .pneumatic import identify_flow_areas, identify_magnetic_force, identify_plunger
+
+RodModel = TypeVar("RodModel", bound=AbstractRodModel)
 
 SPRING = (identify_spring,)
 PNEUMATIC = (identify_magnetic_force, identify_flow_areas, identify_plunger)
@@ -63,15 +65,14 @@ def plan(model: AbstractRodModel, traces: Sequence[Trace]) -> list[tuple[Test, l
     return tests
 
 
-def identify(model: Any, traces: Sequence[Trace]) -> Iterator[tuple[Any, Identified]]:
+def identify(model: AbstractRodModel, traces: Sequence[Trace]) -> Iterator[tuple[AbstractRodModel, Identified]]:
     """Runs the tests that the traces allow, each on the model that the earlier ones left.
 
     Yields that model and what was found, one test at a time. A [`Plant`][] of the parts of an [`Actuator`][] is
     identified as one; an air path of another make has no test, which is said. A test whose values leave a model that
     can't be simulated along the traces any more, whatever their errors, changes nothing and says so.
     """
-    given, full = model, as_actuator(model)
-    model = full or model
+    given, model = model, as_actuator(model) or model
     for test, mine in plan(model, traces):
         found = test(model, mine)
         moved = apply(model, found)
@@ -80,13 +81,21 @@ def identify(model: Any, traces: Sequence[Trace]) -> Iterator[tuple[Any, Identif
             limitations = (*found.limitations, refused)
             moved, found = model, dataclasses.replace(found, values={}, std_errors={}, limitations=limitations)
         model = moved
-        yield (assemble(given, air_path=model.air_path, rod=model.rod, air=model.air) if full else model), found
+        yield _as_given(given, model), found
 
 
-def apply(model: Any, found: Identified) -> Any:
+def _as_given(given: AbstractRodModel, model: AbstractRodModel) -> AbstractRodModel:
+    """What was identified as an [`Actuator`][], as the plant that was given."""
+    if not isinstance(model, Actuator):
+        return model
+    return assemble(given, air_path=model.air_path, rod=model.rod, air=model.air)
+
+
+def apply(model: RodModel, found: Identified) -> RodModel:
     """`model` with what a test found; tables take the knots that it chose."""
     knots = found.values.get("vane_force.turbine_pressure")
     if knots is not None:
+        assert isinstance(model.vane_force, AbstractVaneMap)
         moved = model.vane_force.on_knots(jnp.asarray(knots), model.vane_force.crank_angle)
         model = eqx.tree_at(lambda m: m.vane_force, model, moved)
     known = parameter_table(model)

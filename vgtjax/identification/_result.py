@@ -10,6 +10,7 @@ import numpy as np
 from .._errors import SimulationError
 from .._printing import Cells, Printed
 from ..parameters import Parameter, parameter_table, table_row
+from ..plants import AbstractRodModel
 from ..traces import Trace
 
 POINTS = 1500
@@ -104,6 +105,7 @@ class Identified(Printed):
 
 
 Test = Callable[[Any, Sequence[Trace]], Identified]
+"""A bench test. `Any` model, because each test says which it reads: any rod, a whole actuator, a plant."""
 
 
 def bench_test(name: str, equations: str, method: str) -> Callable[[Test], Test]:
@@ -111,7 +113,7 @@ def bench_test(name: str, equations: str, method: str) -> Callable[[Test], Test]
 
     def decorate(test: Test) -> Test:
         @functools.wraps(test)
-        def run(model: Any, traces: Sequence[Trace]) -> Identified:
+        def run(model: AbstractRodModel, traces: Sequence[Trace]) -> Identified:
             try:
                 found = test(model, traces)
             except (NotPossible, SimulationError) as reason:

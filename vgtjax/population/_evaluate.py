@@ -8,6 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
 from .._errors import InputError
@@ -49,7 +50,7 @@ class Evaluator:
         *,
         lanes: int = LANES,
         stepping: FixedStep | None = None,
-        dtype: Any = np.float64,
+        dtype: DTypeLike = np.float64,
     ):
         """Prepares a run.
 
@@ -168,7 +169,7 @@ def run(
     seed: int = 0,
     lanes: int = LANES,
     stepping: FixedStep | None = None,
-    dtype: Any = np.float64,
+    dtype: DTypeLike = np.float64,
 ) -> Results:
     """Monte Carlo: what the experiments read off actuators drawn from a population.
 

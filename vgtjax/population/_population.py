@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from typing import Any
+from typing import Protocol, runtime_checkable
 
 import equinox as eqx
 import jax
@@ -18,8 +18,30 @@ from ._factors import Factors, is_curve
 from ._members import Members, build_members
 from ._sampling import SobolSample
 
-Margin = Any
-"""A frozen distribution of `scipy.stats`: has `ppf`, `mean`, `std`."""
+
+@runtime_checkable
+class Margin(Protocol):
+    """What is asked of a distribution: a frozen one of `scipy.stats` has it."""
+
+    dist: object
+    """Its family, whose class a report names."""
+
+    def cdf(self, value: float) -> float:
+        """Share of all values that are lower."""
+
+    def ppf(self, share: Float[np.ndarray, " rows"]) -> Float[np.ndarray, " rows"]:
+        """Values below which these shares of all values lie."""
+
+    def support(self) -> tuple[float, float]:
+        """The ends of what it can be."""
+
+    def mean(self) -> float:
+        """Its mean."""
+
+    def std(self) -> float:
+        """Its standard deviation."""
+
+
 Rows = Float[np.ndarray, "rows factors"]
 VISCOUS = "friction.viscous_damping"
 """What is raised until friction is passive."""

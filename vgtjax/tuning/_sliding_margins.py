@@ -21,6 +21,7 @@ from ..control import (
     margins,
 )
 from ..parts import Diaphragm
+from ..plants import AbstractModel, AbstractRodModel
 from ._cases import Cases
 from ._loops import LoopParts, rows_of
 
@@ -59,14 +60,15 @@ def sliding_margins(
 def _linearise(period: float, rows: LoopParts) -> tuple[Any, ...]:
     """Matrices of every lane's loops; the first axis is that of lanes, the second that of times."""
 
-    def lane(controller: AbstractController, plant: Any, scenario: Scenario) -> tuple[Any, ...]:
+    def lane(controller: AbstractController, plant: AbstractModel, scenario: Scenario) -> tuple[Any, ...]:
+        assert isinstance(plant, AbstractRodModel), "margins are those of a rod that slides"
         loops = linearise_loop(plant, controller, _slide(plant, scenario), list(TIMES.values()), period=period)
         return loops.transition, loops.entry, loops.exit
 
     return jax.vmap(lane)(*rows)
 
 
-def _slide(plant: Any, scenario: Scenario) -> Scenario:
+def _slide(plant: AbstractRodModel, scenario: Scenario) -> Scenario:
     """Along the sine, from its middle."""
     travel = jnp.where(jnp.isfinite(plant.diaphragm.travel), plant.diaphragm.travel, Diaphragm().travel)
     start = eqx.tree_at(lambda s: s.position, balanced_at(0.0), 0.5 * travel)

@@ -9,6 +9,7 @@ import vgtjax
 from vgtjax import SimulationError
 from vgtjax.estimation import run_together
 from vgtjax.identification import identify
+from vgtjax.plants import AbstractRodModel
 from vgtjax.population import population_of_fits
 
 from ..campaigns import FLEETS, Fleet, draw_unit, record_fleet
@@ -76,9 +77,9 @@ def _measure(fleet: Fleet, seed: int) -> tuple[str, ...]:
     )
 
 
-def _start(traces: list[vgtjax.Trace]) -> vgtjax.Actuator:
+def _start(traces: list[vgtjax.Trace]) -> AbstractRodModel:
     """What identification leaves of the printed actuator, with a force on the vanes that changes sides with speed."""
-    model = vgtjax.Actuator(vane_force=vgtjax.SpeedMap())
+    model: AbstractRodModel = vgtjax.Actuator(vane_force=vgtjax.SpeedMap())
     for moved, _ in identify(model, traces):
         model = moved
     return model

@@ -9,6 +9,7 @@ import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
 from ..._errors import InputError, is_traced
@@ -224,7 +225,7 @@ def _listed(names: AbstractSet[str]) -> str:
     return ", ".join(sorted(names)) or "nothing"
 
 
-def _cast(tree: Tree, dtype: Any) -> Tree:
+def _cast(tree: Tree, dtype: DTypeLike) -> Tree:
     return jax.tree.map(lambda leaf: leaf.astype(dtype) if eqx.is_inexact_array(leaf) else leaf, tree)
 
 

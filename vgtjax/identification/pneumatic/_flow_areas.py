@@ -289,7 +289,7 @@ _jacobian = eqx.filter_jit(jax.jacfwd(_residuals))
 
 
 def gather_entries(
-    start: Any, model: Any, names: Sequence[str], errors: dict[str, float]
+    start: eqx.Module, model: eqx.Module, names: Sequence[str], errors: dict[str, float]
 ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], tuple[str, ...]]:
     """What an [`Identified`][] wants of a fit: values and standard errors by name, a sentence about what was held.
 

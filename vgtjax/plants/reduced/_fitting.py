@@ -2,7 +2,6 @@
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -246,7 +245,7 @@ FLOW_MAPS: dict[str, Callable[[_Samples], FlowMap]] = {
 """How each kind of map is made."""
 
 
-def printed_flow_map(kind: str) -> Any:
+def printed_flow_map(kind: str) -> FlowMap:
     """That of the printed actuator, which a reduced model has by default."""
     with jax.ensure_compile_time_eval():  # also where a model is made under jit
         return fit_flow_map(Actuator(), kind).flow_map
