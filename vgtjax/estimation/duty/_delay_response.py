@@ -1,11 +1,8 @@
 """How the sharp model answers a delay of the duty, of which derivatives of the smooth one promise more.
 
 A delay carries every jump of the duty through the steps of a simulation, and its derivative has what that does to
-their errors. Corrections take errors out of residuals, not out of derivatives: of a hundred campaigns with a duty that
-is 4 ms late, a delay that is moved by its standard error, and all else with it, moves what corrections want by 0.8 of
-that in the median, and by 0.3 to 1 in nine of ten; of 24 with nothing wrong 22 answer by 0.95 to 1.03. Where
-an end solves `J^T r = 0` with derivatives `J` of another model than that of the residuals `r`, noise moves it by
-`(J^T dr/dx)^-1 J^T` (estimating equations, Huber 1967), so errors are as much longer as the answer is shorter.
+their errors, which corrections take out of residuals alone. `docs/estimation.md` ("What derivatives with respect to a
+delay promise") has how large the answers were, and why errors are as much longer as they are shorter.
 """
 
 import numpy as np

@@ -1,13 +1,7 @@
 """How the duty of slow traces was held: both readings are fitted, as derivatives where a search has ended mislead.
 
-Between two samples a slow duty changes by little, so that a linear one differs from a held one by half a sample of
-delay alone. By derivatives such traces tell a delay to a tenth of that; and yet a search that reads the duty the wrong
-way ends at the noise as well, in a valley of its own, where the volume of the chamber is off by 4 to 16 of its errors.
-What tells is where fits of both readings end. Chi^2 of their searches has what a smooth seat makes of a duty that is
-held, which the sharp model gives back, and after corrections it has what the sharp model chatters. So the mean of both
-counts: of six actuators with a linear duty, simulated by an independent plant, it was 103 to 250 lower with that (164
-to 306 where searches end, 44 to 195 where corrections do), of six with a held one 38 to 485 lower with that (-9 to 27,
-and 74 to 968).
+The one counts whose chi^2 is lower in the mean of where its search and where its corrections end, as either alone has
+what one of both readings makes of a seat. `docs/estimation.md` ("How the duty was held") has by how much that was.
 """
 
 import dataclasses
@@ -21,10 +15,10 @@ from ._duty import leaves_only_noise
 
 EVIDENT = 25.0
 """Difference of chi^2 between the ends of both readings from which one of them is out of the question: five standard
-errors, and less than of any of those above."""
+errors, and less than of any of the actuators that `docs/estimation.md` names."""
 
 STUCK = 1.05
-"""Times the misfit of the other search from which one was stuck: of the actuators above the wrong reading left at most
+"""Times the misfit of the other search from which one was stuck: of the same actuators the wrong reading left at most
 two percent more."""
 
 

@@ -1,16 +1,8 @@
 """How the sharp model answers along what slow traces tell, of which derivatives of the smooth one promise more.
 
-While a slow duty carries a plunger to its seat, this hovers and chatters there, in the smooth model as well as in the
-sharp one. A derivative has how the phase of the chatter moves with every parameter, which in a few thousand samples
-looks like information: in one unit of a simulated fleet the stiffness of the membrane and the slope of the reservoir's
-orifice were told to 2.5 %, which slow loops hardly tell, and nine of twenty units were more than two such errors off.
-The sharp model chatters otherwise. Moved by four standard errors along this direction, it answers by 0.13 of what is
-promised in that unit, and by 0.7 to 0.9 along those of the friction.
-
-Where an end solves `J^T r = 0` with derivatives `J` of another model than that of the residuals `r`, noise moves it by
-`A^-1 (J^T J)^-1 J^T` with `A = (J^T J)^-1 J^T dr/dx` (estimating equations, Huber 1967). If all else is answered as
-promised, and a move `m` of one standard error by `A m = x`, its part along `m` being `a`, an error along `m` is one
-along `m + (m - x) / a`.
+A plunger that a slow duty carries to its seat chatters there, and a derivative has how the phase of that moves, which
+in thousands of samples looks like information. `docs/estimation.md` ("What derivatives of slow traces promise") has how
+far off that was, and what becomes of an error.
 """
 
 import numpy as np
