@@ -15,8 +15,8 @@ from .variables import Variable, parameter_variables
 
 COST = (
     "In model exchange the importer's solver must stop at every jump of the duty, and its steps must resolve the "
-    "relaxation rates of plunger and friction (thousands a second); co-simulation has the integrator of vgtjax, which "
-    "stays stable without."
+    "relaxation rates of plunger and friction (thousands per second); co-simulation has the integrator of vgtjax, "
+    "which stays stable without."
 )
 START_MEANINGS = {
     "at_rest": "whether the first duty is zero and the chamber at atmosphere",

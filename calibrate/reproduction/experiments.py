@@ -18,9 +18,9 @@ DUTIES = (50.0, 80.0, 100.0)
 TOP = 7e4
 """Pa; applied pressure of a ramp that closes the vanes."""
 RATE = 2.5e3
-"""Pa/s of applied pressure on a ramp: half a millimetre a second, so that friction's loop is seen and not damping."""
+"""Pa/s of applied pressure on a ramp: half a millimetre per second, so that friction's loop is seen and not damping."""
 SAMPLES = 200
-"""Samples a second of a ramp."""
+"""Samples per second of a ramp."""
 HOLD = 4.0
 """s; how long a duty is held. After 4 s pressure moves by less than 0.1 mbar/s."""
 

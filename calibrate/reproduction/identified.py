@@ -24,7 +24,7 @@ from . import experiments, solenoid
 from .rows import Found, Kind, Near, Row
 
 RATE = 1000
-"""Samples a second."""
+"""Samples per second."""
 SECONDS = 16.0
 """One length for all tests, so that one compilation serves them."""
 SEED = 2012

@@ -115,7 +115,7 @@ class Converter(Part):
         return {"x_p": plunger.position, "v_p": plunger.velocity, **self.magnetic_force.signals(state.magnet)}
 
     def typical_state(self) -> ConverterState:
-        """Millimetres, tenths of metres a second."""
+        """Millimetres, tenths of metres per second."""
         return ConverterState(Plunger(1e-3, 0.1), self.magnetic_force.typical_state())
 
     def static_force(self, pull: Values, ambient: Values, reservoir: Values, pressure: Values) -> Values:

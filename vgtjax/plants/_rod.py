@@ -79,7 +79,7 @@ class Rod(eqx.Module):
         }
 
     def typical_state(self) -> RodState:
-        """A centimetre, a tenth of a metre a second."""
+        """A centimetre, a tenth of a metre per second."""
         return RodState(Body(1e-2, 0.1), self.friction.typical_state(), self.vane_force.typical_state())
 
     def _vanes(self, body: Body, turbine_pressure: Values, ambient_shift: Values | None) -> Vanes:

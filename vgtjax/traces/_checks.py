@@ -19,7 +19,7 @@ HIGHEST_BOOST = 2e6
 """Pa gauge; no turbine inlet sees 20 bar."""
 SHORTEST, LONGEST = 1e-6, 0.5
 """s; no bench samples faster or more slowly, but time in another unit than it says seems to: milliseconds of a record
-at 1 kHz, taken for seconds, are a sample a second."""
+at 1 kHz, taken for seconds, are one sample per second."""
 
 
 def check_numbers(recording: Recording, entry: Entry, values: Numbers, kinds: str = "fiub") -> None:

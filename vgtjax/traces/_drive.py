@@ -14,7 +14,7 @@ Count = Int[Array, ""] | Int[np.ndarray, ""] | int
 
 
 class Ramp(eqx.Module):
-    """A signal that is linear over an interval: value at its start, and rate a second."""
+    """A signal that is linear over an interval: value at its start, and rate per second."""
 
     start: Values
     rate: Values
@@ -30,7 +30,7 @@ class Knot(eqx.Module):
     jump: Values
     """How far it jumps there, in percent."""
     bend: Values
-    """How its rate changes there, in percent a second."""
+    """How its rate changes there, in percent per second."""
     place: Values
     """The part of the interval that has passed by then; zero where there is none."""
 
@@ -59,7 +59,7 @@ class Drive(eqx.Module):
     pwm: Values | None = None
     """Duty in percent where it begins. A model sees it held over a step at what it is half-way."""
     pwm_rate: Values | None = None
-    """Its rate in percent a second; zero or `None` where it is held."""
+    """Its rate in percent per second; zero or `None` where it is held."""
     reservoir: Ramp | None = None
     """Reservoir pressure in Pa absolute."""
     chamber: Ramp | None = None

@@ -13,7 +13,7 @@ from ._drive import Drive, Knot
 Series = Float[Array, " time"]
 
 SAME, STRAIGHT = 1e-6, 1e-6
-"""Percent by which a duty may jump, and percent a second by which its rate may change, and go on as it was: far above
+"""Percent by which a duty may jump, and percent per second by which its rate may change, and go on as it was: far above
 rounding, and far below what moves anything."""
 
 

@@ -89,7 +89,8 @@ def test_slopes_are_central_differences_where_friction_passes_through_zero(veloc
             shift = step.reshape(np.shape(at[place]))
             ends = [force(*at[:place], at[place] + side * shift, *at[place + 1 :]) for side in (1, -1)]
             difference = float(ends[0] - ends[1]) / (2 * size)
-            # Steps of the Stribeck curve's 1e-5, whose curvature is left; slopes by the load are forces below 1 N.
+            # Steps of the Stribeck curve's 1e-5, whose curvature is left; slopes with respect to the load are forces
+            # below 1 N.
             assert np.ravel(slope)[index] == pytest.approx(difference, rel=1e-4, abs=1e-9)
     # By hand: bristles at rest carry their dampers' sum, and theta of it.
     theta = float(FRICTION.theta(vanes(2e5, 15.0)))

@@ -1,4 +1,4 @@
-"""Lines, coil and chambers in the whole actuator: derivatives by all their parameters, and other ways to run it."""
+"""Lines, coil and chambers in the whole actuator: derivatives with respect to all parameters, other ways to run it."""
 
 import diffrax
 import jax

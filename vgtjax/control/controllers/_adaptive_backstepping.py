@@ -28,7 +28,7 @@ NEARLY_SATURATED = 0.5
 
 
 class AdaptiveEstimate(eqx.Module):
-    """What the controller has learned, or the rates of it a second."""
+    """What the controller has learned, or the rates of it per second."""
 
     friction: FrictionEstimate
     load: Scalar

@@ -20,7 +20,7 @@ class AbstractDifferentiator(AbstractDesign):
 
     @abc.abstractmethod
     def update(self, state: OwnState, value: Scalar, period: float, expected: Scalar = 0.0) -> tuple[Memory, Scalar]:
-        """One sample: what it remembers next, and the derivative a second.
+        """One sample: what it remembers next, and the derivative per second.
 
         `expected` is the derivative at the sample as far as it is known beforehand, that of a reference for instance:
         only what differs from it has to be found from the samples, and lags or is bounded.
@@ -32,7 +32,7 @@ class AbstractDifferentiator(AbstractDesign):
 
 
 class FilteredSlope(eqx.Module):
-    """Last value, and by how much its filtered derivative a second exceeds the one that was expected.
+    """Last value, and by how much its filtered derivative per second exceeds the one that was expected.
 
     The excess, not the derivative: however an expected derivative jumps or is missed between two samples, none of it
     stays behind.

@@ -14,7 +14,7 @@ Coefficients = Float[Array, " 3"]
 
 
 class FrictionEstimate(eqx.Module):
-    """What the observer believes, or its rates a second."""
+    """What the observer believes, or its rates per second."""
 
     deflections: Bristles
     """`zh0, zh1` in m."""

@@ -78,7 +78,7 @@ class DelayLine(AbstractLine):
         return {"m_dot_line": inflow.mass_flow}
 
     def typical_state(self, gas: GasState) -> tuple[float, ...]:
-        """A tenth of a gram a second."""
+        """A tenth of a gram per second."""
         return (1e-4,) * self.cells
 
     def _span(self, air: Air) -> Values:

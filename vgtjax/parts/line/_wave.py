@@ -114,7 +114,7 @@ class WaveLine(AbstractLine):
         return {"m_dot_line": inflow.mass_flow}
 
     def typical_state(self, gas: GasState) -> WaveState:
-        """Pressure of the gas, a tenth of a gram a second."""
+        """Pressure of the gas, a tenth of a gram per second."""
         return WaveState((gas.pressure,) * self.cells, (1e-4,) * self.cells)
 
     def stored_mass(self, air: Air, state: WaveState) -> Values:
