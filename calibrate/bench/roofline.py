@@ -9,6 +9,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+from jax.typing import DTypeLike
 
 PLAIN = ("add", "subtract", "multiply", "maximum", "minimum", "compare", "select", "negate", "abs", "and", "or")
 """In a compiled program; a core does one of them about as fast as another."""
@@ -42,7 +43,7 @@ def operations(text: str) -> dict[str, int]:
     return {"plain": sum(found[name] for name in PLAIN), **{name: found[name] for name in SLOW}}
 
 
-def operation_times(dtype: Any) -> dict[str, float]:
+def operation_times(dtype: DTypeLike) -> dict[str, float]:
     """s of a processor for one operation of each kind, by itself and on vectors in its caches."""
     values = jnp.full(ELEMENTS, 0.5, dtype)
     count = CHAINS * TERMS * ELEMENTS
@@ -51,7 +52,7 @@ def operation_times(dtype: Any) -> dict[str, float]:
     return {**found, **{name: _time_of(law, values) / count for name, law in SLOW.items()}}
 
 
-def byte_time(dtype: Any) -> float:
+def byte_time(dtype: DTypeLike) -> float:
     """s of a processor for a byte that goes to memory or comes from there."""
     values = jnp.ones(STREAM, dtype)
     return processor_time(partial(jax.jit(lambda values: 1.5 * values), values)) / (2 * values.nbytes)

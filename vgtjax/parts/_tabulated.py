@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool
 
-from .._types import Tree
+from .._types import Module
 from ..parameters import AbstractDerived
 from ..traces import Drive
 
@@ -42,23 +42,23 @@ class AbstractTable(eqx.Module):
         """Whether a computation of a point that the table was asked for has failed."""
 
 
-def has_tables(model: Any) -> bool:
+def has_tables(model: eqx.Module) -> bool:
     """Whether a model has such parts."""
     return bool(_tabulated_parts(model))
 
 
-def rows_of(model: Any, *drives: Drive) -> tuple[Rows, ...]:
+def rows_of(model: eqx.Module, *drives: Drive) -> tuple[Rows, ...]:
     """Which rows of the tables of all such parts of a model are read along drives; none of most models."""
     return tuple(part.rows(*drives) for part in _tabulated_parts(model))
 
 
-def tables_of(model: Any, rows: tuple[Rows, ...] | None = None) -> tuple[Array, ...]:
+def tables_of(model: eqx.Module, rows: tuple[Rows, ...] | None = None) -> tuple[Array, ...]:
     """The tables of all such parts of a model, or at least some rows of them; none of most models."""
     parts = _tabulated_parts(model)
     return tuple(part.table(each) for part, each in zip(parts, rows or [None] * len(parts), strict=True))
 
 
-def with_tables(model: Tree, tables: tuple[Array, ...]) -> Tree:
+def with_tables(model: Module, tables: tuple[Array, ...]) -> Module:
     """A model whose such parts are read off these tables."""
     left = iter(tables)
     return jax.tree.map(
@@ -66,12 +66,12 @@ def with_tables(model: Tree, tables: tuple[Array, ...]) -> Tree:
     )
 
 
-def tabulated(model: Tree) -> Tree:
+def tabulated(model: Module) -> Module:
     """A model ready to be simulated: what would be computed at every step is read off tables."""
     return with_tables(model, tables_of(model))
 
 
-def lost_points(model: Any) -> Bool[Array, ""] | None:
+def lost_points(model: eqx.Module | None) -> Bool[Array, ""] | None:
     """Whether tables that a model is read off have lost points; `None` of one without tables."""
     tables = [part.lost() for part in jax.tree.leaves(model, is_leaf=_is_table) if _is_table(part)]
     return jnp.any(jnp.stack(tables)) if tables else None
@@ -81,7 +81,7 @@ def _is_table(node: Any) -> bool:
     return isinstance(node, AbstractTable)
 
 
-def _tabulated_parts(model: Any) -> list[AbstractTabulated]:
+def _tabulated_parts(model: eqx.Module) -> list[AbstractTabulated]:
     return [part for part in jax.tree.leaves(model, is_leaf=_is_tabulated) if _is_tabulated(part)]
 
 

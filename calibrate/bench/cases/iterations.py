@@ -12,6 +12,7 @@ import vgtjax
 from vgtjax.estimation import Computation, Progress, build_fit_problem, run_alone
 from vgtjax.identification import identify, plan_fit, starting_fit
 from vgtjax.parameters import build_transform
+from vgtjax.plants import AbstractRodModel
 
 from ..data import example_traces, seconds_of
 from ..table import Section, seconds
@@ -102,7 +103,7 @@ def _starts() -> Iterator[tuple[str, vgtjax.Actuator]]:
         yield f"off {number + 1}", selection.unpack(printed, values * FACTOR ** rng.uniform(-1, 1, len(values)))
 
 
-def _identified(model: Any, traces: list[vgtjax.Trace]) -> tuple[Any, float]:
+def _identified(model: AbstractRodModel, traces: list[vgtjax.Trace]) -> tuple[AbstractRodModel, float]:
     """What the bench tests of chapters 2 and 3 make of a model, and the s of all processors that they took."""
     began = time.process_time()
     for moved, _ in identify(model, traces):
@@ -110,7 +111,7 @@ def _identified(model: Any, traces: list[vgtjax.Trace]) -> tuple[Any, float]:
     return model, time.process_time() - began
 
 
-def _fit(model: Any, traces: list[vgtjax.Trace]) -> _Fitted:
+def _fit(model: vgtjax.AbstractModel, traces: list[vgtjax.Trace]) -> _Fitted:
     asked, history, began = collections.Counter[str](), list[float](), time.process_time()
 
     def whole() -> Computation[Any]:
