@@ -12,7 +12,7 @@ from ..simulation import RESULTS, first_failure
 from ..traces import Trace
 from ._task import Task
 from .derivatives import CHANNELS, Bundle, Computation, Evaluation, ask, bundle_traces, run_alone
-from .measurements import Sensor, Sensors, by_trace, read_duties, white_sensors
+from .measurements import SensorNoise, SensorsOfTraces, by_trace, read_duties, white_sensors
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -90,7 +90,9 @@ class TraceResult:
         return first_failure(self.result)
 
 
-def compare(task: Task, model: AbstractModel, delay: float = 0.0, sensors: Sensors | None = None) -> list[TraceResult]:
+def compare(
+    task: Task, model: AbstractModel, delay: float = 0.0, sensors: SensorsOfTraces | None = None
+) -> list[TraceResult]:
     """Simulates every trace of a task and compares it with what was measured.
 
     **Arguments:** `delay` of the duty in s; `sensors` of the traces to fit, by default as their signals show them.
@@ -102,7 +104,7 @@ def comparing(
     task: Task,
     model: AbstractModel,
     delay: float = 0.0,
-    sensors: Sensors | None = None,
+    sensors: SensorsOfTraces | None = None,
     errors: Sequence[np.ndarray] | None = None,
 ) -> Computation[list[TraceResult]]:
     """`compare` as a computation; `errors` `(time, channel)` of what is observed of every trace as the task reads it,
@@ -128,7 +130,7 @@ def _compare_one(
     trace: Trace,
     use: str,
     observed: np.ndarray,
-    sensors: dict[str, Sensor],
+    sensors: dict[str, SensorNoise],
     errors: np.ndarray | None,
     result: RESULTS,
 ) -> TraceResult:

@@ -46,7 +46,3 @@ from ._sensors import (
     left_over_noise as left_over_noise,
     noise_to_meet as noise_to_meet,
 )
-
-Sensor = SensorNoise
-Sensors = SensorsOfTraces
-"""Both as `estimation/_comparison.py` still calls them; nothing else does."""
