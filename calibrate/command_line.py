@@ -2,6 +2,7 @@
 
 import contextlib
 import functools
+import gc
 import importlib
 import importlib.util
 import os
@@ -9,6 +10,7 @@ import pathlib
 import signal
 import sys
 import types
+from collections.abc import Iterator
 from typing import Any, NoReturn
 
 import click
@@ -93,8 +95,9 @@ def _run(command: str, **arguments: Any) -> None:
 
         try:
             processes = {option.name: arguments.pop(option.name) for option in PROCESSES if option.name in arguments}
-            _prepare_jax(processes)
-            module = _load(command)
+            with _importing():
+                _prepare_jax(processes)
+                module = _load(command)
 
             from .study.places import OF_A_MODEL, stated
 
@@ -111,6 +114,18 @@ def _run(command: str, **arguments: Any) -> None:
             sys.exit(1)
     finally:
         signal.signal(signal.SIGINT, previous)
+
+
+@contextlib.contextmanager
+def _importing() -> Iterator[None]:
+    """Around imports: what they make stays, so that looking for garbage in it would be in vain, now and later."""
+    gc.disable()
+    try:
+        yield
+    finally:
+        if not gc.get_freeze_count():
+            gc.freeze()
+        gc.enable()
 
 
 def _in_study(error: Exception, study: pathlib.Path | None) -> str:

@@ -51,8 +51,8 @@ def read_actuators(
     model = build_model(study)
     values = _given_values(parameters, study, model)
     models = _models(model, study, values)
-    population, notes = _population(study, dict(zip(values, models, strict=True)), parameters, levels)
     moved = [on_given_knots(each, values_of(models[0])) for each in models]
+    population, notes = _population(study, values, models, parameters, levels)
     fitted = {} if None in values else dict(zip(map(str, values), moved, strict=True))
     return Actuators(values, models[0], population, fitted, notes, _digests(parameters))
 
@@ -80,19 +80,33 @@ def _given_values(
 def _models(
     model: vgtjax.AbstractModel, study: Study, values: dict[str | None, dict[str, Any]]
 ) -> list[vgtjax.AbstractModel]:
-    """A model for every unit, each on the knots of its own fit."""
+    """A model for every unit, on the knots that the study states, else on those of its own fit."""
     models = [start_model(model, study, given)[0] for given in values.values()]
     say_not_as_stated(models[0], study, {})
     return models
 
 
 def _population(
-    study: Study, models: dict[str | None, vgtjax.AbstractModel], parameters: pathlib.Path | None, levels: bool
+    study: Study,
+    values: dict[str | None, dict[str, Any]],
+    models: list[vgtjax.AbstractModel],
+    parameters: pathlib.Path | None,
+    levels: bool,
 ) -> tuple[Population, tuple[str, ...]]:
-    if None in models:
-        return _of_tolerances(study, models[None], levels)
+    if None in values:
+        return _of_tolerances(study, models[0], levels)
     assert parameters is not None, "several actuators come from a folder"
-    return _of_units(study, list(models.values()), parameters, levels)
+    files = unit_files(parameters).values()
+    units = [_as_fitted(*each) for each in zip(models, files, values.values(), strict=True)]
+    return _of_units(study, units, models[0], parameters, levels)
+
+
+def _as_fitted(model: vgtjax.AbstractModel, file: pathlib.Path, given: dict[str, Any]) -> FittedUnit:
+    """A unit on the knots of its own fit, though the study may state others."""
+    entries = fitted_entries(file)
+    names = {entry.partition("[")[0] for entry in entries}
+    own = vgtjax.replace_parameters(on_given_knots(model, given), {name: given[name] for name in names & given.keys()})
+    return FittedUnit(own, entries, fit_covariance(file, entries))
 
 
 def _of_tolerances(study: Study, model: vgtjax.AbstractModel, levels: bool) -> tuple[Population, tuple[str, ...]]:
@@ -121,9 +135,9 @@ def _of_tolerances(study: Study, model: vgtjax.AbstractModel, levels: bool) -> t
 
 
 def _of_units(
-    study: Study, models: list[vgtjax.AbstractModel], folder: pathlib.Path, levels: bool
+    study: Study, units: list[FittedUnit], like: vgtjax.AbstractModel, folder: pathlib.Path, levels: bool
 ) -> tuple[Population, tuple[str, ...]]:
-    """The spread of fitted units, freed of the errors of their fits where all state these."""
+    """The spread of fitted units, freed of the errors of their fits where all state these, on the knots of a model."""
     table = study.population
     named = table.model_fields_set - {"units", "passive"}
     if named:
@@ -131,14 +145,11 @@ def _of_units(
             f"a population of fitted units has their spread, but [population] states {', '.join(sorted(named))} too; "
             "drop that, or give the parameters of one actuator"
         )
-    files = list(unit_files(folder).values())
-    free = [fitted_entries(file) for file in files]
-    errors = [fit_covariance(*each) for each in zip(files, free, strict=True)]
     with stated(OF_A_POPULATION):
-        population = population_of_units([FittedUnit(*each) for each in zip(models, free, errors, strict=True)])
+        population = population_of_units(units, like)
     population = dataclasses.replace(population, passive=table.passive)
     doubts = _unconverged(folder)
-    if any(each is None for each in errors):
+    if any(unit.covariance is None for unit in units):
         doubts = (
             *doubts,
             "the fitted units do not state the covariance of their errors, so errors of the fits count as spread; fit "

@@ -8,20 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pydantic
 
-from vgtjax.control import (
-    AbstractDisturbance,
-    AbstractSignal,
-    CoilSupply,
-    Constant,
-    Draws,
-    LateDuty,
-    LostSensor,
-    Ramps,
-    Sensor,
-    Sensors,
-    StuckSensor,
-    TurbinePulsation,
-)
+import vgtjax
 from vgtjax.traces import ASSUMED_RESERVOIR
 
 from .base import Finite, NotNegative, Positive, Share, Table
@@ -123,9 +110,9 @@ class ReservoirTable(Table):
     recovery: Positive = 0.5
     """s; time constant with which that decays."""
 
-    def build(self) -> AbstractSignal:
+    def build(self) -> "vgtjax.control.AbstractSignal":
         """As a signal in Pa absolute."""
-        return Draws(self.level, self.drift, np.asarray(self.times), self.depth, self.recovery)
+        return vgtjax.control.Draws(self.level, self.drift, np.asarray(self.times), self.depth, self.recovery)
 
 
 class SensorTable(Table):
@@ -138,15 +125,15 @@ class SensorTable(Table):
     quantum: NotNegative | None = None
     """The step between two values that it can show, in m or Pa; zero for none."""
 
-    def changed(self, sensor: Sensor) -> Sensor:
+    def changed(self, sensor: "vgtjax.control.Sensor") -> "vgtjax.control.Sensor":
         """A sensor with what is stated."""
         stated = {name: jnp.asarray(getattr(self, name)) for name in self.model_fields_set}
         return dataclasses.replace(sensor, **stated)
 
 
-def build_sensors(kind: str, tables: Mapping[LoopSensor, SensorTable]) -> Sensors:
+def build_sensors(kind: str, tables: Mapping[LoopSensor, SensorTable]) -> "vgtjax.control.Sensors":
     """Sensors of a bench or ideal ones, some of them changed."""
-    sensors = Sensors.bench() if kind == "bench" else Sensors.ideal()
+    sensors = vgtjax.control.Sensors.bench() if kind == "bench" else vgtjax.control.Sensors.ideal()
     changed = {name: table.changed(getattr(sensors, name)) for name, table in tables.items()}
     return dataclasses.replace(sensors, **changed)
 
@@ -161,28 +148,29 @@ class VariantTable(Table):
     sensor: dict[LoopSensor, SensorTable] = {}
 
 
-def build_disturbances(entries: Sequence[AbstractLoopDisturbance]) -> tuple[AbstractDisturbance, ...]:
+def build_disturbances(entries: Sequence[AbstractLoopDisturbance]) -> "tuple[vgtjax.control.AbstractDisturbance, ...]":
     """Disturbances of closed loops in the order in which they act, but for a duty that arrives late."""
     return tuple(_build(entry) for entry in entries)
 
 
-def build_delays(delays: Mapping[str, float]) -> dict[str, tuple[AbstractDisturbance, ...]]:
+def build_delays(delays: Mapping[str, float]) -> "dict[str, tuple[vgtjax.control.AbstractDisturbance, ...]]":
     """A duty that arrives late by so many s for every variant by its name; nothing where none does."""
     if not any(delays.values()):
         return dict.fromkeys(delays, ())
-    return {name: (LateDuty(delay),) for name, delay in delays.items()}
+    return {name: (vgtjax.control.LateDuty(delay),) for name, delay in delays.items()}
 
 
-def _build(entry: AbstractLoopDisturbance) -> AbstractDisturbance:
+def _build(entry: AbstractLoopDisturbance) -> "vgtjax.control.AbstractDisturbance":
+    loops = vgtjax.control
     match entry:
         case CoilSupplyTable(factor=list() as factors, times=times):
-            return CoilSupply(Ramps(np.asarray(times), np.asarray(factors)))
+            return loops.CoilSupply(loops.Ramps(np.asarray(times), np.asarray(factors)))
         case CoilSupplyTable(factor=factor):
-            return CoilSupply(Constant(factor))
+            return loops.CoilSupply(loops.Constant(factor))
         case PulsationAt(amplitude=amplitude, frequency=frequency):
-            return TurbinePulsation.sine(amplitude, frequency)
+            return loops.TurbinePulsation.sine(amplitude, frequency)
         case StuckSensorTable(sensor=sensor, begin=begin, end=end):
-            return StuckSensor(sensor, begin, end)
+            return loops.StuckSensor(sensor, begin, end)
         case LostSensorTable(sensor=sensor, begin=begin, end=end, value=value):
-            return LostSensor(sensor, begin, end, value)
+            return loops.LostSensor(sensor, begin, end, value)
     raise TypeError(f"no disturbance is built from {type(entry).__name__}")

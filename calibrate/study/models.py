@@ -1,7 +1,7 @@
 """From a study to a model with its start values."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
@@ -44,7 +44,7 @@ def start_model(model: Any, study: Study, earlier: dict[str, Any]) -> tuple[Any,
     before them; of one that it frees that is where a fit begins, and goes behind.
     """
     start = vgtjax.replace_parameters(on_given_knots(model, earlier), earlier)
-    start = _on_stated_knots(start, study, earlier)
+    start = _on_stated_knots(start, study, _free(model, study) if earlier else set())
     stated, bounds = start_values(start, _stated_before(start, study, earlier))
     start = vgtjax.replace_parameters(start, stated)
     check_bounds(start, bounds)
@@ -52,13 +52,13 @@ def start_model(model: Any, study: Study, earlier: dict[str, Any]) -> tuple[Any,
     return start, bounds
 
 
-def _on_stated_knots(start: Any, study: Study, earlier: Mapping[str, Any]) -> Any:
-    """The start with its tables read at the knots that the study states, of those that it frees an earlier fit's."""
-    free = {entry.partition("[")[0] for entry in _free(start, study)} if earlier else set()
+def _on_stated_knots(start: Any, study: Study, free: Collection[str]) -> Any:
+    """The start with its tables read at the knots that the study states, but for those that are free."""
+    moved = {entry.partition("[")[0] for entry in free}
     stated = {
         name: given.value
         for name, given in parameters_of(study).items()
-        if given.value is not None and name.partition("[")[0] not in free
+        if given.value is not None and name.partition("[")[0] not in moved
     }
     values: dict[str, Any] = {name: value for name, value in stated.items() if not name.endswith("]")}
     sized = on_given_knots(start, values)

@@ -23,7 +23,7 @@ from .tables import AnyStudy, Study, TraceEntry
 EXAMPLE = pathlib.Path(__file__).parents[1] / "example" / "study.toml"
 """The study that runs when none is named."""
 
-FORMAT = 2
+FORMAT = 3
 """Of what is kept of computations that are not finished: one of another format begins again."""
 
 

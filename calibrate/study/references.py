@@ -2,14 +2,13 @@
 
 import math
 import pathlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Annotated, Literal, get_args
 
 import jax.numpy as jnp
 import pydantic
 
 import vgtjax
-from vgtjax.control import SIGNAL_1_PERIOD, AbstractSignal, Later, Ramps, Sampled, Sine, Steps, signal_1, signal_2
 from vgtjax.traces.files import open_recording
 
 from .base import Finite, NotNegative, Positive, Table
@@ -92,13 +91,8 @@ class TraceReference(AbstractReference):
     """Relative to the study file; `[channels]` says where position and time are in it."""
 
 
-SIGNALS: dict[str, Callable[..., AbstractSignal]] = {
-    "sine": Sine,
-    "steps": Steps,
-    "ramps": Ramps,
-    "signal-1": signal_1,
-    "signal-2": signal_2,
-}
+SIGNALS = {"sine": "Sine", "steps": "Steps", "ramps": "Ramps", "signal-1": "signal_1", "signal-2": "signal_2"}
+"""What makes a signal of a kind, in `vgtjax.control`, which only commands with closed loops import."""
 Reference = Annotated[
     SineReference | StepsReference | RampsReference | PrintedReference | TraceReference,
     pydantic.Field(discriminator="kind"),
@@ -123,22 +117,22 @@ def cycle(entry: AbstractReference) -> float:
         case SineReference(rate=rate):
             return 2 * math.pi / rate
         case PrintedReference(kind="signal-1"):
-            return SIGNAL_1_PERIOD
+            return vgtjax.control.SIGNAL_1_PERIOD
     return 0.0
 
 
 def build_references(
     entries: Sequence[AbstractReference], folder: pathlib.Path, channels: Channels
-) -> dict[str, AbstractSignal]:
+) -> "dict[str, vgtjax.control.AbstractSignal]":
     """Signals in m by name, which is the kind where the study gives none; `channels` of the study say where traces have
     them."""
-    signals: dict[str, AbstractSignal] = {}
+    signals: dict[str, vgtjax.control.AbstractSignal] = {}
     for entry in entries:
         name = entry.title
         if name in signals:
             raise StudyError(f"two references are called '{name}'; give each its own name")
         signal = _signal(entry, folder, channels)
-        signals[name] = Later(signal, jnp.asarray(entry.begin)) if entry.begin > 0 else signal
+        signals[name] = vgtjax.control.Later(signal, jnp.asarray(entry.begin)) if entry.begin > 0 else signal
     return signals
 
 
@@ -150,12 +144,12 @@ def _found_in(path: pathlib.Path, channels: Channels) -> dict[str, vgtjax.Source
     return sources_of({name: table for name, table in mine.items() if {table.name, table.time} <= names})
 
 
-def _signal(entry: AbstractReference, folder: pathlib.Path, channels: Channels) -> AbstractSignal:
+def _signal(entry: AbstractReference, folder: pathlib.Path, channels: Channels) -> "vgtjax.control.AbstractSignal":
     """Position in m over time, from the signal's own beginning; files lie in `folder`."""
     if isinstance(entry, TraceReference):
         path = folder / entry.file
         trace = vgtjax.load_trace(path, channels=_found_in(path, channels), needs=("x_d",), ignore=OTHERS)
         position = trace.channels["x_d"]
-        return Sampled.through(position.time - trace.time[0], position.value)
+        return vgtjax.control.Sampled.through(position.time - trace.time[0], position.value)
     stated = sorted(entry.model_fields_set - {"kind", "name", "begin"})
-    return SIGNALS[entry.kind](**{key: getattr(entry, key) for key in stated})
+    return getattr(vgtjax.control, SIGNALS[entry.kind])(**{key: getattr(entry, key) for key in stated})

@@ -193,22 +193,7 @@ def plan_task(
 ) -> Task:
     """Puts a task together from names.
 
-    **Arguments:**
-
-    - `free`, `fixed`: names or fnmatch patterns; all that is not held by default, and `fixed` beats `free`.
-    - `values`: start values by name, in the units of the table.
-    - `bounds`: `(lower, upper)` by name or entry, either `None`.
-    - `channels`: measured signals to fit; by default those that are no input of the model.
-    - `unknown`: what the fit finds out besides the parameters; nothing by default.
-    - `deviations`: standard deviations by name or entry, in the units of the table: of what is free a Gaussian prior
-      (of its logarithm where it moves by that), of what is held a tolerance that goes into every error.
-    - `centers`: what priors are about, by name or entry; by default the start values.
-    - `scales`: by name or entry, `"log"` of what moves by its logarithm, `"linear"` of what moves in units of its size;
-      positive ones move by their logarithm by default, others linearly.
-    - `starts`: from how many places a search begins: the start values, and others around them.
-    - `gains`: relative standard uncertainty of the gain of each sensor, by channel: of one that `unknown` frees what is
-      known beforehand, and else a part of every error.
-    - `offsets`: the same of the offset of inputs, in their unit; not that of a pressure that is read from its rest.
+    **Arguments:** as those of [`fit`][vgtjax.fit], but that `unknown` is nothing by default.
 
     **Raises:** `InputError` for unknown names, another scale, a deviation or uncertainty that is not positive, a
     center that its entry can't have, a sensor that can't be free, a search from no place, and when no trace is to be
@@ -224,7 +209,8 @@ def plan_task(
     validate, _ = read_inputs(model, validate, unknown)
     selection, known, gains = select(model, free, fixed), _deviations(model, deviations or {}), dict(gains or {})
     if unknown.gain or unknown.offset or unknown.start_state or gains or offsets:
-        read = any(sensor is not None and sensor.offset_error for sensor in inputs)  # an offset that is found at rest
+        errors = [sensor.offset_error for sensor in inputs if sensor is not None]
+        read = bool(errors) and all(errors)  # an offset that is found at rest
         shifts = {channel: size for channel, size in (offsets or {}).items() if not (read and channel == "p_act")}
         found = instrumented(model, selection, fit, unknown, gains, shifts)
         model, selection, known, fit = found.model, found.selection, known | found.deviations, found.traces

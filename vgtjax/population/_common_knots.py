@@ -27,15 +27,16 @@ class FittedUnit:
         return None if self.covariance is None else self.covariance[np.ix_(at, at)]
 
 
-def on_common_knots(units: Sequence[FittedUnit]) -> list[FittedUnit]:
-    """Units with their tables, and the errors of these, read at the knots of the first unit.
+def on_common_knots(units: Sequence[FittedUnit], like: AbstractModel | None = None) -> list[FittedUnit]:
+    """Units with their tables, and the errors of these, read at the knots of one model, by default of the first unit's.
 
-    A table of which not all entries were free is none that was fitted then.
+    A table of which not all entries were free is none that was fitted then, and knots were not.
     """
     if not units:
         return []
-    first, table = units[0].model, parameter_table(units[0].model)
-    return [_moved(unit, {name: get_parameter(first, name) for name in table}) for unit in units]
+    like = units[0].model if like is None else like
+    knots = {name: get_parameter(like, name) for name in parameter_table(like)}
+    return [_moved(unit, knots) for unit in units]
 
 
 def _moved(unit: FittedUnit, knots: dict[str, Array]) -> FittedUnit:
@@ -43,7 +44,7 @@ def _moved(unit: FittedUnit, knots: dict[str, Array]) -> FittedUnit:
     if moved is unit.model:
         return unit
     own, table = parameter_table(unit.model), parameter_table(moved)
-    read_along = {f"{name.rpartition('.')[0]}.{axis}" for name, row in own.items() for axis in row.axes}
+    read_along = {axis for row in own.values() for axis in row.axes}
     free = [entry for entry in unit.entries if entry.partition("[")[0] not in read_along]
     whole = [name for name in own if set(entry_names({name: own[name]})) <= set(free)]
     entries = [

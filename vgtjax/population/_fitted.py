@@ -17,6 +17,8 @@ from ._population import Margin, Population, domain, lognormal, normal
 
 SMALLEST = 1e-12
 """Relative spread below which a quantity is the same in all units."""
+LEAST_SQUARE = 1e-100
+"""Of a value whose error is a part of itself: what it is divided by stays finite."""
 
 
 def fitted_population(
@@ -51,7 +53,8 @@ def fitted_population(
         correlation = scores.T @ scores / (len(units) - 1)
     else:
         mean, deviation, correlation = _without_errors(units, positive, np.stack(covariances))
-    chosen = np.flatnonzero(deviation > SMALLEST * np.where(positive, 1.0, np.abs(mean))).tolist()
+    differ = np.ptp(units, axis=0) > 0
+    chosen = np.flatnonzero(differ & (deviation > SMALLEST * np.where(positive, 1.0, np.abs(mean)))).tolist()
     if not chosen:
         raise InputError(
             "a population needs a quantity that its units determine and that spreads between them, but there is none; "
@@ -86,15 +89,16 @@ def population_of_fits(fits: Sequence[Calibration]) -> Population:
     return population_of_units(units)
 
 
-def population_of_units(units: Sequence[FittedUnit]) -> Population:
+def population_of_units(units: Sequence[FittedUnit], like: AbstractModel | None = None) -> Population:
     """The same of what other tools or files say of fits: the population of every entry that was free in all units,
     freed of the errors of the fits where all state these.
 
-    Tables stand on the knots of the first unit's, where their values and the errors of these are read off.
+    Tables stand on the knots of `like`, by default those of the first unit, where their values and the errors of these
+    are read off.
 
     **Raises:** `InputError` as [`fitted_population`][vgtjax.population.fitted_population] does.
     """
-    units = on_common_knots(units)
+    units = on_common_knots(units, like)
     entries = [entry for each in units[:1] for entry in each.entries if all(entry in unit.entries for unit in units)]
     errors = [unit.errors_of(entries) for unit in units]
     stated = [each for each in errors if each is not None]
@@ -152,7 +156,7 @@ def _without_errors(
     slopes = np.where(positive, units, 1.0)
     # A variance of zero is a value that is known exactly.
     exact = np.einsum("uii->ui", covariances) == 0
-    sizes = np.where(exact, SMALLEST * np.maximum(units**2, np.finfo(float).tiny), 0.0)
+    sizes = np.where(exact, SMALLEST * np.maximum(units**2, LEAST_SQUARE), 0.0)
     covariances = covariances + sizes[:, :, None] * np.eye(units.shape[1])
     relative = covariances / slopes[:, :, None] / slopes[:, None, :]
     precisions = np.zeros_like(relative)

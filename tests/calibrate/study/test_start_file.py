@@ -265,6 +265,21 @@ def test_an_earlier_table_keeps_its_force_at_the_knots_that_a_study_states(state
     np.testing.assert_allclose(vane_force.closing, force_at(pressures, angles), rtol=1e-13)
 
 
+def test_an_entry_that_a_file_has_not_is_free_where_the_study_states_its_knot():
+    pressures = [0.75e5, 1.5e5, 3.0e5]
+    study = AnyStudy.validate_python(
+        {
+            "components": {"vane_force": "map"},
+            "parameters": {"vane_force.turbine_pressure": {"value": pressures}},
+            "fit": {"free": ["vane_force.closing[17]"]},
+        }
+    )
+    earlier = values_of(vgtjax.Actuator(vane_force=vgtjax.HysteresisMap()))
+    earlier["vane_force.closing"] = force_at(PRESSURES, ANGLES).tolist()
+    vane_force = start_model(build_model(study), study, earlier)[0].vane_force
+    np.testing.assert_allclose(vane_force.closing, force_at(pressures, ANGLES), rtol=1e-13)
+
+
 def test_a_data_set_that_is_not_there(folder, fit):
     path = folder / "no.dcm"
     assert_refused(

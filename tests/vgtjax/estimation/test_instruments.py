@@ -155,3 +155,13 @@ def test_a_stated_gain_of_the_drive_is_in_every_error_and_a_stated_offset_too(me
         assert np.all(np.abs(moved - wanted) < 0.02 * np.hypot(wanted, plain.std_errors))
     np.testing.assert_allclose(stated.std_errors, np.hypot(plain.std_errors, stated.budget.type_b), rtol=1e-3)
     np.testing.assert_allclose(stated.values, plain.values, rtol=1e-6)  # the same search, through a gain of one
+
+
+def test_an_offset_that_not_every_trace_shows_at_rest_counts(mechanical):
+    """Where all begin at rest it is read there, and its certificate says nothing more."""
+    moving = mechanical.window(0.25, 0.9)
+    for traces, counts in (([mechanical], False), ([moving], True), ([mechanical, moving], True)):
+        found = plan_task(
+            vgtjax.MechanicalActuator(), traces, free=["diaphragm.preload"], offsets={"p_act": 500.0}, unknown=unknown()
+        )
+        assert ("offset.p_act" in found.tolerances) == counts

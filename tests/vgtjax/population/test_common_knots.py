@@ -74,3 +74,20 @@ def test_what_was_not_determined_or_not_free_is_neither_at_other_knots(units):
     np.testing.assert_allclose(moved.covariance[~lost], units[1].covariance[~lost], rtol=1e-9)
     held = FittedUnit(unknown.model, unknown.entries[:7], unknown.covariance[:7, :7])
     assert population_of_units([units[0], held, *units[2:]]).factors.entries == ("diaphragm.mass",)
+
+
+def test_knots_that_were_free_are_no_quantities_of_units_that_were_moved(units):
+    """They are where the first unit's are, without an error of their own."""
+    several = []
+    for unit in (units * 4)[:18]:
+        entries = (*unit.entries, f"{PRESSURES}[0]", f"{PRESSURES}[1]")
+        errors = np.zeros((15, 15))
+        errors[:13, :13], errors[13:, 13:] = unit.covariance, 1e4 * np.eye(2)
+        several.append(FittedUnit(unit.model, entries, errors))
+    pressures = np.asarray(vgtjax.get_parameter(units[0].model, PRESSURES))
+    other = on_given_knots(several[1].model, {PRESSURES: 1.1 * pressures})
+    found = population_of_units([several[0], dataclasses.replace(several[1], model=other), *several[2:]])
+    assert found.factors.entries == units[0].entries
+    again = population_of_units(several, like=other)
+    np.testing.assert_array_equal(vgtjax.get_parameter(again.model, PRESSURES), 1.1 * pressures)
+    assert again.factors.entries == units[0].entries

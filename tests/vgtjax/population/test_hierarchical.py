@@ -143,6 +143,17 @@ def test_an_error_of_zero_is_a_value_that_is_known(found):
     assert deviations(population(estimates, exact))[0] == pytest.approx(scatter, rel=0.01)
 
 
+def test_a_zero_that_is_known_exactly_stays_zero(found):
+    """Its size says nothing of how well it is known."""
+    _, estimates, covariances = found
+    values, errors = estimates[:, [0, 1]].copy(), [each[:2, :2].copy() for each in covariances]
+    values[:, 1] = 0.0
+    for each in errors:
+        each[1], each[:, 1] = 0.0, 0.0
+    models = [Selection(ENTRIES[:2]).unpack(vgtjax.Actuator(), jnp.asarray(value)) for value in values]
+    assert fitted_population(models, ENTRIES[:2], errors).factors.entries == ENTRIES[:1]
+
+
 def fit_of(free, values, covariance):
     """What a fit would say that found these values, with an offset of a sensor, which is no part of the unit."""
     model = Selection(free).unpack(vgtjax.Actuator(), jnp.asarray(values))

@@ -7,7 +7,7 @@ opens and shuts without a phase that holds, and only the middle is worth anythin
 """
 
 import numpy as np
-import scipy.ndimage
+import scipy
 from jaxtyping import Bool
 
 from ._sensors import Samples
