@@ -4,7 +4,7 @@ import itertools
 from typing import Any, NamedTuple
 
 from vgtjax.experiments import Output
-from vgtjax.population import VISCOUS, Population, Sample
+from vgtjax.population import Population, Sample
 
 from ..output.files import finite
 from .job import PopulationJob
@@ -47,24 +47,18 @@ def describe_active(population: Population, sample: Sample) -> dict[str, Any]:
     """How many samples have friction that, as drawn, could give out energy, and whether those were raised."""
     begins = range(0, sample.rows, AT_ONCE)
     count = sum(int(population.active(sample.points(i, min(i + AT_ONCE, sample.rows))).sum()) for i in begins)
-    return {"count": count, "raised": population.raises}
+    return {"count": count, "raised": population.passive}
 
 
 def say_active(population: Population, count: int, samples: int) -> str | None:
     """A sentence on samples whose friction, as drawn, could give out energy, and on what was done about it."""
     if not count:
         return None
-    done = ""
-    if population.raises:
-        done = (
-            "; the viscous damping of such a sample was raised to the least of passive friction (passive = false under "
-            "[population] leaves it)"
-        )
-    elif population.passive:
-        done = (
-            f"; nothing was raised, as {VISCOUS} does not vary: name it under vary of [population], or free it in the "
-            "fits of units"
-        )
+    raised = (
+        "; the viscous damping of such a sample was raised to the least of passive friction (passive = false under "
+        "[population] leaves it)"
+    )
+    done = raised if population.passive else ""
     return f"{count:,} of {samples:,} samples had friction that, as drawn, could give out energy{done}"
 
 

@@ -59,8 +59,8 @@ def known_actuators(plan: Plan) -> Results:
     """The experiments on the nominal actuator and on each fitted unit, as it was fitted, which are no samples."""
     models = [plan.job.population.model, *plan.job.fitted.values()]
     factors, apart = plan.job.population.factors, differing_factors(models)
-    if set(apart.entries) <= set(factors.entries):
+    if set(apart.entries) <= set(factors.entries) and all(factors.restores(model) for model in models):
         evaluator = plan.evaluator
-    else:  # what no unit determines, or not all of them have free, is no quantity of the population
+    else:  # what no unit determines, or not all of them have free, is no quantity of the population, nor made passive
         factors, evaluator = apart, _evaluator(plan.job, apart, len(models))
     return evaluator(np.stack([np.asarray(factors.pack(model)) for model in models]))

@@ -2,7 +2,12 @@
 
 from ._common_knots import FittedUnit as FittedUnit
 from ._evaluate import Evaluator as Evaluator, run as run
-from ._factors import Factors as Factors, choose_factors as choose_factors, differing_factors as differing_factors
+from ._factors import (
+    Factors as Factors,
+    PassiveFactors as PassiveFactors,
+    choose_factors as choose_factors,
+    differing_factors as differing_factors,
+)
 from ._fitted import (
     fitted_levels as fitted_levels,
     fitted_population as fitted_population,
@@ -11,7 +16,6 @@ from ._fitted import (
 )
 from ._members import Members as Members
 from ._population import (
-    VISCOUS as VISCOUS,
     Margin as Margin,
     Population as Population,
     lognormal as lognormal,

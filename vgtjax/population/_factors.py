@@ -18,7 +18,7 @@ from ..parameters import (
     replace_parameters,
     table_row,
 )
-from ..plants import AbstractModel
+from ..plants import AbstractModel, AbstractRodModel
 
 
 class Factors(eqx.Module):
@@ -46,10 +46,41 @@ class Factors(eqx.Module):
         single = {entry: vector[i] for i, entry in enumerate(self.entries) if not is_curve(table, entry)}
         return Selection(tuple(single)).unpack(model, jnp.stack(list(single.values()))) if single else model
 
+    def restores(self, model: AbstractModel) -> bool:
+        """Whether `unpack` gives its own values back to a model."""
+        return True
+
     def units(self, model: AbstractModel) -> list[str]:
         """Unit of each quantity."""
         table = parameter_table(model)
         return ["1" if is_curve(table, e) else str(table_row(table, e).unit) for e in self.entries]
+
+
+VISCOUS = "friction.viscous_damping"
+"""What is raised until friction is passive."""
+
+
+class PassiveFactors(Factors):
+    """The quantities of a population without its viscous damping, which a member has as much more of as its other
+    values ask for: no member has friction that can give out energy."""
+
+    def unpack(self, model: Module, vector: Float[Array | np.ndarray, " factors"]) -> Module:
+        """`model` with these values, and the least viscous damping at least with which its friction is passive."""
+        return raised_to_passive(super().unpack(model, vector))
+
+    def restores(self, model: AbstractModel) -> bool:
+        """Whether a model needs no more viscous damping."""
+        return not isinstance(model, AbstractRodModel) or model.friction.is_passive
+
+
+def raised_to_passive(model: Module) -> Module:
+    """`model` with the least viscous damping at least with which its friction is passive, if there is such a one."""
+    margin = model.friction.passivity_margin() if isinstance(model, AbstractRodModel) else None
+    if margin is None:
+        return model
+    # A little more than the least: rounding may not put it back outside.
+    more = (1 + 1e-9) * jnp.maximum(-margin, 0.0)
+    return replace_parameters(model, {VISCOUS: get_parameter(model, VISCOUS) + more})
 
 
 def differing_factors(models: Sequence[AbstractModel]) -> Factors:

@@ -14,7 +14,7 @@ from jaxtyping import Array, Bool, Float
 from .._errors import InputError
 from ..parameters import parameter_table, table_row
 from ..plants import AbstractModel, AbstractRodModel
-from ._factors import Factors, is_curve
+from ._factors import VISCOUS, Factors, PassiveFactors, is_curve
 from ._members import Members, build_members
 from ._sampling import SobolSample
 
@@ -43,8 +43,6 @@ class Margin(Protocol):
 
 
 Rows = Float[np.ndarray, "rows factors"]
-VISCOUS = "friction.viscous_damping"
-"""What is raised until friction is passive."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -54,8 +52,8 @@ class Population:
     `margins` are in the order of `factors.entries` and in the units of the table. `correlation` is that of the
     normal scores, `(factors, factors)`; it may be singular, as it is where few units were measured.
 
-    With `passive`, no member has friction that can give out energy, if viscous damping is among the quantities: where
-    the drawn one is too small for that, a member has the least that is large enough.
+    With `passive`, no member has friction that can give out energy: where the drawn viscous damping, or the nominal one
+    that does not vary, is too small for that, a member has the least that is large enough.
 
     **Raises:** `InputError` where sizes differ, or the correlation is none.
     """
@@ -74,6 +72,9 @@ class Population:
             )
         if self.correlation is not None:
             _check_correlation(np.asarray(self.correlation), len(self.margins))
+        beside = self.passive and VISCOUS not in self.factors.entries
+        kind = PassiveFactors if beside else Factors
+        object.__setattr__(self, "factors", kind(self.factors.entries))
 
     @property
     def dimensions(self) -> int:
@@ -90,15 +91,10 @@ class Population:
         """The nominal actuator's values."""
         return np.asarray(self.factors.pack(self.model))
 
-    @property
-    def raises(self) -> bool:
-        """Whether viscous damping is raised where friction as drawn can give out energy: it must be a quantity."""
-        return self.passive and VISCOUS in self.factors.entries
-
     def values(self, points: Rows) -> Rows:
         """Parameter values of points of the open unit cube; each row by itself, so that slices give the same."""
         drawn = self._drawn(points)
-        if not self.raises:
+        if not self.passive or VISCOUS not in self.factors.entries:
             return drawn
         raised = drawn.copy()
         # A little more than the least: rounding may not put it back outside.
@@ -121,7 +117,7 @@ class Population:
         """Viscous damping in N s/m beyond the least of passive friction; infinite where friction is always passive."""
         if not isinstance(self.model, AbstractRodModel):
             return np.full(len(values), np.inf)
-        return np.asarray(_passivity(self.model, self.factors, jnp.asarray(values)))
+        return np.asarray(_passivity(self.model, Factors(self.factors.entries), jnp.asarray(values)))
 
     def _drawn(self, points: Rows) -> Rows:
         if self.correlation is not None:

@@ -190,14 +190,18 @@ def test_no_member_has_friction_that_gives_out_energy():
     assert not spread_population(ACTUATOR, 0.5, vary=["diaphragm.mass"]).active(points[:, :1]).any()
 
 
-@pytest.mark.parametrize(
-    ("vary", "raises"), [(["friction.*"], True), (["friction.bristle_damping", "friction.static_force"], False)]
-)
-def test_what_does_not_vary_is_not_raised(vary, raises):
+@pytest.mark.parametrize("vary", [["friction.*"], ["friction.bristle_damping", "friction.static_force"]])
+def test_no_member_has_friction_that_can_give_out_energy_whether_its_viscous_damping_varies_or_not(vary):
     wide = spread_population(ACTUATOR, 0.5, vary=vary)
-    points = make_sample(wide.dimensions, 64, "sobol", 3).points(0, 64)
-    assert wide.active(points).any()
-    assert wide.raises is raises
     loose = dataclasses.replace(wide, passive=False)
-    assert loose.raises is False
-    assert np.array_equal(wide.values(points), loose.values(points)) is not raises
+    sample = points(64, len(wide.factors.entries))
+
+    def margins(population):
+        rows = population.values(sample)
+        return np.array([population.factors.unpack(ACTUATOR, row).friction.passivity_margin() for row in rows])
+
+    assert np.sum(margins(loose) < 0) == np.sum(wide.active(sample)) > 5
+    assert np.all(margins(wide) >= 0)
+    # Only those that needed it, and by no more than that and a billionth of up to thousands of N s/m.
+    np.testing.assert_allclose(margins(wide), np.maximum(margins(loose), 0.0), atol=1e-5)
+    assert all(model.friction.is_passive for model in wide.members(16).models.values())
