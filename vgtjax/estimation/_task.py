@@ -193,7 +193,7 @@ def plan_task(
 ) -> Task:
     """Puts a task together from names.
 
-    **Arguments:** as those of [`fit`][vgtjax.fit], but that `unknown` is nothing by default.
+    **Arguments:** as those of [`fit`][vgtjax.identification.fit], but that `unknown` is nothing by default.
 
     **Raises:** `InputError` for unknown names, another scale, a deviation or uncertainty that is not positive, a
     center that its entry can't have, a sensor that can't be free, a search from no place, and when no trace is to be

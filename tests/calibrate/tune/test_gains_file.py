@@ -57,6 +57,7 @@ def test_of_a_vector_that_is_stated_by_entry_the_file_has_all(tmp_path):
     controller, _ = start_controller(study.control, plant)
     nothing = SimpleNamespace(
         entries=(),
+        values=lambda _: np.zeros(0),
         at_bound=np.asarray,
         memories=(1.0,),
         linearise=lambda *_: SimpleNamespace(curvatures=np.zeros((1, 0, 0))),
