@@ -2,6 +2,7 @@
 
 import dataclasses
 import pathlib
+from collections.abc import Collection
 from typing import Any
 
 import vgtjax
@@ -97,15 +98,20 @@ def _population(
         return _of_tolerances(study, models[0], levels)
     assert parameters is not None, "several actuators come from a folder"
     files = unit_files(parameters).values()
-    units = [_as_fitted(*each) for each in zip(models, files, values.values(), strict=True)]
+    stated = {name.partition("[")[0] for name in study.parameters}
+    units = [_as_fitted(*each, stated) for each in zip(models, files, values.values(), strict=True)]
     return _of_units(study, units, models[0], parameters, levels)
 
 
-def _as_fitted(model: vgtjax.AbstractModel, file: pathlib.Path, given: dict[str, Any]) -> FittedUnit:
-    """A unit on the knots of its own fit, though the study may state others."""
+def _as_fitted(
+    model: vgtjax.AbstractModel, file: pathlib.Path, given: dict[str, Any], stated: Collection[str]
+) -> FittedUnit:
+    """A unit on the knots of its own fit, though the study may state others, and with the tables of its own."""
     entries = fitted_entries(file)
-    names = {entry.partition("[")[0] for entry in entries}
-    own = vgtjax.replace_parameters(on_given_knots(model, given), {name: given[name] for name in names & given.keys()})
+    own = on_given_knots(model, given)
+    tables = {name for name, row in vgtjax.parameter_table(own).items() if row.axes and name not in stated}
+    names = tables.union(entry.partition("[")[0] for entry in entries) & given.keys()
+    own = vgtjax.replace_parameters(own, {name: given[name] for name in names})
     return FittedUnit(own, entries, fit_covariance(file, entries))
 
 

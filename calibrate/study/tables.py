@@ -135,7 +135,7 @@ class PopulationTable(Table):
     parameters: dict[str, Spread] = {}
     correlation: list[Correlation] = []
     passive: bool = True
-    """Whether viscous damping, where it varies, is raised where friction could give out energy."""
+    """Whether viscous damping is raised where friction could give out energy."""
 
 
 class ExperimentsTable(Table):

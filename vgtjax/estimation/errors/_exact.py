@@ -6,6 +6,7 @@ from ...parameters import get_parameter, parameter_table
 from ...parts import Turbine
 from ...plants import AbstractRodModel
 from .._task import Task
+from ..measurements import inputs_of
 
 NAMED = 6
 """Values that a sentence names; of more it has the number."""
@@ -43,9 +44,7 @@ def _held(task: Task, deviations: str, gains: str) -> str | None:
 
 def _driving(task: Task) -> list[str]:
     """The sensor of what drives a rod alone, by which every force is known."""
-    if "pwm" in task.plant.needs:
-        return []
-    return ["f_drive" if any("f_drive" in trace.channels for trace in task.fit) else "p_act"]
+    return [] if "pwm" in task.plant.needs else [inputs_of(task.plant, task.fit)[0]]
 
 
 def _assumed(task: Task, deviations: str) -> str | None:

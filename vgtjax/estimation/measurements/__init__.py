@@ -36,7 +36,7 @@ from ._holds import (
     sample_interval as sample_interval,
 )
 from ._inputs import InputSensor as InputSensor, read_inputs as read_inputs
-from ._instruments import instrumented as instrumented
+from ._instruments import inputs_of as inputs_of, instrumented as instrumented
 from ._measured import SensorsOfTraces as SensorsOfTraces, count_of as count_of, white_sensors as white_sensors
 from ._residuals import FitProblem as FitProblem, Prior as Prior, build_fit_problem as build_fit_problem
 from ._sensors import (

@@ -49,7 +49,7 @@ def instrumented(
 
     **Raises:** `InputError` for a sensor that a model neither is driven by nor is compared with, or a trace lacks.
     """
-    inputs = _inputs(model, traces)
+    inputs = inputs_of(model, traces)
     # The offset of what is fitted is eliminated in every trace: there is nothing more to find.
     shifted = [channel for channel in unknown.offset if channel in inputs or channel not in CHANNELS]
     starting = _starting(model, traces, unknown)
@@ -129,7 +129,7 @@ def _first_value(trace: Trace, channel: str) -> float:
     return float(np.polyfit(first.time - trace.time[0], first.value, 2)[-1])
 
 
-def _inputs(model: AbstractModel, traces: Sequence[Trace]) -> tuple[str, ...]:
+def inputs_of(model: AbstractModel, traces: Sequence[Trace]) -> tuple[str, ...]:
     """Channels by which a model is driven, but for the duty."""
     if "p_act" in model.sensed:
         return ("p_res", "p_trb")
