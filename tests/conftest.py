@@ -23,12 +23,7 @@ with install_import_hook("vgtjax", "typechecker.checked"):
 vgtjax.simulation._stepping.UNROLL = 1
 
 # Of what is optimised (`support.optimised`, notebooks): LLVM's first level, as of programs that are kept on disk.
-FLAGS = ["--xla_backend_optimization_level=1"]
-# MLIR's code of fused loops takes half of the compilation of gas flow, which LLVM's has no need of. Later XLA has no
-# other, and ends a process that asks for it.
-if jax.__version_info__ < (0, 11):
-    FLAGS.append("--xla_cpu_use_fusion_emitters=false")
-os.environ["XLA_FLAGS"] = " ".join([*FLAGS, os.environ.get("XLA_FLAGS", "")]).strip()
+os.environ["XLA_FLAGS"] = f"--xla_backend_optimization_level=1 {os.environ.get('XLA_FLAGS', '')}".strip()
 
 CACHE = platformdirs.user_cache_path("vgtjax") / "tests"
 vgtjax.configure(cpu_devices=2, cache=CACHE)
