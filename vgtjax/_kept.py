@@ -39,6 +39,8 @@ _FINDING = threading.Lock()
 _FIRST_LEVEL: dict[str, str | bool] = {"xla_backend_optimization_level": "1"}
 """XLA has made vectors of lanes already: what LLVM's further levels do to a march and its derivatives takes a tenth of
 a first fit on a CPU and gains nothing. Populations would take 2 to 5 % longer; their programs are not kept."""
+_NO_LEVEL: dict[str, str | bool] = {"xla_backend_optimization_level": "0"}
+"""Of what runs once a fit, for less time than the first level takes."""
 _KNOWN_CALLS = ("lapack", "Sharding", "SPMD")
 """Calls to the outside that mean the same in another process, unlike those to functions of Python."""
 
@@ -65,8 +67,9 @@ class _Program:
 class Kept(Generic[P, R]):
     """A compiled function whose programs are kept on disk, see [`keep_compiled`][]."""
 
-    def __init__(self, function: Callable[P, R]) -> None:
+    def __init__(self, function: Callable[P, R], options: dict[str, str | bool]) -> None:
         functools.update_wrapper(self, function)
+        self._options = options
         self._function: Callable[..., Any] = function
         self._compiled: Callable[..., R] = eqx.filter_jit(function)
         self._programs: dict[Hashable, Future[_Program | None]] = {}
@@ -142,15 +145,15 @@ class Kept(Generic[P, R]):
         # called. With a name that no other process has it is not found there, not even where two make it at once.
         flat.__name__ = flat.__qualname__ = f"{self._function.__name__}_{uuid.uuid4().hex}"
         lowered = jax.jit(flat).lower(*leaves)
-        compiled, calls = _compile(lowered), set(re.findall(r"custom_call @(\w+)", lowered.as_text()))
+        compiled, calls = _compile(lowered, self._options), set(re.findall(r"custom_call @(\w+)", lowered.as_text()))
         if all(call.startswith(_KNOWN_CALLS) for call in calls):
             _save(file, compiled, (output[0], len(leaves), any(call.startswith("lapack") for call in calls)))
         return _Program(compiled, output[0])
 
 
-def _compile(lowered: jax.stages.Lowered) -> jax.stages.Compiled:
-    """On a CPU by the first level of optimisation; other devices, and who wants none, as they are set."""
-    return lowered.compile(_FIRST_LEVEL if jax.default_backend() == "cpu" and is_optimised() else None)
+def _compile(lowered: jax.stages.Lowered, options: dict[str, str | bool]) -> jax.stages.Compiled:
+    """On a CPU with such options of its compiler; other devices, and who wants no optimisation, as they are set."""
+    return lowered.compile(options if jax.default_backend() == "cpu" and is_optimised() else None)
 
 
 def _key(leaves: Sequence[Any], structure: Any) -> Hashable:
@@ -167,7 +170,12 @@ def keep_compiled(function: Callable[P, R]) -> Kept[P, R]:
 
     What is made of a user's own classes is compiled in each process, since their code may have changed.
     """
-    return Kept(function)
+    return Kept(function, _FIRST_LEVEL)
+
+
+def keep_compiled_for_once(function: Callable[P, R]) -> Kept[P, R]:
+    """`keep_compiled` of what runs so rarely that optimisation takes longer than it gains."""
+    return Kept(function, _NO_LEVEL)
 
 
 @contextlib.contextmanager

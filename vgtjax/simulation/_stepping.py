@@ -149,21 +149,32 @@ class CountedMarch(AbstractFixedMarch):
 
     def reversible(self) -> "ReversibleMarch":
         """See the base class."""
-        return ReversibleMarch(int(self.substeps), self.solver)
+        room = max(ROOM, 1 << int(self.substeps).bit_length())  # one more where the duty changes on the way
+        return ReversibleMarch(self.substeps, self.solver, room)
+
+
+ROOM = 32
+"""Steps an interval that reverse mode has room for at least: records of most rates share its programs."""
 
 
 class ReversibleMarch(AbstractFixedMarch):
-    """A number of steps that is compiled in; reverse mode keeps the states between steps, and makes the rest again.
+    """A number of steps that is a number like others, `room` at most; reverse mode keeps the states between steps, and
+    makes the rest again.
 
     To keep all that a step computes takes half as long again to compile, and as much longer to run.
     """
 
-    substeps: int = eqx.field(static=True)
+    substeps: Int[np.ndarray, ""] | Int[Array, ""]
     solver: diffrax.AbstractSolver | None = None
+    room: int = eqx.field(static=True, default=ROOM)
 
-    def _repeat(self, one: Callable[[Any, Array], Any], carry: Any, count: int) -> Any:
+    def _repeat(self, one: Callable[[Any, Array], Any], carry: Any, count: Any) -> Any:
         again = jax.checkpoint(one)
-        return jax.lax.scan(lambda carry, number: (again(carry, number), None), carry, jnp.arange(count))[0]
+
+        def step(carry: Any, number: Array) -> tuple[Any, None]:
+            return jax.lax.cond(number < count, again, lambda carry, _: carry, carry, number), None
+
+        return jax.lax.scan(step, carry, jnp.arange(self.room))[0]
 
 
 class FixedStep(AbstractFixedStepping):

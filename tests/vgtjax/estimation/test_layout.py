@@ -1,5 +1,6 @@
 """Traces of several rates and lengths: laid out in few shapes, and the answers that each would get alone."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from vgtjax.estimation import (
 )
 from vgtjax.estimation.derivatives import _layout
 from vgtjax.estimation.derivatives._sensitivities import observe_backwards, observe_with_jacobian
+from vgtjax.estimation.measurements._measured import measure, white_sensors
 from vgtjax.parameters import select
 
 FREE = ["diaphragm.stiffness", "chamber.volume", "converter.plunger_mass"]
@@ -47,6 +49,15 @@ def test_records_of_two_rates_share_a_shape(shared):
     assert [each.indices for each in shared] == [(0, 2), (1,)]
     assert [int(each.plan.substeps) for each in shared] == [20, 4]
     assert shared[0].shape == shared[1].shape == (4, 2, 6)
+
+
+def test_reverse_mode_and_residuals_of_two_rates_share_their_programs(shared):
+    sensors = white_sensors([SLOW, FAST, OTHER], ["p_act"])
+    alike = [(each.reversible(), measure(each, [SLOW, FAST, OTHER], sensors)) for each in shared]
+    assert jax.tree.structure(alike[0]) == jax.tree.structure(alike[1])
+    assert [np.shape(leaf) for leaf in jax.tree.leaves(alike[0])] == [
+        np.shape(leaf) for leaf in jax.tree.leaves(alike[1])
+    ]
 
 
 def test_a_shape_that_takes_too_much_room_is_not_shared(actuator, monkeypatch):

@@ -228,11 +228,8 @@ class _Waiting(NamedTuple):
         model, selection, bundle, delay, cotangent = arguments
         substeps = int(bundle.plan.substeps)
         # The steps of all are given by themselves: those of its own would make every fit wait for the others.
-        alike = (
-            bundle.reversible()
-            if cotangent is not None
-            else eqx.tree_at(lambda bundle: bundle.plan.substeps, bundle, 0)
-        )
+        alike = bundle if cotangent is None else bundle.reversible()
+        alike = eqx.tree_at(lambda bundle: bundle.plan.substeps, alike, 0)
         arrays, rest = eqx.partition((model, selection, alike, delay, cotangent), eqx.is_array_like)
         arrays = jax.tree.map(np.asarray, arrays)
         shapes = tuple((leaf.shape, leaf.dtype.str) for leaf in jax.tree.leaves(arrays))

@@ -13,13 +13,13 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..._errors import SimulationError
-from ..._kept import keep_compiled
+from ..._kept import keep_compiled, keep_compiled_for_once
 from ..._lanes import replicate, spread
 from ..._types import Scalar
 from ...parameters import Selection, select
 from ...parts import with_tables
 from ...plants import AbstractModel, State, rows_along
-from ...simulation import RESULTS, CountedMarch, FixedStep, check_result
+from ...simulation import RESULTS, FixedStep, check_result
 from ...traces import Drive, Trace
 from ._adjoint import pull_back
 from ._bundle import CHANNELS, Bundle, Slope, bundle_traces
@@ -148,7 +148,7 @@ def _spread_jacobian(
     return _linearise(model, selection, bundle, delay, values)
 
 
-@keep_compiled
+@keep_compiled_for_once
 def _pulled_back(
     model: AbstractModel,
     selection: Selection,
@@ -177,8 +177,7 @@ def observe_together(
 
     def one(leaves: tuple[Any, ...]) -> tuple[Array | None, Array | None, RESULTS | None]:
         model, selection, bundle, delay, cotangent = eqx.combine(leaves, static)
-        if isinstance(bundle.plan, CountedMarch):
-            bundle = eqx.tree_at(lambda bundle: bundle.plan.substeps, bundle, substeps)
+        bundle = eqx.tree_at(lambda bundle: bundle.plan.substeps, bundle, substeps)
         if cotangent is not None:
             return None, _backwards(model, selection, bundle, delay, cotangent), None
         if selection is not None:

@@ -76,7 +76,7 @@ def measure(bundle: Bundle, traces: Sequence[Trace], sensors: SensorsOfTraces) -
         bundle.lane_trace,
         memory if order else None,
         past if order else None,
-        len(bundle.indices),
+        bundle.shape.traces,
     )
 
 
@@ -113,7 +113,7 @@ def knowing_edges(
     columns = np.asarray(jacobian_block(measured, jnp.asarray(responses))) @ root
     owner = np.repeat(np.asarray(measured.owner), SEGMENT * len(CHANNELS))
     directions = np.zeros_like(columns)
-    for trace in range(measured.traces):
+    for trace in np.unique(owner):
         basis, sizes, _ = np.linalg.svd(columns[owner == trace], full_matrices=False)
         directions[owner == trace] = basis * np.sqrt(1 - 1 / np.sqrt(1 + sizes**2))
     expected = np.einsum("lscj,lj->lsc", responses, later[np.asarray(measured.owner)])
