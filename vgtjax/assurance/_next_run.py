@@ -8,12 +8,24 @@ import numpy as np
 from jaxtyping import Float
 
 from .._errors import SimulationError
-from ..estimation import CHANNELS, Computation, Evaluation, Task, ask, bundle_traces, by_gains, run_alone
+from ..estimation import (
+    CHANNELS,
+    Bundle,
+    Computation,
+    Evaluation,
+    Task,
+    ask,
+    bundle_traces,
+    by_gains,
+    longest_like,
+    run_alone,
+)
 from ..experiments import STANDARD_RUNS, StandardRun
 from ..parameters import select
 from ..parts import OPERATING_POINTS
 from ..traces import ASSUMED_RESERVOIR, noise_level
 from ._information import Information
+from ._pieces import cut, joined
 
 LARGEST = 10.0
 """Relative error to which what is not determined is counted: a factor of 20,000 either way is no knowledge."""
@@ -75,21 +87,24 @@ def _reservoir(task: Task) -> float:
 def _columns(task: Task, known: Information, runs: Sequence[StandardRun]) -> Computation[list[np.ndarray]]:
     """What each run would tell, as rows of [`Information`][], with the noise of the sensors that recorded the others.
 
-    Runs that are the beginning of another, or a part of its samples, are simulated once: the finest and longest.
+    Runs that are the beginning of another, or a part of its samples, are simulated once: the finest and longest; in
+    pieces where these have room in the programs of the fit and the whole has not.
     """
     kinds = dict.fromkeys(_course(run) for run in runs)
     whole = {kind: _finest([run for run in runs if _course(run) == kind]) for kind in kinds}
     model = task.selection.unpack(task.model, known.values)
     traces = [run.trace(_reservoir(task)) for run in whole.values()]
     if all(trace.p_act is not None for trace in task.fit) and "pwm" in model.needs:
-        # With the same channels they may share the programs of the fit; at rest it is what they begin with anyway.
+        # With the same channels they may share the programs of the fit.
         traces = [trace.replace(p_act=np.full(len(trace.time), trace.atmosphere)) for trace in traces]
     recorded = bundle_traces(model, task.fit, task.steps)
-    bundles = bundle_traces(model, traces, task.steps, like=recorded)
+    cuts = [cut(trace, longest_like(trace, recorded)) for trace in traces]
+    pieces = [piece.trace for pieces in cuts for piece in pieces]
+    bundles = [_balanced(each) for each in bundle_traces(model, pieces, task.steps, like=recorded)]
     evaluated = yield from ask(Evaluation(model, bundles, None, task.selection))
     if evaluated.failed:
         raise SimulationError(f"a standard run can't be simulated with these values. {evaluated.failure}")
-    slope, noise, order = _slope(task, known), _noise(task), list(whole)
+    slope, noise = _slope(task, known), _noise(task)
     parts = [[each * slope for each in evaluated.columns], [by_gains(task, each) for each in evaluated.observed]]
     if task.tolerances:
         held = yield from ask(Evaluation(model, bundles, None, select(model, list(task.tolerances))))
@@ -97,8 +112,15 @@ def _columns(task: Task, known: Information, runs: Sequence[StandardRun]) -> Com
     found: dict[int, np.ndarray] = {}
     for bundle, *lanes in zip(bundles, *parts, strict=True):
         found |= dict(zip(bundle.indices, bundle.from_lanes(np.concatenate(lanes, axis=-1)), strict=True))
-    places = [order.index(_course(run)) for run in runs]
-    return [_recorded(run, whole[order[place]], found[place], noise) for run, place in zip(runs, places, strict=True)]
+    shown = iter(found[index] for index in range(len(pieces)))
+    courses = {kind: joined(pieces, [next(shown) for _ in pieces]) for kind, pieces in zip(whole, cuts, strict=True)}
+    return [_recorded(run, whole[_course(run)], courses[_course(run)], noise) for run in runs]
+
+
+def _balanced(bundle: Bundle) -> Bundle:
+    """The same runs with no measured pressure at their beginning: at rest, or in balance with the first duty."""
+    unknown = np.zeros_like(bundle.start.pressure_known)
+    return dataclasses.replace(bundle, start=dataclasses.replace(bundle.start, pressure_known=unknown))
 
 
 def _course(run: StandardRun) -> tuple[str, float, float]:

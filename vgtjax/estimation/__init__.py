@@ -41,6 +41,7 @@ from .derivatives import (
     bundle_traces as bundle_traces,
     compiling_ahead as compiling_ahead,
     jacobian as jacobian,
+    longest_like as longest_like,
     observe as observe,
     run_alone as run_alone,
     run_together as run_together,

@@ -1,6 +1,11 @@
 """Traces simulated side by side, in batches and in segments, and their exact derivatives."""
 
-from ._bundle import CHANNELS as CHANNELS, Bundle as Bundle, bundle_traces as bundle_traces
+from ._bundle import (
+    CHANNELS as CHANNELS,
+    Bundle as Bundle,
+    bundle_traces as bundle_traces,
+    longest_like as longest_like,
+)
 from ._evaluation import (
     Computation as Computation,
     Evaluated as Evaluated,

@@ -150,11 +150,19 @@ def bundle_traces(
         rates.setdefault(plan.substeps, {})[index] = Layout(trace, drive)
     bundles = []
     for kind, rates in kinds.items():
-        shapes = [bundle.shape for bundle in like if jax.tree.structure(bundle.drive) == kind]
-        for substeps, shape, group in packed(rates, shapes):
+        for substeps, shape, group in packed(rates, _shapes(kind, like)):
             counted = CountedMarch(np.asarray(substeps), plans[0].solver)
             bundles.append(_bundle(group, shape, counted, model_dtype(model)))
     return bundles
+
+
+def longest_like(trace: Trace, like: Sequence[Bundle]) -> int:
+    """Samples of the longest trace with the same kinds of input that has room in the shape of one of these bundles."""
+    return max((shape.longest for shape in _shapes(jax.tree.structure(trace.drive()), like)), default=0)
+
+
+def _shapes(kind: Any, bundles: Sequence[Bundle]) -> list[Shape]:
+    return [bundle.shape for bundle in bundles if jax.tree.structure(bundle.drive) == kind]
 
 
 def _bundle(group: Group, shape: Shape, plan: CountedMarch, dtype: np.dtype) -> Bundle:

@@ -46,6 +46,11 @@ class Shape(NamedTuple):
         segments = [each.segments for each in group.values()]
         return Shape(_round_up(max(segments)), len(group), fill_devices(_round_up(sum(segments))))
 
+    @property
+    def longest(self) -> int:
+        """Samples of the longest trace that has room in it."""
+        return SEGMENT * min(self.segments, self.lanes)
+
     def holds(self, group: Group) -> bool:
         """Whether these traces have room in it."""
         segments = [each.segments for each in group.values()]
