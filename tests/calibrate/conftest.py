@@ -4,12 +4,21 @@ import dataclasses
 import pathlib
 from collections.abc import Callable, Iterator
 
+import jaxtyping
 import pytest
 from bad_traces import text
 from commands import NOTHING_ELSE, Outcome, cut_example, run_command
 from support import kept_programs
 
 STUDY = '[[trace]]\nfile = "bench.csv"\n'
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _annotations_as_they_are() -> Iterator[None]:
+    """The library's annotations are checked where it is tested; here that would take a tenth of the time."""
+    jaxtyping.config.update("jaxtyping_disable", True)
+    yield
+    jaxtyping.config.update("jaxtyping_disable", False)
 
 
 @pytest.fixture
