@@ -1,13 +1,14 @@
 """The bench tests of chapters 2 and 3 one after the other, each on what the earlier ones found."""
 
 import dataclasses
-from collections.abc import Iterator, Sequence
-from typing import TypeVar
+import itertools
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, TypeVar
 
 import equinox as eqx
 import jax.numpy as jnp
 
-from ..estimation import bundle_traces, observe
+from ..estimation import Evaluation, bundle_traces, compiling_ahead, observe
 from ..parameters import parameter_table, replace_parameters
 from ..parts import AbstractVaneMap, ForcePolynomial
 from ..plants import AbstractModel, AbstractRodModel, Actuator, MechanicalActuator, Plant, as_actuator, assemble
@@ -16,6 +17,7 @@ from ..traces import Trace
 from ._filters import has_gas
 from ._result import Identified, NotPossible, Test, bench_test
 from .mechanical import (
+    foreseen_response,
     identify_axis,
     identify_dahl,
     identify_lugre,
@@ -25,13 +27,18 @@ from .mechanical import (
     identify_vane_polynomial,
     mechanical_fit,
 )
-from .pneumatic import identify_flow_areas, identify_magnetic_force, identify_plunger
+from .pneumatic import foreseen_plunger, identify_flow_areas, identify_magnetic_force, identify_plunger
 
 RodModel = TypeVar("RodModel", bound=AbstractRodModel)
 
 SPRING = (identify_spring,)
 PNEUMATIC = (identify_magnetic_force, identify_flow_areas, identify_plunger)
 MECHANICAL = (identify_mass_and_damping, identify_dahl, identify_lugre, mechanical_fit)
+FORESEEN: dict[Test, Callable[[Any, Sequence[Trace]], Iterator[list[Evaluation]]]] = {
+    identify_plunger: foreseen_plunger,
+    mechanical_fit: foreseen_response,
+}
+"""What fits will ask whose programs take seconds to compile: they are made beside the tests before them."""
 
 
 @bench_test("pneumatic half", "2.58", "None.")
@@ -73,15 +80,25 @@ def identify(model: AbstractRodModel, traces: Sequence[Trace]) -> Iterator[tuple
     can't be simulated along the traces any more, whatever their errors, changes nothing and says so.
     """
     given, model = model, as_actuator(model) or model
-    for test, mine in plan(model, traces):
-        found = test(model, mine)
-        moved = apply(model, found)
-        if found.values and not _simulates(moved, traces) and _simulates(model, traces):
-            refused = "the traces can't be simulated with the values found, so the model keeps its own"
-            limitations = (*found.limitations, refused)
-            moved, found = model, dataclasses.replace(found, values={}, std_errors={}, limitations=limitations)
-        model = moved
-        yield _as_given(given, model), found
+    tests = plan(model, traces)
+    ahead = [FORESEEN[test](model, mine) for test, mine in tests if test in FORESEEN]
+    with compiling_ahead(itertools.chain(*ahead)):
+        for test, mine in tests:
+            model, found = _tested(test, model, mine, traces)
+            yield _as_given(given, model), found
+
+
+def _tested(
+    test: Test, model: AbstractRodModel, mine: Sequence[Trace], traces: Sequence[Trace]
+) -> tuple[AbstractRodModel, Identified]:
+    """The model with what a test found, if that can be simulated along all traces, and what it found."""
+    found = test(model, mine)
+    moved = apply(model, found)
+    if found.values and not _simulates(moved, traces) and _simulates(model, traces):
+        refused = "the traces can't be simulated with the values found, so the model keeps its own"
+        limitations = (*found.limitations, refused)
+        return model, dataclasses.replace(found, values={}, std_errors={}, limitations=limitations)
+    return moved, found
 
 
 def _as_given(given: AbstractRodModel, model: AbstractRodModel) -> AbstractRodModel:

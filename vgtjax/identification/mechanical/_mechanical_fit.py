@@ -2,20 +2,31 @@
 
 import contextlib
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from jaxtyping import Bool
 
-from ..._errors import SimulationError
-from ...estimation import Calibration, Calibrator, determined_within, error_factor, plan_task, start_calibration
+from ..._errors import InputError, SimulationError
+from ...estimation import (
+    Calibration,
+    Calibrator,
+    Evaluation,
+    asked_first,
+    determined_within,
+    error_factor,
+    foreseen,
+    plan_task,
+    start_calibration,
+)
 from ...parameters import Bounds, Selection, parameter_table, replace_parameters, select
 from ...plants import AbstractModel, MechanicalActuator
 from ...traces import Trace
 from .. import _limits as limits
 from .._result import Curve, Identified, NotPossible, bench_test, thinned
 from ._axis_regression import regress_axis
-from ._motion import MotionRecord, dry_level, mechanical_half, read_motions
+from ._clean_signals import even
+from ._motion import MotionRecord, dry_level, mechanical_half, read_motions, usable
 from ._response_errors import ResponseColumns, covariance, drive_variances, linearise
 from ._sliding import at_closed_stop
 
@@ -151,6 +162,16 @@ def fit_response(
     if not _regular(whole):
         raise NotPossible(NO_DERIVATIVES)
     return _response(calibrator.finish(), whole, free)
+
+
+def foreseen_response(model: AbstractModel, traces: Sequence[Trace]) -> Iterator[list[Evaluation]]:
+    """What a fit of the response of such traces will ask, to be compiled ahead; nothing where that is not known yet."""
+    half = mechanical_half(model)
+    driven = [even(trace) for trace in usable(traces)]
+    with contextlib.suppress(InputError, SimulationError):
+        task = plan_task(half, driven, free=candidates(half), channels=("x_d",))
+        yield asked_first(task)
+        yield from foreseen(task)
 
 
 def _fit_from(

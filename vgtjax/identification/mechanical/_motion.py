@@ -92,10 +92,12 @@ def sliding_law(model: MechanicalActuator, velocity: Samples) -> Samples:
 
 def read_motions(model: AbstractModel, traces: Sequence[Trace]) -> list[MotionRecord]:
     """What the mechanical identifications see of traces; those without a drive or a position are left out."""
-    usable = [
-        trace for trace in traces if trace.x_d is not None and not (trace.p_act is None and trace.f_drive is None)
-    ]
-    return [read_motion(mechanical_half(model), trace) for trace in usable]
+    return [read_motion(mechanical_half(model), trace) for trace in usable(traces)]
+
+
+def usable(traces: Sequence[Trace]) -> list[Trace]:
+    """Traces that have a drive and a position."""
+    return [trace for trace in traces if trace.x_d is not None and not (trace.p_act is None and trace.f_drive is None)]
 
 
 def read_motion(model: MechanicalActuator, trace: Trace) -> MotionRecord:

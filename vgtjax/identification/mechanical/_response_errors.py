@@ -18,6 +18,7 @@ from ...estimation import (
     least_squares,
     misfit_at,
     run_alone,
+    side_by_side,
     start_calibration,
 )
 from ...parameters import Transform, build_transform, parameter_table
@@ -106,18 +107,19 @@ def drive_variances(whole: ResponseColumns, held: Bool[np.ndarray, " entries"]) 
     bread, task = _bread(whole, held), whole.task
     values = task.selection.values(task.model)
     here = np.asarray(whole.transform.to_coordinates(values))
-    variances = np.zeros(len(values))
-    for experiment in range(EXPERIMENTS if noisy else 0):
-        traces = [motion.measured_again(experiment) for motion in whole.motions]
-        problem = build_fit_problem(
+    problems = [
+        build_fit_problem(
             task.model,
             task.selection,
             whole.transform,
-            traces,
+            [motion.measured_again(experiment) for motion in whole.motions],
             channels=task.channels,
             stepping=task.stepping,
         )
-        residuals = run_alone(misfit_at(problem, here))
+        for experiment in range(EXPERIMENTS if noisy else 0)
+    ]
+    variances = np.zeros(len(values))
+    for residuals in run_alone(side_by_side([misfit_at(problem, here) for problem in problems])):
         if residuals is None:  # nothing can be told of noise with which nothing can be simulated
             return np.full(len(values), np.inf)
         change = residuals[whole.rows] - whole.residuals

@@ -1,21 +1,25 @@
 """The plunger's springs and damping from the response of the pressure, and all that goes with them [2.10-2.12]."""
 
+import contextlib
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from jaxtyping import Float
 
-from ..._errors import SimulationError
+from ..._errors import InputError, SimulationError
 from ...estimation import (
     CHANNELS,
     SEGMENT,
     Calibration,
     Calibrator,
+    Evaluation,
     Progress,
     Task,
+    asked_first,
     clustered_errors,
     determined_within,
+    foreseen,
     plan_task,
     start_calibration,
 )
@@ -53,9 +57,7 @@ def identify_plunger(model: Actuator, traces: Sequence[Trace]) -> Identified:
     used = usable(traces)
     if not used:
         raise NotPossible(NEEDS)
-    half = PneumaticActuator(model.converter, model.line, model.chamber, model.diaphragm, model.air)
-    table = parameter_table(half)
-    names = [name for name, row in table.items() if name.startswith(("converter.", "chamber.")) and not row.held]
+    half, names = _pneumatic_half(model)
     stepped = any(len(duty_steps(trace)) for trace in used)
     try:
         driven = [drive_by_position(model, trace) for trace in used]
@@ -84,6 +86,23 @@ def identify_plunger(model: Actuator, traces: Sequence[Trace]) -> Identified:
         ),
         samples=calibration.count,
     )
+
+
+def foreseen_plunger(model: Actuator, traces: Sequence[Trace]) -> Iterator[list[Evaluation]]:
+    """What the fit of such traces will ask, to be compiled ahead; nothing where that is not known yet."""
+    half, names = _pneumatic_half(model)
+    driven = [trace.replace(x_drive=np.zeros(len(trace.time)), x_d=None) for trace in usable(traces)]
+    with contextlib.suppress(InputError, SimulationError):
+        task = plan_task(half, driven, free=names, channels=("p_act",))
+        yield asked_first(task)
+        yield from foreseen(task)
+
+
+def _pneumatic_half(model: Actuator) -> tuple[PneumaticActuator, list[str]]:
+    """Converter, line and chamber of a model, and the names of what a fit moves of them."""
+    half = PneumaticActuator(model.converter, model.line, model.chamber, model.diaphragm, model.air)
+    table = parameter_table(half)
+    return half, [name for name, row in table.items() if name.startswith(("converter.", "chamber.")) and not row.held]
 
 
 def drive_by_position(model: Actuator, trace: Trace) -> Trace:
