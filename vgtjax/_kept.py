@@ -40,7 +40,7 @@ _FIRST_LEVEL: dict[str, str | bool] = {"xla_backend_optimization_level": "1"}
 """XLA has made vectors of lanes already: what LLVM's further levels do to a march and its derivatives takes a tenth of
 a first fit on a CPU and gains nothing. Populations would take 2 to 5 % longer; their programs are not kept."""
 _NO_LEVEL: dict[str, str | bool] = {"xla_backend_optimization_level": "0"}
-"""Of what runs once a fit, for less time than the first level takes."""
+"""Of what runs once a fit: with the traces of a bench for a tenth of the time that the first level takes."""
 _KNOWN_CALLS = ("lapack", "Sharding", "SPMD")
 """Calls to the outside that mean the same in another process, unlike those to functions of Python."""
 
@@ -75,7 +75,8 @@ class Kept(Generic[P, R]):
         self._programs: dict[Hashable, Future[_Program | None]] = {}
 
     def __call__(self, *args: P.args, **kwargs: P.kwargs) -> R:
-        """The function's value: the same bits, whether its program was kept or not."""
+        """The function's value: the same bits, whether its program was kept or not, or rounded otherwise by one that is
+        compiled for once."""
         leaves, structure = jax.tree.flatten(args)
         if FOLDER is None or kwargs or any(isinstance(leaf, jax.core.Tracer) for leaf in leaves):
             return self._compiled(*args, **kwargs)
@@ -185,12 +186,13 @@ def preparing(jobs: Iterable[T], prepare: Callable[[T], None]) -> Generator[None
     ended = threading.Event()
 
     def work() -> None:
-        for job in jobs:
-            if ended.is_set():
-                return
-            # What fails here fails again where it is asked, and is reported there.
-            with contextlib.suppress(Exception):
-                prepare(job)
+        # What fails here fails again where it is asked, and is reported there.
+        with contextlib.suppress(Exception):
+            for job in jobs:
+                if ended.is_set():
+                    return
+                with contextlib.suppress(Exception):
+                    prepare(job)
 
     if jobs and FOLDER is not None:
         threading.Thread(target=work, name="compiling ahead").start()

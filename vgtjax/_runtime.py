@@ -35,7 +35,8 @@ def configure(*, x64: bool = True, cpu_devices: int | None = None, cache: str | 
     source in programs.
 
     Call it once, before JAX has computed anything; importing `vgtjax` changes no setting. `XLA_FLAGS` that are set
-    already are kept, and win, as does `JAX_TRACEBACK_IN_LOCATIONS_LIMIT`.
+    already are kept, and win, as does `JAX_TRACEBACK_IN_LOCATIONS_LIMIT`. Processes that this one begins inherit them:
+    give one with another version of JAX an `XLA_FLAGS` of its own.
 
     **Arguments:**
 

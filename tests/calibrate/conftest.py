@@ -16,9 +16,10 @@ STUDY = '[[trace]]\nfile = "bench.csv"\n'
 @pytest.fixture(scope="module", autouse=True)
 def _annotations_as_they_are() -> Iterator[None]:
     """The library's annotations are checked where it is tested; here that would take a tenth of the time."""
+    before = jaxtyping.config.jaxtyping_disable
     jaxtyping.config.update("jaxtyping_disable", True)
     yield
-    jaxtyping.config.update("jaxtyping_disable", False)
+    jaxtyping.config.update("jaxtyping_disable", before)
 
 
 @pytest.fixture

@@ -3,6 +3,7 @@
 import socket
 import subprocess
 import sys
+import threading
 
 import diffrax
 import equinox as eqx
@@ -154,6 +155,18 @@ def test_what_another_process_makes_is_left_to_it_by_who_compiles_ahead(folder):
     assert not files(folder)
     assert again(MATRIX, PAIR, 2)["said"] == "so"
     assert files(folder) == [file]
+
+
+def test_what_cannot_be_foreseen_is_left_to_who_asks_for_it(folder):
+    def jobs():
+        yield (MATRIX, PAIR, 2)
+        raise ValueError("nothing is known of the next one")
+
+    call, before = keep_compiled(linear), set(threading.enumerate())
+    with _kept.preparing(jobs(), lambda job: call.prepare(*job)):
+        for thread in set(threading.enumerate()) - before:
+            thread.join()  # one that ends with an exception is a warning, and so an error
+    assert len(files(folder)) == 1
 
 
 def test_where_nothing_can_be_kept_a_program_is_made_all_the_same(tmp_path, monkeypatch):

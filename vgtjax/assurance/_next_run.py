@@ -22,10 +22,10 @@ from ..estimation import (
 )
 from ..experiments import STANDARD_RUNS, StandardRun
 from ..parameters import select
-from ..parts import OPERATING_POINTS
+from ..parts import OPERATING_POINTS, has_tables
 from ..traces import ASSUMED_RESERVOIR, noise_level
 from ._information import Information
-from ._pieces import cut, joined
+from ._pieces import Piece, cut, joined
 
 LARGEST = 10.0
 """Relative error to which what is not determined is counted: a factor of 20,000 either way is no knowledge."""
@@ -88,7 +88,8 @@ def _columns(task: Task, known: Information, runs: Sequence[StandardRun]) -> Com
     """What each run would tell, as rows of [`Information`][], with the noise of the sensors that recorded the others.
 
     Runs that are the beginning of another, or a part of its samples, are simulated once: the finest and longest; in
-    pieces where these have room in the programs of the fit and the whole has not.
+    pieces where these have room in the programs of the fit and the whole has not. A slow piece of another run than the
+    standard ones may take longer steps than the run would.
     """
     kinds = dict.fromkeys(_course(run) for run in runs)
     whole = {kind: _finest([run for run in runs if _course(run) == kind]) for kind in kinds}
@@ -98,7 +99,9 @@ def _columns(task: Task, known: Information, runs: Sequence[StandardRun]) -> Com
         # With the same channels they may share the programs of the fit.
         traces = [trace.replace(p_act=np.full(len(trace.time), trace.atmosphere)) for trace in traces]
     recorded = bundle_traces(model, task.fit, task.steps)
-    cuts = [cut(trace, longest_like(trace, recorded)) for trace in traces]
+    # Of a model with tables each bundle makes its own, for which pieces would need more of them than whole runs.
+    uncut = has_tables(model)
+    cuts = [[Piece(trace, 0)] if uncut else cut(trace, longest_like(trace, recorded)) for trace in traces]
     pieces = [piece.trace for pieces in cuts for piece in pieces]
     bundles = [_balanced(each) for each in bundle_traces(model, pieces, task.steps, like=recorded)]
     evaluated = yield from ask(Evaluation(model, bundles, None, task.selection))

@@ -86,6 +86,10 @@ class AbstractFixedMarch(AbstractMarch):
         """The same steps for reverse mode."""
         return self
 
+    def forward(self) -> "AbstractFixedMarch":
+        """The same steps where no derivatives are taken back through them."""
+        return self
+
     def advance(self, model: AbstractModel, state: State, drive: Drive) -> tuple[State, Bool[Array, ""]]:
         """State at the end of one interval, and whether the solver has found every root that it looked for."""
         solver = StabilisedHeun(model.relaxation) if self.solver is None else self.solver
@@ -138,7 +142,7 @@ class FixedMarch(AbstractFixedMarch):
 class CountedMarch(AbstractFixedMarch):
     """A number of steps that is a number like others, so that records of all rates share what is compiled.
 
-    Not for reverse mode, which must know how many steps it keeps.
+    Not for reverse mode, which must know for how many steps it has room.
     """
 
     substeps: Int[np.ndarray, ""] | Int[Array, ""]
@@ -169,12 +173,16 @@ class ReversibleMarch(AbstractFixedMarch):
     room: int = eqx.field(static=True, default=ROOM)
 
     def _repeat(self, one: Callable[[Any, Array], Any], carry: Any, count: Any) -> Any:
-        again = jax.checkpoint(one)
-
+        # A choice between steps that are kept would keep all that either reads, tables included, for each of them.
+        @jax.checkpoint
         def step(carry: Any, number: Array) -> tuple[Any, None]:
-            return jax.lax.cond(number < count, again, lambda carry, _: carry, carry, number), None
+            return jax.lax.cond(number < count, one, lambda carry, _: carry, carry, number), None
 
         return jax.lax.scan(step, carry, jnp.arange(self.room))[0]
+
+    def forward(self) -> CountedMarch:
+        """See the base class."""
+        return CountedMarch(self.substeps, self.solver)
 
 
 class FixedStep(AbstractFixedStepping):

@@ -39,7 +39,7 @@ def pull_back(
     (values, tangents), choose = pushed, chooser(model, selection)
     late = bundle if delay is None else bundle.with_late_duty(delay)[0]
     ready = with_tables(model, values[1])
-    states = jax.vmap(lambda drive, start: march(ready, drive, start, bundle.plan)[0], (1, 0), 1)(
+    states = jax.vmap(lambda drive, start: march(ready, drive, start, bundle.plan.forward())[0], (1, 0), 1)(
         late.drive, late.start
     )
     adjoint, by_values, duty = _backwards(choose, values, late, states, _by_time(late, cotangent))

@@ -166,9 +166,8 @@ def fit_response(
 
 def foreseen_response(model: AbstractModel, traces: Sequence[Trace]) -> Iterator[list[Evaluation]]:
     """What a fit of the response of such traces will ask, to be compiled ahead; nothing where that is not known yet."""
-    half = mechanical_half(model)
-    driven = [even(trace) for trace in usable(traces)]
     with contextlib.suppress(InputError, SimulationError):
+        half, driven = mechanical_half(model), [even(trace) for trace in usable(traces)]
         task = plan_task(half, driven, free=candidates(half), channels=("x_d",))
         yield asked_first(task)
         yield from foreseen(task)

@@ -90,9 +90,9 @@ def identify_plunger(model: Actuator, traces: Sequence[Trace]) -> Identified:
 
 def foreseen_plunger(model: Actuator, traces: Sequence[Trace]) -> Iterator[list[Evaluation]]:
     """What the fit of such traces will ask, to be compiled ahead; nothing where that is not known yet."""
-    half, names = _pneumatic_half(model)
-    driven = [trace.replace(x_drive=np.zeros(len(trace.time)), x_d=None) for trace in usable(traces)]
     with contextlib.suppress(InputError, SimulationError):
+        half, names = _pneumatic_half(model)
+        driven = [trace.replace(x_drive=np.zeros(len(trace.time)), x_d=None) for trace in usable(traces)]
         task = plan_task(half, driven, free=names, channels=("p_act",))
         yield asked_first(task)
         yield from foreseen(task)
