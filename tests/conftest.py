@@ -22,24 +22,19 @@ with install_import_hook("vgtjax", "typechecker.checked"):
 # arithmetic but for rounding. What is measured of speed is not measured here.
 vgtjax.simulation._stepping.UNROLL = 1
 
-# Of what is optimised (`support.optimised`, notebooks): LLVM's first level, as of programs that are kept on disk. There
-# is a process for each core, so that parts of a program that are compiled side by side only cost.
-FLAGS = "--xla_backend_optimization_level=1 --xla_cpu_parallel_codegen_split_count=1"
-os.environ["XLA_FLAGS"] = f"{FLAGS} {os.environ.get('XLA_FLAGS', '')}".strip()
+# Of what is optimised (`support.optimised`, notebooks): LLVM's first level, as of programs that are kept on disk.
+os.environ["XLA_FLAGS"] = f"--xla_backend_optimization_level=1 {os.environ.get('XLA_FLAGS', '')}".strip()
 
 CACHE = platformdirs.user_cache_path("vgtjax") / "tests"
 vgtjax.configure(cpu_devices=2, cache=CACHE)
 vgtjax._kept.FOLDER = None  # tests replace what programs are made of
-# Of the smallest programs it takes longer to write them down than other processes gain by it.
-WRITTEN = 0.2  # s of compilation
-jax.config.update("jax_persistent_cache_min_compile_time_secs", WRITTEN)
 jax.config.update("jax_numpy_rank_promotion", "raise")
 # Most programs here run for milliseconds and compile for seconds, half of them for optimisation; `support.optimised` is
 # for those that run.
 jax.config.update("jax_disable_most_optimizations", True)
 # The kernels of the notebooks find there what others of them have compiled.
 os.environ["JAX_COMPILATION_CACHE_DIR"] = str(CACHE)
-os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = str(WRITTEN)
+os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
 os.environ["JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES"] = "-1"
 
 FIRST = (
