@@ -40,7 +40,7 @@ _FIRST_LEVEL: dict[str, str | bool] = {"xla_backend_optimization_level": "1"}
 """XLA has made vectors of lanes already: what LLVM's further levels do to a march and its derivatives takes a tenth of
 a first fit on a CPU and gains nothing. Populations would take 2 to 5 % longer; their programs are not kept."""
 _NO_LEVEL: dict[str, str | bool] = {"xla_backend_optimization_level": "0"}
-"""Of what runs once a fit: with the traces of a bench for a tenth of the time that the first level takes."""
+"""Of what runs once a fit: traces of a bench take a tenth of a second longer so, and compilation over a second less."""
 _KNOWN_CALLS = ("lapack", "Sharding", "SPMD")
 """Calls to the outside that mean the same in another process, unlike those to functions of Python."""
 

@@ -173,7 +173,7 @@ class ReversibleMarch(AbstractFixedMarch):
     room: int = eqx.field(static=True, default=ROOM)
 
     def _repeat(self, one: Callable[[Any, Array], Any], carry: Any, count: Any) -> Any:
-        # A choice between steps that are kept would keep all that either reads, tables included, for each of them.
+        # Around the choice: inside it, what a step reads, tables included, would be kept for each step in the room.
         @jax.checkpoint
         def step(carry: Any, number: Array) -> tuple[Any, None]:
             return jax.lax.cond(number < count, one, lambda carry, _: carry, carry, number), None

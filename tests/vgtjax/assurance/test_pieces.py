@@ -1,3 +1,5 @@
+"""Standard runs in pieces that have room in the programs of shorter traces: they tell what whole runs do."""
+
 import jax
 import numpy as np
 import pytest
@@ -35,6 +37,19 @@ def test_pieces_are_the_run_and_no_longer_than_said(longest):
 def test_a_run_that_has_room_or_whose_pieces_would_be_mostly_lead_stays_whole(longest):
     run = LONG.trace()
     assert [(piece.trace, piece.lead) for piece in cut(run, longest)] == [(run, 0)]
+
+
+@pytest.mark.parametrize("longest", [0, 1])
+def test_a_run_sampled_more_rarely_than_its_lead_stays_whole_where_nothing_has_room(longest):
+    run = StandardRun("slow loop", 30.0, 0.4).trace()
+    assert [piece.trace for piece in cut(run, longest)] == [run]
+
+
+def test_runs_of_a_model_with_tables_stay_whole(task, monkeypatch):
+    monkeypatch.setattr(_next_run, "has_tables", lambda model: True)
+    (asked,) = next(ranking(task, examine(task), [LONG]))
+    (bundle,) = asked.bundles
+    assert bundle.samples.tolist() == [1750]
 
 
 def test_a_long_run_needs_no_other_programs_than_those_of_the_traces(task):
