@@ -22,6 +22,8 @@ with install_import_hook("vgtjax", "typechecker.checked"):
 # arithmetic but for rounding. What is measured of speed is not measured here.
 vgtjax.simulation._stepping.UNROLL = 1
 
+# Both cores test already: a program that is compiled in parts, on all of them, takes a tenth more of them.
+os.environ["XLA_FLAGS"] = f"--xla_cpu_parallel_codegen_split_count=1 {os.environ.get('XLA_FLAGS', '')}".strip()
 # Of what is optimised (`support.optimised`, notebooks): LLVM's first level, as of programs that are kept on disk.
 os.environ["XLA_FLAGS"] = f"--xla_backend_optimization_level=1 {os.environ.get('XLA_FLAGS', '')}".strip()
 

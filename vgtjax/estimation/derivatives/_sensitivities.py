@@ -102,7 +102,7 @@ def observe(model: AbstractModel, bundle: Bundle, delay: Scalar | None = None) -
     **Arguments:** `delay` in s with which the duty reaches the valve.
     """
     bundle = bundle if delay is None else bundle.with_late_duty(delay)[0]
-    return replicate(trajectories(model, bundle, bundle.segments)[1:])
+    return trajectories(model, bundle, bundle.segments)[1:]
 
 
 def observe_with_jacobian(
@@ -113,7 +113,8 @@ def observe_with_jacobian(
 
     With a `delay` in s of the duty, the derivative with respect to it comes last.
     """
-    return _spread_jacobian(model, selection, bundle, delay, values_before(model, selection, bundle))
+    values = replicate(values_before(model, selection, bundle))
+    return _spread_jacobian(model, selection, bundle, delay, values)
 
 
 def observe_backwards(
@@ -157,7 +158,7 @@ def _pulled_back(
     cotangent: Array,
     values: Pushed | None,
 ) -> Float[Array, " parameters"]:
-    return replicate(_backwards(model, selection, bundle, delay, cotangent, values))
+    return _backwards(model, selection, bundle, delay, cotangent, values)
 
 
 @keep_compiled

@@ -9,7 +9,6 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..._kept import keep_compiled
-from ..._lanes import replicate
 from ...parameters import Selection
 from ...parts import Rows, has_tables, tables_of, with_tables
 from ...plants import AbstractModel, rows_along
@@ -48,7 +47,7 @@ def values_before(model: AbstractModel, selection: Selection, bundle: Bundle) ->
     They are made before, in a program without lanes: where lanes are spread, devices would wait for each other at every
     step on the way to a table.
     """
-    return replicate(_values_of(model, selection, rows_along(model, bundle.drive))) if has_tables(model) else None
+    return _values_of(model, selection, rows_along(model, bundle.drive)) if has_tables(model) else None
 
 
 @keep_compiled

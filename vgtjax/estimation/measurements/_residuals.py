@@ -11,7 +11,6 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..._kept import keep_compiled
-from ..._lanes import replicate
 from ..._types import Scalar, Vector
 from ...parameters import Selection, Transform
 from ...plants import AbstractModel
@@ -217,7 +216,7 @@ class FitProblem(eqx.Module):
         scale = 1 / np.sqrt(self.count)
         residuals, jacobian = jnp.concatenate(blocks) * scale, jnp.concatenate(columns) * (scale * slope)[None, :]
         held = self.transform.pinned(coordinates, residuals @ jacobian)
-        return replicate((residuals, jnp.where(held[None, :], 0.0, jacobian)))
+        return residuals, jnp.where(held[None, :], 0.0, jacobian)
 
 
 @keep_compiled
