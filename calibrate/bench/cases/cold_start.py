@@ -7,19 +7,20 @@ from ..commands import run_command
 from ..table import Section, seconds, times
 
 WARM_ROUNDS = 2
-STUDY = str(pathlib.Path(__file__).parents[2] / "example" / "study.toml")
+COMMANDS = ("fit", "check", "simulate", "tolerance", "sensitivity", "tune")
+"""Without a study each takes an example that ships."""
 COLUMNS = ("command", "compilation cache", "time", "ratio")
 
 
 def measure() -> Section:
-    """Times commands on the example that ships, each in a process of its own."""
+    """Times commands on the examples that ship, each in a process of its own."""
     section = Section("Cold start", _ABOUT, COLUMNS)
     with tempfile.TemporaryDirectory() as folder:
         root = pathlib.Path(folder)
-        for command, study in (("fit", []), ("check", [STUDY]), ("simulate", [STUDY])):
+        for command in COMMANDS:
             # Each begins with a cache that holds nothing of the others.
             cold, *runs = (
-                run_command([command, *study, "--out", str(root / f"{command} {i}")], root / command)
+                run_command([command, "--out", str(root / f"{command} {i}")], root / command)
                 for i in range(1 + WARM_ROUNDS)
             )
             section.add(f"python -m calibrate {command}", "empty", seconds(cold), times(cold / min(runs)))
@@ -30,6 +31,6 @@ def measure() -> Section:
 
 
 _ABOUT = (
-    "Whole processes with imports, compilation, computation and report of the example that ships; the caches are "
+    "Whole processes with imports, compilation, computation and report of the examples that ship; the caches are "
     f"folders that this benchmark makes. Best of {WARM_ROUNDS}, but for the empty cache, which happens once."
 )
