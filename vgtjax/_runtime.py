@@ -1,9 +1,10 @@
-"""Settings of JAX that make this library fast on a CPU, applied only when asked."""
+"""Settings of JAX and NumPy that make this library fast on a CPU, applied only when asked."""
 
 import os
 import pathlib
 
 import jax
+import threadpoolctl
 
 from . import _kept
 
@@ -19,6 +20,7 @@ _LLVM_LOOPS = ("--xla_cpu_use_fusion_emitters=false",) if jax.__version_info__ <
 # longer than the 40 s after which XLA ends the process.
 _PATIENT = "--xla_cpu_collective_call_terminate_timeout_seconds=3600"
 _SILENT = "--xla_cpu_collective_call_warn_stuck_timeout_seconds=3600"
+_BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 _LOCATIONS = "JAX_TRACEBACK_IN_LOCATIONS_LIMIT"
 _FORCED = "--xla_force_host_platform_device_count"
 
@@ -30,13 +32,25 @@ def _usable_cores() -> int:
     return os.cpu_count() or 1
 
 
+def _limit_blas() -> None:
+    """One thread of BLAS, in this process and in those that it begins.
+
+    Matrices here are tall and narrow: a second thread gains nothing, and where simulations keep the cores busy it only
+    waits for the first.
+    """
+    if not any(name in os.environ for name in _BLAS_THREADS):
+        threadpoolctl.threadpool_limits(limits=1, user_api="blas")
+        os.environ["OPENBLAS_NUM_THREADS"] = "1"  # of SciPy's, which is loaded when it is first asked for
+
+
 def configure(*, x64: bool = True, cpu_devices: int | None = None, cache: str | os.PathLike[str] | None = None) -> None:
     """Sets JAX up for calibration: double precision, native loops, one device a core, a persistent cache, no lines of
-    source in programs.
+    source in programs; and NumPy: one thread of BLAS.
 
     Call it once, before JAX has computed anything; importing `vgtjax` changes no setting. `XLA_FLAGS` that are set
-    already are kept, and win, as does `JAX_TRACEBACK_IN_LOCATIONS_LIMIT`. Processes that this one begins inherit them:
-    give one with another version of JAX an `XLA_FLAGS` of its own.
+    already are kept, and win, as do `JAX_TRACEBACK_IN_LOCATIONS_LIMIT` and threads of BLAS (`OPENBLAS_NUM_THREADS` or
+    its like). Processes that this one begins inherit them: give one with another version of JAX an `XLA_FLAGS` of its
+    own.
 
     **Arguments:**
 
@@ -59,6 +73,7 @@ def configure(*, x64: bool = True, cpu_devices: int | None = None, cache: str | 
         jax.config.update("jax_num_cpu_devices", cpu_devices or (-1 if _FORCED in flags else _usable_cores()))
     except RuntimeError as error:
         raise RuntimeError("vgtjax.configure() must be called before JAX computes anything; call it first") from error
+    _limit_blas()
     jax.config.update("jax_enable_x64", x64)
     # Which lines of Python an operation comes from takes a twentieth of a first fit, a third of what is compiled for
     # two devices; only a profiler of XLA shows it.
