@@ -7,7 +7,12 @@ from ._air_path import (
     AirPath as AirPath,
     AirPathState as AirPathState,
 )
-from ._base import AbstractModel as AbstractModel, State as State, assemble as assemble
+from ._base import (
+    AbstractDynamics as AbstractDynamics,
+    AbstractModel as AbstractModel,
+    State as State,
+    assemble as assemble,
+)
 from ._instrumented import (
     Gains as Gains,
     Initial as Initial,

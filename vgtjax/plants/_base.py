@@ -14,7 +14,19 @@ from ..traces import Drive, Start
 State = PyTree[Float[Array, "..."]]
 
 
-class AbstractModel(eqx.Module):
+class AbstractDynamics(eqx.Module):
+    """What a step needs of a model."""
+
+    @abc.abstractmethod
+    def vector_field(self, time: Values, state: OwnState, drive: Drive) -> State:
+        """Time derivative of the state, `time` seconds after the start of the interval `drive`."""
+
+    @abc.abstractmethod
+    def relaxation(self, time: Values, state: OwnState, drive: Drive) -> PyTree[StateLeaf]:
+        """Relaxation rate in 1/s of each state, shaped like the state, `None` where it is slow."""
+
+
+class AbstractModel(AbstractDynamics):
     """A set of ordinary differential equations driven by a trace.
 
     Its parameters are its array leaves; its state is a PyTree of scalars that the model alone understands.
@@ -26,14 +38,6 @@ class AbstractModel(eqx.Module):
     @abc.abstractmethod
     def start(self, start: Start, drive: Drive) -> State:
         """State at the first sample; `drive` is the first interval."""
-
-    @abc.abstractmethod
-    def vector_field(self, time: Values, state: OwnState, drive: Drive) -> State:
-        """Time derivative of the state, `time` seconds after the start of the interval `drive`."""
-
-    @abc.abstractmethod
-    def relaxation(self, time: Values, state: OwnState, drive: Drive) -> PyTree[StateLeaf]:
-        """Relaxation rate in 1/s of each state, shaped like the state, `None` where it is slow."""
 
     @abc.abstractmethod
     def observe(self, state: OwnState, drive: Drive) -> tuple[Values, Values]:

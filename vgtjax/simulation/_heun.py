@@ -53,7 +53,10 @@ class StabilisedHeun(diffrax.AbstractSolver):
 
 
 class _Excess:
-    """The two stages for one state, given how far `h * rate` exceeds the limit."""
+    """The two stages for one state, given how far `h * rate` exceeds the limit.
+
+    Weights end in a division: XLA computes one of those once, and anything cheaper anew for every tangent.
+    """
 
     def __init__(self, h: Any, rate: Any, limit: float):
         self.z = None if rate is None else jnp.maximum(h * rate - limit, 0.0)
@@ -61,10 +64,31 @@ class _Excess:
     def predict(self, y: Any, increment: Any) -> Any:
         if self.z is None:
             return y + increment
-        return y + increment * (1 + 0.5 * self.z) / (1 + self.z * (1 + 0.5 * self.z))
+        return y + increment * _weight_of_prediction(self.z)
 
     def correct(self, y: Any, predicted: Any, change: Any) -> Any:
         if self.z is None:
             return predicted + 0.5 * change
-        weight = 0.5 * (1 + self.z) / (1 + self.z * (1 + 0.5 * self.z))
-        return predicted + weight * (change + self.z * (predicted - y))
+        return predicted + _weight_of_correction(self.z) * (change + self.z * (predicted - y))
+
+
+@jax.custom_jvp
+def _weight_of_prediction(z: Any) -> Any:
+    return (1 + 0.5 * z) / (1 + z * (1 + 0.5 * z))
+
+
+@jax.custom_jvp
+def _weight_of_correction(z: Any) -> Any:
+    return (0.5 + 0.5 * z) / (1 + z * (1 + 0.5 * z))
+
+
+@_weight_of_prediction.defjvp
+def _of_prediction(primals: tuple[Any], tangents: tuple[Any]) -> tuple[Any, Any]:
+    (z,), (along,) = primals, tangents
+    return _weight_of_prediction(z), -(0.5 + z * (1 + 0.25 * z)) / (1 + z * (1 + 0.5 * z)) ** 2 * along
+
+
+@_weight_of_correction.defjvp
+def _of_correction(primals: tuple[Any], tangents: tuple[Any]) -> tuple[Any, Any]:
+    (z,), (along,) = primals, tangents
+    return _weight_of_correction(z), -0.5 * z * (1 + 0.5 * z) / (1 + z * (1 + 0.5 * z)) ** 2 * along

@@ -14,10 +14,13 @@ import numpy as np
 from jaxtyping import Array, Bool, Int
 
 from .._errors import InputError, require_positive
-from ..plants import AbstractModel, State
+from ..plants import AbstractDynamics, AbstractModel, State
 from ..traces import Drive, Trace
 from ._heun import StabilisedHeun
 from ._results import RESULTS, choose, end_of, from_diffrax
+
+Carried = tuple[State, Any]
+Flag = Bool[Array, ""]
 
 
 class AbstractMarch(eqx.Module):
@@ -75,7 +78,7 @@ class AbstractFixedMarch(AbstractMarch):
     solver: eqx.AbstractVar[diffrax.AbstractSolver | None]
 
     @abc.abstractmethod
-    def _repeat(self, one: Callable[[Any, Array], Any], carry: Any, count: Any) -> Any:
+    def repeat(self, one: Callable[[Any, Array], Any], carry: Any, count: Any) -> Any:
         """What is carried on by so many steps over an interval, each made by `one` of that and its number."""
 
     def unrolled(self) -> "AbstractFixedMarch":
@@ -90,23 +93,32 @@ class AbstractFixedMarch(AbstractMarch):
         """The same steps where no derivatives are taken back through them."""
         return self
 
-    def advance(self, model: AbstractModel, state: State, drive: Drive) -> tuple[State, Bool[Array, ""]]:
-        """State at the end of one interval, and whether the solver has found every root that it looked for."""
-        solver = StabilisedHeun(model.relaxation) if self.solver is None else self.solver
-        term = diffrax.ODETerm(model.vector_field)
+    def begin(self, model: AbstractDynamics, state: State, drive: Drive) -> Carried:
+        """The state, and what the solver remembers from step to step, at the start of an interval."""
         step = drive.duration / self.substeps
-        memory = solver.init(term, jnp.zeros_like(step), step, state, drive)
+        return state, self._solver(model).init(diffrax.ODETerm(model.vector_field), step * 0.0, step, state, drive)
+
+    def step(self, model: AbstractDynamics, carried: Carried, drive: Drive, number: Array) -> tuple[Carried, Flag]:
+        """The same after one of the steps over an interval, and whether the solver has found every root."""
+        begin, end, inputs = drive.step(number, self.substeps)
         jumps = drive.knot is not None or drive.pwm_rate is not None  # what a step sees of the duty, the next does not
+        term, (state, memory) = diffrax.ODETerm(model.vector_field), carried
+        state, _, _, memory, result = self._solver(model).step(term, begin, end, state, inputs, memory, made_jump=jumps)
+        return (state, memory), jnp.asarray(result == diffrax.RESULTS.successful)
 
-        def one(carry, number):
-            y, memory, solved = carry
-            begin, end, inputs = drive.step(number, self.substeps)
-            y, _, _, memory, result = solver.step(term, begin, end, y, inputs, memory, made_jump=jumps)
-            return y, memory, solved & (result == diffrax.RESULTS.successful)
+    def advance(self, model: AbstractDynamics, state: State, drive: Drive) -> tuple[State, Flag]:
+        """State at the end of one interval, and whether the solver has found every root that it looked for."""
 
-        count = drive.steps(self.substeps)
-        state, _, solved = self._repeat(one, (state, memory, jnp.asarray(True)), count)
+        def one(carry: tuple[Carried, Flag], number: Array) -> tuple[Carried, Flag]:
+            onward, found = self.step(model, carry[0], drive, number)
+            return onward, carry[1] & found
+
+        begun = self.begin(model, state, drive), jnp.asarray(True)
+        (state, _), solved = self.repeat(one, begun, drive.steps(self.substeps))
         return state, solved
+
+    def _solver(self, model: AbstractDynamics) -> diffrax.AbstractSolver:
+        return StabilisedHeun(model.relaxation) if self.solver is None else self.solver
 
     def __call__(
         self, model: AbstractModel, state: State, drive: Drive, adjoint: diffrax.AbstractAdjoint
@@ -134,7 +146,7 @@ class FixedMarch(AbstractFixedMarch):
         """See the base class."""
         return FixedMarch(self.substeps, self.solver, UNROLL)
 
-    def _repeat(self, one: Callable[[Any, Array], Any], carry: Any, count: int) -> Any:
+    def repeat(self, one: Callable[[Any, Array], Any], carry: Any, count: int) -> Any:
         numbers, unroll = jnp.arange(count), min(self.together, count)
         return jax.lax.scan(lambda carry, number: (one(carry, number), None), carry, numbers, unroll=unroll)[0]
 
@@ -148,7 +160,7 @@ class CountedMarch(AbstractFixedMarch):
     substeps: Int[np.ndarray, ""] | Int[Array, ""]
     solver: diffrax.AbstractSolver | None = None
 
-    def _repeat(self, one: Callable[[Any, Array], Any], carry: Any, count: Any) -> Any:
+    def repeat(self, one: Callable[[Any, Array], Any], carry: Any, count: Any) -> Any:
         return jax.lax.fori_loop(0, count, lambda number, carry: one(carry, jnp.asarray(number)), carry)
 
     def reversible(self) -> "ReversibleMarch":
@@ -172,7 +184,7 @@ class ReversibleMarch(AbstractFixedMarch):
     solver: diffrax.AbstractSolver | None = None
     room: int = eqx.field(static=True, default=ROOM)
 
-    def _repeat(self, one: Callable[[Any, Array], Any], carry: Any, count: Any) -> Any:
+    def repeat(self, one: Callable[[Any, Array], Any], carry: Any, count: Any) -> Any:
         # Around the choice: inside it, what a step reads, tables included, would be kept for each step in the room.
         @jax.checkpoint
         def step(carry: Any, number: Array) -> tuple[Any, None]:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from vgtjax import StabilisedHeun
+from vgtjax.simulation._heun import _Excess
 
 
 class Relaxing(eqx.Module):
@@ -71,6 +72,18 @@ def test_derivatives_by_parameters_are_the_closed_form(rate):
     exact = jax.jacfwd(lambda s: s.exact(1.0))(start)
     np.testing.assert_allclose(ours.rate, exact.rate, rtol=1e-4, atol=1e-12)  # error of order (rate/4000)^2
     np.testing.assert_allclose(ours.target, exact.target, rtol=1e-4)
+
+
+@pytest.mark.parametrize("stage", [lambda e: e.predict(0.3, 0.2), lambda e: e.correct(0.3, 0.5, 0.7)])
+@pytest.mark.parametrize("excess", [1e-3, 0.4, 7.0, 3e4])
+def test_derivative_by_the_excess_is_that_of_differences(stage, excess):
+    def moved(z):
+        return stage(_Excess(z, 1.0, 0.0))
+
+    step = 1e-5 * excess
+    differences = (moved(excess + step) - moved(excess - step)) / (2 * step)
+    # Differences of these steps are off by 1e-10 of themselves, and by the rounding of values near one over the step.
+    assert jax.grad(moved)(excess) == pytest.approx(float(differences), rel=1e-7, abs=1e-15 / step)
 
 
 def test_switch_between_the_two_is_continuous():

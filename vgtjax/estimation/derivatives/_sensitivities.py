@@ -3,6 +3,7 @@
 Forward mode, reordered: segments are lanes from their known start states, whose transition matrices are chained.
 """
 
+import functools
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -23,6 +24,7 @@ from ...simulation import RESULTS, FixedStep, check_result
 from ...traces import Drive, Trace
 from ._adjoint import pull_back
 from ._bundle import CHANNELS, Bundle, Slope, bundle_traces
+from ._by_rows import ByRows
 from ._layout import SEGMENT
 from ._trajectories import Lanes, Segments, trajectories
 from ._values import Choose, Pushed, chooser, push_all, push_values, values_before
@@ -31,10 +33,9 @@ TraceJacobian = Float[np.ndarray, "time 2 parameters"] | dict[str, Float[np.ndar
 LaneJacobian = Float[Array, "lanes sample channel parameters"]
 Inputs = tuple[Drive, Slope | None]
 
-REGISTER = 64
-"""Bytes of a vector register, 512 bits: as many lanes of a device as it holds take their tangents through a segment
-together. In double precision fits side by side, each on one device, took 1.7 times the processor's time with 184 lanes
-at once, 1.5 times with 4 and 3.7 times with 23; a fit alone 1.2 times with 384 lanes a device at once, as with 16."""
+TOGETHER = 256
+"""Bytes of a number in the lanes of a device that take their tangents through a segment together: 32 lanes in double
+precision. A Jacobian of five traces takes 0.7 of the time of 8 lanes, a vector of 512 bits, and as long as with 64."""
 
 
 def jacobian(
@@ -249,13 +250,13 @@ def _push_chunks(
     place: Callable[[Any], Any],
     devices: int,
 ) -> tuple[Array, Array, Array]:
-    """`_push_lanes`, a `REGISTER` of lanes of every device at a time: those that traces have `segments` for, which
+    """`_push_lanes`, a `TOGETHER` of lanes of every device at a time: those that traces have `segments` for, which
     `place` spreads over so many devices in the order that they are in.
 
     Those that only fill up a shape repeat its first lane, and have its tangents.
     """
     lanes, mine = len(bundle.lane_trace), jnp.sum(jnp.asarray(bundle.segments))
-    together = REGISTER // jax.tree.leaves(first)[0].dtype.itemsize
+    together = TOGETHER // jax.tree.leaves(first)[0].dtype.itemsize
     whole = -(-lanes // (devices * together))
     chunks = jnp.minimum(-(-jnp.sum(jnp.asarray(segments)) // together), whole)
 
@@ -314,38 +315,46 @@ def _push_lanes(
     )
     delay_tangents = identity[:, -1] if late else None
 
+    plan = bundle.plan
+
     def interval(carry, inputs):
-        state, tangents = carry
         drive, slope = inputs
 
-        def observe(values, state, drive):
-            chosen = choose(values)
-            return jnp.stack(jax.vmap(chosen.observe)(state, drive))
+        def push(function, carry):
+            at, tangents = carry
 
-        def advance(values, state, drive):
-            chosen = choose(values)
-            return jax.vmap(lambda y, u: bundle.plan.advance(chosen, y, u)[0])(state, drive)
-
-        def push(function):
-            def along(dvalues, dstate, ddelay):
-                if ddelay is None:
-                    return jax.jvp(lambda *given: function(*given, drive), (values, state), (dvalues, dstate))
-
-                def with_duty(values, state, duty):
-                    return function(values, state, drive.with_duty(duty))
-
-                moved = tuple(ddelay * each for each in slope)
-                return jax.jvp(with_duty, (values, state, drive.duty), (dvalues, dstate, moved))
+            def along(dvalues, moved, ddelay):
+                by_delay = () if ddelay is None else (tuple(ddelay * each for each in slope),)
+                given = (values, at) if ddelay is None else (values, at, drive.duty)
+                return jax.jvp(functools.partial(function, drive), given, (dvalues, moved, *by_delay))
 
             return jax.vmap(along, out_axes=(None, 0))(values_tangents, tangents, delay_tangents)
 
-        _, observed = push(observe)
-        return push(advance), observed
+        def observe(drive, values, state, duty=None):
+            return jnp.stack(jax.vmap(choose(values).observe)(state, _with_duty(drive, duty)))
+
+        def begin(drive, values, state, duty=None):
+            return jax.vmap(lambda y, u: plan.begin(choose(values), y, u))(state, _with_duty(drive, duty))
+
+        def step(number, drive, values, carried, duty=None):
+            chosen = ByRows(choose(values), plan.substeps > 0)
+            each = jax.vmap(lambda y, u: plan.step(chosen, y, u, number)[0])
+            return each(carried, _with_duty(drive, duty))
+
+        def one(carry, number):
+            return push(functools.partial(step, number), carry)
+
+        (state, _), (tangents, _) = plan.repeat(one, push(begin, carry), drive.steps(plan.substeps))
+        return (state, tangents), push(observe, carry)[1]
 
     start = (first, jax.tree.unflatten(shape, state_tangents))
     (_, ends), observed = jax.lax.scan(interval, start, inputs)
     end_tangents = jnp.transpose(jnp.stack(jax.tree.leaves(ends)), (2, 0, 1))
     return end_tangents, observed[:, :states], observed[:, states:]
+
+
+def _with_duty(drive: Drive, duty: Any) -> Drive:
+    return drive if duty is None else drive.with_duty(duty)
 
 
 def _chain(
