@@ -39,15 +39,11 @@ class ByRows(AbstractDynamics):
 
     def vector_field(self, time: Values, state: OwnState, drive: Drive) -> State:
         """That of the model."""
-        return self._of(_vector_field, time, state, drive)
+        return _rates(_vector_field, self.true, (self.model, time, state, drive))
 
     def relaxation(self, time: Values, state: OwnState, drive: Drive) -> State:
         """That of the model."""
-        return self._of(_relaxation, time, state, drive)
-
-    def _of(self, function: Callable[..., Any], *args: Any) -> Any:
-        shape = jax.tree.structure(jax.eval_shape(function, self.model, *args))
-        return jax.tree.unflatten(shape, _rates(function, self.true, (self.model, *args)))
+        return _rates(_relaxation, self.true, (self.model, time, state, drive))
 
 
 def _vector_field(model: AbstractModel, *args: Any) -> Any:
@@ -59,38 +55,39 @@ def _relaxation(model: AbstractModel, *args: Any) -> Any:
 
 
 @eqx.filter_custom_jvp
-def _rates(function: Callable[..., Any], true: Flag, args: tuple[Any, ...]) -> Numbers:
-    return jax.tree.leaves(function(*args))
+def _rates(function: Callable[..., Any], true: Flag, args: tuple[Any, ...]) -> Any:
+    return function(*args)
 
 
 @_rates.def_jvp
-def _rates_jvp(primals: Any, tangents: Any) -> tuple[Numbers, Numbers]:
+def _rates_jvp(primals: Any, tangents: Any) -> tuple[Any, Any]:
     (function, true, args), (_, _, along) = primals, tangents
     moving, still = eqx.partition(args, jax.tree.map(lambda each: each is not None, along, is_leaf=lambda x: x is None))
     shapes = eqx.filter_eval_shape(_rows, function, moving, still)
     like = jax.tree.map(lambda each: jnp.zeros(each.shape, each.dtype), shapes)
     rates, rows = _once(true, lambda: _rows(function, moving, still), like)
     (numbers, tables), (by_number, by_table) = _apart(moving), _apart(along)
-    moved = _once(true, _products, like[0], rows, by_number)
-    if not tables:
-        return rates, moved
-    whole = _Whole(function, moving, still)
-    read = jax.jvp(lambda *tables: whole(numbers, list(tables)), tuple(tables), tuple(by_table))[1]
-    return rates, [a + b for a, b in zip(moved, read, strict=True)]
+    leaves, shape = jax.tree.flatten(like[0])
+    moved = _once(true, _products, leaves, rows, by_number)
+    if tables:
+        whole = _Whole(function, moving, still)
+        read = jax.jvp(lambda *tables: jax.tree.leaves(whole(numbers, list(tables))), tuple(tables), tuple(by_table))[1]
+        moved = [a + b for a, b in zip(moved, read, strict=True)]
+    return rates, jax.tree.unflatten(shape, moved)
 
 
 @eqx.filter_jit
-def _rows(function: Callable[..., Any], moving: Any, still: Any) -> tuple[Numbers, Rows]:
+def _rows(function: Callable[..., Any], moving: Any, still: Any) -> tuple[Any, Rows]:
     """Rates and their rows; compiled for itself so that all stages of a step share what is traced."""
     numbers, tables = _apart(moving)
-    traced = jax.make_jaxpr(_Whole(function, moving, still))(numbers, tables)
+    traced, shapes = jax.make_jaxpr(_Whole(function, moving, still), return_shape=True)(numbers, tables)
     rates, push = jax.linearize(lambda *numbers: jaxpr_as_fun(traced)(*numbers, *tables), *numbers)
     rows = []
     for place, (rate, needed) in enumerate(zip(rates, _dependencies(traced), strict=True)):
         pull = jax.linear_transpose(lambda *along, place=place: push(*along)[place], *numbers)
         by_number = pull(jnp.ones_like(rate))
         rows.append({at: by_number[at] for at in needed if at < len(numbers)})
-    return rates, rows
+    return jax.tree.unflatten(jax.tree.structure(shapes), rates), rows
 
 
 def _products(rows: Rows, along: Numbers) -> Numbers:
@@ -104,7 +101,7 @@ class _Whole:
         self._function, self._still = function, still
         self._leaves, self._shape = jax.tree.flatten(moving)
 
-    def __call__(self, numbers: Numbers, tables: Numbers) -> Numbers:
+    def __call__(self, numbers: Numbers, tables: Numbers) -> Any:
         next_number, next_table = iter(numbers), iter(tables)
         leaves = [
             jnp.stack([next(next_number) for _ in range(leaf.size)]).reshape(leaf.shape)
@@ -112,7 +109,7 @@ class _Whole:
             else next(next_table)
             for leaf in self._leaves
         ]
-        return jax.tree.leaves(self._function(*eqx.combine(jax.tree.unflatten(self._shape, leaves), self._still)))
+        return self._function(*eqx.combine(jax.tree.unflatten(self._shape, leaves), self._still))
 
 
 def _apart(tree: Any) -> tuple[Numbers, Numbers]:

@@ -58,7 +58,7 @@ def jacobian(
     - `stepping`: fixed steps, 0.5 ms by default.
 
     The last axis is in the order of `select(model, free, fixed).entries`. With several JAX devices (also of one
-    CPU, see [`configure`][]) the segments are spread over them.
+    CPU, see [`configure`][]) the segments are spread over them. Rates of a part of one's own need a reverse mode.
 
     **Raises:** `InputError` for a name that matches nothing; `SimulationError` when a simulation fails, or its
     derivatives leave the finite numbers.
@@ -67,7 +67,8 @@ def jacobian(
     found: dict[int, TraceJacobian] = {}
     for bundle in bundle_traces(model, traces, stepping):
         observed, derivatives, ended = observe_with_jacobian(model, selection, bundle)
-        ends = [jax.tree.map(lambda end, at=at: end[at], ended) for at in range(len(bundle.indices))]
+        on_host = jax.tree.map(np.asarray, ended)
+        ends = [jax.tree.map(lambda end, at=at: end[at], on_host) for at in range(len(bundle.indices))]
         lanes = (bundle.from_lanes(np.asarray(each)) for each in (observed, derivatives))
         for index, *parts in zip(bundle.indices, ends, *lanes, strict=True):
             found[index] = _of_trace(traces[index], *parts)
