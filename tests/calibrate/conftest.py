@@ -1,5 +1,6 @@
 """A folder with a good trace and a good study, to be spoilt; and a small fit that many tests look at."""
 
+import contextlib
 import dataclasses
 import pathlib
 from collections.abc import Callable, Iterator
@@ -13,13 +14,19 @@ from support import kept_programs
 STUDY = '[[trace]]\nfile = "bench.csv"\n'
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _annotations_as_they_are() -> Iterator[None]:
+@contextlib.contextmanager
+def annotations_as_they_are() -> Iterator[None]:
     """The library's annotations are checked where it is tested; here that would take a tenth of the time."""
     before = jaxtyping.config.jaxtyping_disable
     jaxtyping.config.update("jaxtyping_disable", True)
     yield
     jaxtyping.config.update("jaxtyping_disable", before)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _annotations_as_they_are() -> Iterator[None]:
+    with annotations_as_they_are():
+        yield
 
 
 @pytest.fixture
@@ -82,7 +89,8 @@ def fitted(tmp_path_factory) -> Fitted:
     for name in ("step_80", "step_50"):
         cut_example(name, 1.2, folder)
     (folder / "study.toml").write_text(SMALL_STUDY)
-    with kept_programs(tmp_path_factory):
+    # A fixture of a session comes before those of its modules.
+    with annotations_as_they_are(), kept_programs(tmp_path_factory):
         outcome = run_command("fit", folder / "study.toml", "--out", folder / "out")
     return Fitted(folder / "study.toml", folder / "out", outcome)
 

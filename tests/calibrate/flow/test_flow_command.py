@@ -163,7 +163,8 @@ def test_an_engine_that_does_not_run_before_it_is_a_note(monkeypatch):
 def test_what_a_study_states_in_vain_of_its_engine_is_a_note(monkeypatch, stated, said):
     monkeypatch.setattr(command, "engine_pulse", lambda *_: None)
     engine = PulsationTable(engine_speed=1000.0, **stated)
-    _, notes = command._pulse(vgtjax.Turbine(), command.Subject(Stage(), engine=engine))
+    with quick_nozzle():
+        _, notes = command._pulse(vgtjax.Turbine(), command.Subject(Stage(), engine=engine))
     assert notes == [command.ASSUMED, *([] if said is None else [said])]
 
 

@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from support import optimised
+from support import quick_nozzle
 
 from vgtjax import InputError, Turbine, replace_parameters
 from vgtjax.parts.vane_force import _turbine
@@ -12,8 +12,8 @@ from vgtjax.parts.vane_force import _turbine
 
 @pytest.fixture(scope="module")
 def turbine():
-    """Its table is 600 flows."""
-    with optimised():
+    """What is refused here is so before its table is read."""
+    with quick_nozzle():
         return Turbine()
 
 
