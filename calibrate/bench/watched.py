@@ -26,6 +26,7 @@ AT = {
     "report and files": (("/output/", ""),),
     "the rest of the report": (("report.py", ""),),
     "linear algebra": (("/estimation/", ""),),
+    "regressions of identification": (("/identification/", ""),),
 }
 """What a stack is at: the first that has all its pairs of a part of a file's name and a function's beginning."""
 

@@ -2,6 +2,7 @@
 
 import pathlib
 import tempfile
+from collections.abc import Mapping, Sequence
 
 from ..commands import WHOLE, watch_command
 from ..data import EXAMPLE
@@ -11,29 +12,43 @@ from ..watched import AT, REST
 COMMANDS = ("fit", "check", "simulate")
 FILLED = 2
 """Runs with a filled cache, of which the shortest counts."""
+KEPT, SMALL = "number of programs kept whole", "number of small programs in JAX's cache"
 
 
 def measure() -> Section:
     """Watches commands on the example that ships, each in a process of its own."""
-    columns = [f"{command}, {cache}" for command in COMMANDS for cache in ("empty", "filled")]
-    section = Section("Until the first answer", _ABOUT, ("s of", *columns))
+    commands = {command: [command, str(EXAMPLE / "study.toml")] for command in COMMANDS}
     with tempfile.TemporaryDirectory() as name:
-        runs = [each for command in COMMANDS for each in _watch(command, pathlib.Path(name) / command)]
+        return watch_commands("Until the first answer", _ABOUT, commands, pathlib.Path(name))
+
+
+def watch_commands(title: str, about: str, commands: Mapping[str, Sequence[str]], root: pathlib.Path) -> Section:
+    """A table of commands by their names: the s that each spends at what."""
+    columns = [f"{command}, {cache}" for command in commands for cache in ("empty", "filled")]
+    section = Section(title, about, ("s of", *columns))
+    runs = [each for name, arguments in commands.items() for each in _watch(list(arguments), root / name)]
     runs = [{**run, REST: run[WHOLE] - sum(run.get(each, 0.0) for each in AT)} for run in runs]
     for what in (*AT, REST, WHOLE):
         section.add(what, *(f"{run.get(what, 0.0):.2f}" for run in runs))
+    for what in (KEPT, SMALL):
+        section.add(what, *(f"{run[what]:.0f}" if what in run else "" for run in runs))
     return section
 
 
-def _watch(command: str, folder: pathlib.Path) -> tuple[dict[str, float], dict[str, float]]:
+def _watch(arguments: list[str], folder: pathlib.Path) -> tuple[dict[str, float], dict[str, float]]:
     """A command with an empty cache, and with what that has left."""
     folder.mkdir()
-    study = [str(EXAMPLE / "study.toml")]
+    cache = folder / "cache"
     empty, *filled = (
-        watch_command([command, *study, "--out", str(folder / f"{number}")], folder, folder / f"{number}.json")
+        watch_command([*arguments, "--out", str(folder / f"{number}")], cache, folder / f"{number}.json")
         for number in range(1 + FILLED)
     )
-    return empty, min(filled, key=lambda run: run[WHOLE])
+    return {**empty, **_programs(cache)}, min(filled, key=lambda run: run[WHOLE])
+
+
+def _programs(cache: pathlib.Path) -> dict[str, int]:
+    """How many a cache holds."""
+    return {KEPT: len(list(cache.rglob("*.program"))), SMALL: len(list(cache.rglob("*-cache")))}
 
 
 _ABOUT = (

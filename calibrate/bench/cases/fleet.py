@@ -20,7 +20,7 @@ def measure() -> Section:
     with tempfile.TemporaryDirectory() as name:
         root = pathlib.Path(name)
         for count in COUNTS:
-            study = _write_study(root / f"{count} units", count)
+            study = write_study(root / f"{count} units", count)
             for number, cache in enumerate(("empty", "filled")):
                 took = _run(study, root / f"out {count} {number}", root / f"cache {count}")
                 section.add(str(count), cache, *map(seconds, (*took, sum(took))))
@@ -34,7 +34,8 @@ _ABOUT = (
 )
 
 
-def _write_study(folder: pathlib.Path, count: int) -> pathlib.Path:
+def write_study(folder: pathlib.Path, count: int) -> pathlib.Path:
+    """Records of so many units in a new folder, and the study that reads them."""
     folder.mkdir()
     rng = np.random.default_rng(SEED)
     for unit in range(1, count + 1):
