@@ -20,6 +20,7 @@ from ._heun import StabilisedHeun
 from ._results import RESULTS, choose, end_of, from_diffrax
 
 Carried = tuple[State, Any]
+"""The state, and what the solver remembers from step to step."""
 Flag = Bool[Array, ""]
 
 
@@ -96,7 +97,8 @@ class AbstractFixedMarch(AbstractMarch):
     def begin(self, model: AbstractDynamics, state: State, drive: Drive) -> Carried:
         """The state, and what the solver remembers from step to step, at the start of an interval."""
         step = drive.duration / self.substeps
-        return state, self._solver(model).init(diffrax.ODETerm(model.vector_field), step * 0.0, step, state, drive)
+        term = diffrax.ODETerm(model.vector_field)
+        return state, self._solver(model).init(term, jnp.zeros_like(step), step, state, drive)
 
     def step(self, model: AbstractDynamics, carried: Carried, drive: Drive, number: Array) -> tuple[Carried, Flag]:
         """The same after one of the steps over an interval, and whether the solver has found every root."""
