@@ -128,6 +128,17 @@ class DesignModel(Part):
         """`d alpha / dv` in s/(N m); zero where the velocity is, a kink when the Stribeck exponent is 1."""
         return -(self.alpha(velocity) ** 2) * self.friction.stribeck_slope(velocity)
 
+    def slide(self, velocity: Scalar) -> Scalar:
+        """`h = |v| alpha(v)` in m/(s N)."""
+        return jnp.abs(velocity) * self.alpha(velocity)
+
+    def slide_slope(self, velocity: Scalar, width: Scalar = 0.0) -> Scalar:
+        """`dh/dv` in 1/N; zero where the velocity is, a jump unless `v / (|v| + width)` stands for its sign, which is
+        exact where `|v|` is far above `width` in m/s."""
+        speed = jnp.abs(velocity)
+        sign = velocity / jnp.where(speed > 0, speed + width, 1.0)
+        return sign * self.alpha(velocity) + speed * self.alpha_slope(velocity)
+
     def relaxation_rate(self, velocity: Scalar) -> Scalar:
         """`sigma_0 alpha |v|` in 1/s, at which the bristles' deflection relaxes."""
         return self.friction.relaxation_rate(velocity)
@@ -137,11 +148,8 @@ class DesignModel(Part):
         return self.friction.bristle_stiffness - self.friction.bristle_damping * self.relaxation_rate(velocity)
 
     def stiffness_slope(self, velocity: Scalar, width: Scalar = 0.0) -> Scalar:
-        """`dS/dv` in N s/m2; zero where the velocity is, a jump unless `v / (|v| + width)` stands for its sign."""
-        model, speed = self.friction, jnp.abs(velocity)
-        sign = velocity / jnp.where(speed > 0, speed + width, 1.0)
-        growth = sign * self.alpha(velocity) + speed * self.alpha_slope(velocity)
-        return -model.bristle_stiffness * model.bristle_damping * growth
+        """`dS/dv` in N s/m2, with `width` as of `slide_slope`."""
+        return -self.friction.bristle_stiffness * self.friction.bristle_damping * self.slide_slope(velocity, width)
 
     def acceleration(
         self, position: Scalar, velocity: Scalar, resistance: Scalar, pressure: Scalar, ambient: Scalar

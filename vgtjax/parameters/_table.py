@@ -96,7 +96,7 @@ class Part(eqx.Module):
 
     def __init_subclass__(cls, **settings: Any) -> None:
         super().__init_subclass__(**settings)
-        rows = [_describe(name, field) for name, field in vars(cls).items() if _is_parameter(field)]
+        rows = [_describe(name, field) for name, field in _declared(cls).items() if _is_parameter(field)]
         if rows:
             cls.__doc__ = "\n\n".join([inspect.cleandoc(cls.__doc__ or ""), "**Parameters:**", "\n".join(rows)])
 
@@ -106,6 +106,15 @@ class Part(eqx.Module):
             row = field.metadata.get("parameter")
             if row is not None and not (row.optional and getattr(self, field.name) is None):
                 row.check(getattr(self, field.name), owner if row.anonymous else f"{owner}.{field.name}")
+
+
+def _declared(cls: type) -> dict[str, Any]:
+    """What a class and those that it is derived from declare, in the order of its fields."""
+    declared: dict[str, Any] = {}
+    for each in reversed(cls.__mro__):
+        # The fields of a class that is being made are still in its namespace only.
+        declared |= {**vars(each), **vars(each).get("__dataclass_fields__", {})}
+    return declared
 
 
 def _is_parameter(field: Any) -> bool:

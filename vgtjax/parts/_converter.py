@@ -13,8 +13,7 @@ from .._errors import require_positive
 from .._types import Scalar, StateLeaf, Tree, Values
 from ..parameters import Part, parameter
 from ._air import Air, orifice_flow
-from .magnetic_force._base import AbstractMagneticForce
-from .magnetic_force._static import StaticForce
+from .magnetic_force import AbstractMagneticForce, StaticForce
 
 PRINTED_MEMBRANE = 2000.0
 """N/m [B.1]."""

@@ -5,8 +5,9 @@ import numpy as np
 
 from .._errors import InputError, is_traced
 from .._types import Values
-from ..parts import Diaphragm
+from ..parts import AbstractChamber, Diaphragm
 from ._base import AbstractModel
+from ._instrumented import bare
 from ._plant import AbstractPlant
 from ._pneumatic import PneumaticActuator
 
@@ -16,13 +17,13 @@ def least_volume(model: AbstractModel) -> Values | None:
 
     Infinite where the rod has no end stop; `None` for a model without a chamber.
     """
-    # The pneumatic half has a diaphragm of its own.
-    if not isinstance(model, AbstractPlant | PneumaticActuator):
+    parts = _chamber_and_diaphragm(model)
+    if parts is None:
         return None
-    diaphragm: Diaphragm = model.diaphragm
+    chamber, diaphragm = parts
     stops = jnp.isfinite(diaphragm.travel)
     swept = diaphragm.displaced_volume(jnp.where(stops, diaphragm.travel, 0.0))
-    return jnp.where(stops, model.chamber.volume - swept, jnp.inf)
+    return jnp.where(stops, chamber.volume - swept, jnp.inf)
 
 
 def is_physical(model: AbstractModel) -> bool:
@@ -36,12 +37,20 @@ def require_physical(model: AbstractModel) -> None:
 
     **Raises:** `InputError`.
     """
-    if not isinstance(model, AbstractPlant | PneumaticActuator) or is_traced(model) or is_physical(model):
+    parts = _chamber_and_diaphragm(model)
+    if parts is None or is_traced(model) or is_physical(model):
         return
-    diaphragm: Diaphragm = model.diaphragm
-    volume, swept = model.chamber.volume, diaphragm.displaced_volume(diaphragm.travel)
+    chamber, diaphragm = parts
+    volume, swept = chamber.volume, diaphragm.displaced_volume(diaphragm.travel)
     raise InputError(
         f"'chamber.volume' must be larger than what the diaphragm sweeps, diaphragm.area times diaphragm.travel "
         f"({float(swept):.4g} m3), but it is {float(volume):.4g} m3; enlarge it, or correct area or travel",
         "values",
     )
+
+
+def _chamber_and_diaphragm(model: AbstractModel) -> tuple[AbstractChamber, Diaphragm] | None:
+    """Those of a model, with its sensors or without; `None` where it has no chamber."""
+    model = bare(model)
+    # The pneumatic half has a diaphragm of its own.
+    return (model.chamber, model.diaphragm) if isinstance(model, AbstractPlant | PneumaticActuator) else None

@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 from .._errors import InputError
 from .._lanes import fill_devices, map_rows
 from ..experiments import AbstractExperiment, Output, stack_runs
-from ..plants import AbstractModel, least_volume, tabulated_along
+from ..plants import AbstractModel, tabulated_along
 from ..simulation import RESULTS, AbstractFixedStepping, FixedMarch, FixedStep, fixed, march
 from ..traces import Drive, Start, cast, require
 from ._factors import Factors
@@ -131,19 +131,11 @@ def _slopes(
 
 
 def _run(model: AbstractModel, prepared: tuple[_Prepared, ...]) -> tuple[Array, RESULTS]:
-    """All readings of one actuator as one vector, NaN if a simulation failed, and how the first that failed ended.
-
-    One that is not physical has failed whatever a simulation makes of it.
-    """
+    """All readings of one actuator as one vector, NaN if a simulation failed, and how the first that failed ended."""
     columns: list[Array] = []
     status: Any = RESULTS.successful
-    unphysical: Any = RESULTS.unphysical
     # Tables are made once, not in every run.
     model = tabulated_along(model, *(each.drive for each in prepared))
-    left = least_volume(model)
-    if left is not None:
-        # A value that is no number is left to the simulation.
-        status = RESULTS.where(left <= 0, unphysical, status)
     for each in prepared:
         x_d, p_act, ends = jax.lax.map(lambda run, each=each: _observe(model, run, each), (each.drive, each.start))
         readings = each.experiment.read(x_d, p_act, model.air.pressure)

@@ -1,5 +1,6 @@
 """Names, patterns, what is held, and the coordinates in which a fit moves."""
 
+import dataclasses
 import re
 
 import jax
@@ -10,7 +11,7 @@ import pytest
 import vgtjax
 from vgtjax.control import AdaptiveBackstepping, ImplicitLevantDifferentiator, LevantDifferentiator, ScheduledPI
 from vgtjax.exhaust import ExhaustGas
-from vgtjax.parameters import Transform, build_transform, match_entries, table_row
+from vgtjax.parameters import Part, Transform, build_transform, match_entries, table_row
 
 HELD = {
     *(f"air.{name}" for name in ("gas_constant", "heat_capacity_ratio", "pressure", "temperature")),
@@ -19,6 +20,12 @@ HELD = {
     "diaphragm.damping",
 }
 """What the study format holds by default."""
+
+
+def parts(kind: type) -> list[type]:
+    """All that is derived from a class, of this package."""
+    derived = [each for child in kind.__subclasses__() for each in (child, *parts(child))]
+    return [each for each in derived if each.__module__.startswith("vgtjax.")]
 
 
 @pytest.fixture
@@ -297,3 +304,10 @@ def test_a_map_names_the_parameters_with_its_knots():
     assert list(vgtjax.AdaptiveLuGre().tables) == ["load"]
     steady = vgtjax.parameter_table(vgtjax.parts.SteadyPlungerFlow())
     assert steady["table.flow"].axes == ("table.position", "table.pressure")
+
+
+def test_help_lists_every_parameter_of_a_part_inherited_ones_too():
+    described = {kind: [f.name for f in dataclasses.fields(kind) if "parameter" in f.metadata] for kind in parts(Part)}
+    assert described[vgtjax.SpeedMap][0] == "closing"
+    for kind, names in described.items():
+        assert re.findall(r"(?m)^- `(\w+)`: ", kind.__doc__.partition("**Parameters:**")[2]) == names, kind

@@ -6,7 +6,7 @@ import pytest
 
 import vgtjax
 from vgtjax import InputError
-from vgtjax.plants import least_volume, require_physical
+from vgtjax.plants import Instrumented, least_volume, require_physical
 
 SWEPT = 2.9224e-3 * 10.13e-3
 """m3, printed."""
@@ -36,6 +36,15 @@ def test_without_a_chamber_or_an_end_stop_nothing_is_swallowed():
     endless = vgtjax.replace_parameters(vgtjax.Actuator(), {"diaphragm.travel": np.inf})
     assert least_volume(endless) == np.inf
     require_physical(endless)
+
+
+def test_sensors_hide_nothing():
+    seen = Instrumented(too_small(vgtjax.Actuator))
+    assert least_volume(seen) == pytest.approx(2.9e-5 - SWEPT)
+    with pytest.raises(InputError, match=SENTENCE):
+        require_physical(seen)
+    trace = vgtjax.Trace(np.arange(20) * 1e-3, pwm=np.full(20, 50.0), p_res=np.full(20, 2e4))
+    assert vgtjax.simulate(seen, trace, throw=False).result == vgtjax.RESULTS.unphysical
 
 
 def test_traced_values_are_not_looked_at():

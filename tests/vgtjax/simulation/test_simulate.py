@@ -213,7 +213,7 @@ def test_one_bad_lane_leaves_the_others_alone(actuator):
 def test_a_failed_simulation_raises_its_advice(actuator):
     # The diaphragm swallows its chamber.
     bad, trace = vgtjax.replace_parameters(actuator, {"chamber.volume": 1e-6}), duty_trace((75, 0.3), p_res=2.0e4)
-    advice = "check that the parameters are physical, then lower max_step"
+    advice = "The diaphragm swallows the chamber: enlarge chamber.volume"
     with pytest.raises(vgtjax.SimulationError, match=f"simulation of trace 'trace' failed: .*{advice}"):
         simulate(bad, trace)
     with pytest.raises(RuntimeError, match=advice):

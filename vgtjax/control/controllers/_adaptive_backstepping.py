@@ -20,7 +20,6 @@ from ..observers import (
     LevantDifferentiator,
     nominal_coefficients,
     regressors,
-    slide_slope,
 )
 
 NEARLY_SATURATED = 0.5
@@ -178,8 +177,7 @@ class AdaptiveBackstepping(AbstractController):
     def rates(self, motion: Motion, errors: Errors, estimate: AdaptiveEstimate) -> AdaptiveEstimate:
         """How fast everything is learned [5.47, 5.69 corrected]."""
         friction = self.observer.rates(self.model, estimate.friction, motion.velocity, errors.drive)
-        load = -self.model.diaphragm.mass * self.load_gain * errors.drive
-        return AdaptiveEstimate(friction, load, self.drift_gain * errors.pressure)
+        return AdaptiveEstimate(friction, *self._adapting(errors))
 
     def pressure_rate(self, at: Moment, estimate: AdaptiveEstimate, errors: Errors, rates: AdaptiveEstimate) -> Scalar:
         """`p'_des` in Pa/s [5.63 corrected]; `rates` are those of the estimate."""
@@ -218,7 +216,7 @@ class AdaptiveBackstepping(AbstractController):
 
     def _sensitivity(self, motion: Motion, estimate: AdaptiveEstimate) -> Scalar:
         stiffness = estimate.friction.coefficients[2] * estimate.friction.deflections[1]
-        bristle = stiffness * slide_slope(self.model, motion.velocity, self.reversal_width)
+        bristle = stiffness * self.model.slide_slope(motion.velocity, self.reversal_width)
         return self.position_gain + self.velocity_gain + bristle
 
     def _kept_damping(self, estimate: AdaptiveEstimate) -> Scalar:
@@ -260,13 +258,16 @@ class AdaptiveBackstepping(AbstractController):
 
     def _step(self, now: AdaptiveEstimate, errors: Errors, velocity: Scalar, period: float) -> AdaptiveEstimate:
         friction = self.observer.step(self.model, now.friction, velocity, errors.drive, period)
-        load = now.load - period * self.model.diaphragm.mass * self.load_gain * errors.drive
-        drift = now.drift + period * self.drift_gain * errors.pressure
+        load, drift = self._adapting(errors)
         return AdaptiveEstimate(
             friction,
-            jnp.clip(load, -self.largest_load, self.largest_load),
-            jnp.clip(drift, -self.largest_drift, self.largest_drift),
+            jnp.clip(now.load + period * load, -self.largest_load, self.largest_load),
+            jnp.clip(now.drift + period * drift, -self.largest_drift, self.largest_drift),
         )
+
+    def _adapting(self, errors: Errors) -> tuple[Scalar, Scalar]:
+        """Rates of load in N/s and drift in Pa/s2 [5.69 corrected]."""
+        return -self.model.diaphragm.mass * self.load_gain * errors.drive, self.drift_gain * errors.pressure
 
 
 def _per_second(before: AdaptiveEstimate, after: AdaptiveEstimate, period: float) -> AdaptiveEstimate:

@@ -10,8 +10,7 @@ from ...parameters import parameter
 from ...plants import AbstractPlant
 from .._base import AbstractController, Log, Measurement, Memory, Reference, saturate
 from .._design import Condition, positive
-from ._balance import StaticBalance
-from ._scheduled_pi import duty_slope
+from ._balance import StaticBalance, duty_against
 
 POLE = 40.0
 """1/s; a pole that stands for chamber and damping together, so that `b_0` of a plant is `POLE^2` over its duty per
@@ -45,7 +44,7 @@ class ADRC(AbstractController):
     @classmethod
     def for_plant(cls, plant: AbstractPlant, **settings: Any) -> "ADRC":
         """Around the plant's [`StaticBalance`][], with `b_0` from its duty per metre."""
-        gain = POLE**2 / duty_slope(plant)
+        gain = POLE**2 / _duty_slope(plant)
         return cls(**{"base": StaticBalance.for_plant(plant), "input_gain": gain} | settings)
 
     def conditions(self) -> dict[str, Condition]:
@@ -93,3 +92,9 @@ class ADRC(AbstractController):
             velocity + 1.5 * (1 - keep) ** 2 * (1 + keep) / period * error,
             state.disturbance + (1 - keep) ** 3 / period**2 * error,
         )
+
+
+def _duty_slope(plant: AbstractPlant) -> Scalar:
+    """Duty in percent per metre of position that holds a plant in the middle of its travel."""
+    force = plant.diaphragm.stiffness * 1e-3
+    return (duty_against(plant, force) - duty_against(plant, -force)) / 2e-3

@@ -10,6 +10,7 @@ from ..._types import Scalar
 from ...parameters import parameter
 from ...parts import FULL_DUTY, Converter, Diaphragm
 from ...plants import AbstractPlant, require_converter
+from ...traces import ASSUMED_RESERVOIR
 from .._base import AbstractController, Log, Measurement, Reference, saturate
 
 HALVINGS = 12
@@ -86,3 +87,12 @@ def holding_duty(converter: Converter, measurement: Measurement, pressure: Scala
         value, slope = jax.jvp(surplus, (duty,), (jnp.ones_like(duty),))
         duty = saturate(duty - value / jnp.maximum(slope, LEAST_SLOPE))
     return duty
+
+
+def duty_against(plant: AbstractPlant, force: Scalar) -> Scalar:
+    """Duty in percent that holds the rod in the middle of its travel against one more force in N along -x."""
+    body, ambient = plant.diaphragm, plant.air.pressure
+    middle = body.middle
+    pressure = body.balance_pressure(ambient, middle, force)
+    measured = Measurement(middle, pressure, jnp.full_like(pressure, ASSUMED_RESERVOIR), ambient)
+    return holding_duty(require_converter(plant, "a duty against a force"), measured, pressure)

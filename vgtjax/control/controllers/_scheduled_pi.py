@@ -9,11 +9,10 @@ from jaxtyping import Array, Float
 
 from ..._types import Scalar
 from ...parameters import parameter
-from ...plants import AbstractPlant, require_converter
-from ...traces import ASSUMED_RESERVOIR
+from ...plants import AbstractPlant
 from .._base import AbstractController, Log, Measurement, Reference
 from .._design_model import DesignModel, lugre_of
-from ._balance import StaticBalance, holding_duty
+from ._balance import StaticBalance, duty_against
 from ._pid import PI, PIState
 
 KNOTS = (0.2, 0.5, 0.8)
@@ -90,7 +89,7 @@ def friction_as_duty(plant: AbstractPlant) -> Scalar:
 
     **Raises:** `InputError` for a plant without LuGre friction.
     """
-    low, high = (_duty_against(plant, sign * lugre_of(plant).coulomb_force) for sign in (-1, 1))
+    low, high = (duty_against(plant, sign * lugre_of(plant).coulomb_force) for sign in (-1, 1))
     return 0.5 * (high - low)
 
 
@@ -106,18 +105,3 @@ def velocity_as_duty(model: DesignModel) -> Scalar:
 
     slow = jnp.full_like(pressure, SLOW)
     return (duty(slow) - duty(-slow)) / (2 * SLOW)
-
-
-def duty_slope(plant: AbstractPlant) -> Scalar:
-    """Duty in percent per metre of position that holds a plant in the middle of its travel."""
-    force = plant.diaphragm.stiffness * 1e-3
-    return (_duty_against(plant, force) - _duty_against(plant, -force)) / 2e-3
-
-
-def _duty_against(plant: AbstractPlant, force: Scalar) -> Scalar:
-    """Duty in percent that holds the rod in the middle of its travel against one more force in N along -x."""
-    body, ambient = plant.diaphragm, plant.air.pressure
-    middle = body.middle
-    pressure = body.balance_pressure(ambient, middle, force)
-    measured = Measurement(middle, pressure, jnp.full_like(pressure, ASSUMED_RESERVOIR), ambient)
-    return holding_duty(require_converter(plant, "a duty against friction"), measured, pressure)

@@ -11,7 +11,6 @@ from ._friction_observer import (
     FrictionEstimate as FrictionEstimate,
     nominal_coefficients as nominal_coefficients,
     regressors as regressors,
-    slide_slope as slide_slope,
 )
 from ._load_observer import LoadEstimate as LoadEstimate, LoadObserver as LoadObserver, transition as transition
 from ._pressure_observer import ObservedState as ObservedState, PressureObserver as PressureObserver

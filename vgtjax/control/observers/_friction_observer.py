@@ -83,7 +83,7 @@ class DualFrictionObserver(AbstractDesign):
 
     def _injected(self, model: DesignModel, velocity: Scalar, drive: Scalar) -> Bristles:
         """`J0, J1` in m/s."""
-        h = slide(model, velocity)
+        h = model.slide(velocity)
         return -self.injection * drive * jnp.stack([jnp.ones_like(h), -h])
 
     def _adapting(
@@ -106,17 +106,6 @@ def nominal_coefficients(model: DesignModel) -> Coefficients:
     return model.load * forces / model.diaphragm.mass
 
 
-def slide(model: DesignModel, velocity: Scalar) -> Scalar:
-    """`h = |v| alpha(v)` in m/(s N)."""
-    return jnp.abs(velocity) * model.alpha(velocity)
-
-
-def slide_slope(model: DesignModel, velocity: Scalar, width: Scalar) -> Scalar:
-    """`dh/dv` in 1/N with `v / (|v| + width)` for the sign of `v`, exact where `|v|` is far above `width` in m/s."""
-    sign = velocity / (jnp.abs(velocity) + width)
-    return sign * model.alpha(velocity) + jnp.abs(velocity) * model.alpha_slope(velocity)
-
-
 def regressors(model: DesignModel, deflections: Bristles, velocity: Scalar) -> Coefficients:
     """What the coefficients multiply: `zh0, v, -h zh1`."""
-    return jnp.stack([deflections[0], velocity, -slide(model, velocity) * deflections[1]])
+    return jnp.stack([deflections[0], velocity, -model.slide(velocity) * deflections[1]])

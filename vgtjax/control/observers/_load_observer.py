@@ -183,10 +183,8 @@ class LoadObserver(AbstractDesign):
     def friction(self, state: LoadEstimate, velocity: Scalar) -> Scalar:
         """Force of bristles and grease in N along -x, at a velocity in m/s."""
         law = self.model.friction
-        elastic = law.bristle_stiffness * (1 + state.level) * state.deflection
-        return self.model.load * (
-            elastic + law.bristle_damping * state.deflection_rate + law.viscous_damping * velocity
-        )
+        lifted = (1 + state.level) * state.deflection
+        return self.model.load * law.unloaded_force(lifted, state.deflection_rate, velocity)
 
     def _drifts(self, rates: Mean) -> Mean:
         """Variance that each second adds, at some rates of the mean."""

@@ -10,7 +10,7 @@ from ..._types import OwnState, StateLeaf
 from ...parameters import Part
 from .._air import Air
 from .._converter import Flow
-from ..chamber._base import GasState
+from ..chamber import GasState
 
 
 class AbstractLine(Part):

@@ -14,7 +14,7 @@ from ..._types import Scalar, Values
 from ...parameters import parameter
 from .._air import Air
 from .._converter import Flow
-from ..chamber._base import GasState
+from ..chamber import GasState
 from ._base import AbstractLine
 from ._losses import friction_rate, speed_of_sound
 

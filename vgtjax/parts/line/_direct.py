@@ -6,7 +6,7 @@ from collections.abc import Callable
 from .._air import Air
 from .._converter import Flow
 from .._stateless import Stateless
-from ..chamber._base import GasState
+from ..chamber import GasState
 from ._base import AbstractLine
 
 

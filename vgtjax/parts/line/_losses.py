@@ -6,7 +6,7 @@ import jax.numpy as jnp
 
 from ..._types import Values
 from .._air import Air
-from ..chamber._base import GasState
+from ..chamber import GasState
 
 LAMINAR = 32.0
 """Poiseuille's `R_t D^2 / mu`."""

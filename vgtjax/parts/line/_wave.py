@@ -13,7 +13,7 @@ from ..._types import Scalar, StateLeaf, Values
 from ...parameters import parameter
 from .._air import Air
 from .._converter import Flow
-from ..chamber._base import GasState
+from ..chamber import GasState
 from ._base import AbstractLine
 from ._losses import cross_section, friction_rate, speed_of_sound
 

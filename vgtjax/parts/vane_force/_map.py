@@ -22,8 +22,7 @@ class HysteresisMap(AbstractVaneMap):
 
     The tables hold the whole force with its sign, positive against closing. A state follows the direction, `s' = (v -
     |v| s) / reversal_distance`, and with it the force goes from one table to the other. Linear between knots, held
-    beyond them; zero at zero gauge pressure, linear from there to the first knot. [`AbstractVaneMap`][] lists what both
-    kinds of map have.
+    beyond them; zero at zero gauge pressure, linear from there to the first knot.
     """
 
     reversal_distance: Scalar = parameter(65e-6, symbol="x_rev", unit="m", source="assumed", above=0.0)

@@ -15,7 +15,7 @@ class SpeedMap(AbstractVaneMap, AbstractStatelessVaneForce):
 
     The direction is `tanh(v / side_speed)`, 1 while the vanes close, -1 while they open, between the two within a few
     `side_speed`; the independent plant that wrote the examples has the same. So around rest the force damps the rod,
-    and a loaded rod creeps. [`AbstractVaneMap`][] lists what both kinds of map have.
+    and a loaded rod creeps.
     """
 
     side_speed: Scalar = parameter(1e-3, symbol="v_side", unit="m/s", source="assumed", above=0.0)
