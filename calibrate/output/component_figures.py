@@ -10,7 +10,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 import vgtjax
-from vgtjax.parts import AbstractGasTables, Contact, Vanes
+from vgtjax.parts import AbstractGasTables, Contact, HasCrank, Vanes
 from vgtjax.plants import AbstractRodModel, as_actuator
 
 from .figures import MEASURED, PALETTE, curve, styled
@@ -81,22 +81,24 @@ def _turbine_pressures(traces: Sequence[vgtjax.Trace]) -> Sequence[float]:
 
 
 def vane_force_figure(model: AbstractRodModel, turbine_pressures: Sequence[float] = USUAL_PRESSURES) -> go.Figure:
-    """Force over the crank angle at several turbine pressures in Pa gauge, those of its knots where it has any; closing
-    and opening, where that makes a difference."""
-    vane_force: Any = model.vane_force  # each that feels gas has a crank, which none of the classes above it asks for
+    """Force over the crank angle, or over the opening where there is no crank, at several turbine pressures in Pa
+    gauge, those of its knots where it has any; closing and opening, where that makes a difference."""
+    vane_force = model.vane_force
     travel = float(model.diaphragm.travel)
     opening = np.linspace(0.0, travel, 201)
-    tabulated = isinstance(vane_force, AbstractGasTables)
-    pressures = np.asarray(vane_force.turbine_pressure if tabulated else turbine_pressures)
-    angle, curves = np.asarray(vane_force.crank.angle(opening)), []
+    pressures = vane_force.turbine_pressure if isinstance(vane_force, AbstractGasTables) else turbine_pressures
+    along, label = opening * 1e3, "opening, mm"
+    if isinstance(vane_force, HasCrank):
+        along, label = np.asarray(vane_force.crank.angle(opening)), "crank angle, deg"
+    curves = []
     steady = jax.vmap(vane_force.steady_force)
-    for pressure in pressures:
+    for pressure in np.asarray(pressures):
         vanes = Vanes(opening, np.full_like(opening, pressure))
         ways = {name: steady(vanes, np.full_like(opening, speed)) for name, speed in WAYS.items()}
         if np.array_equal(*ways.values()):
             ways = {"": ways["closing"]}
-        curves += [(angle, force, f"{pressure / 100:.0f} mbar {name}".strip()) for name, force in ways.items()]
-    return _plot(curves, "crank angle, deg", "force against closing, N")
+        curves += [(along, force, f"{pressure / 100:.0f} mbar {name}".strip()) for name, force in ways.items()]
+    return _plot(curves, label, "force against closing, N")
 
 
 def _plot(curves: list[tuple[Any, Any, str]], x_label: str, y_label: str) -> go.Figure:

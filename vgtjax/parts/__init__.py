@@ -30,7 +30,7 @@ from ._tabulated import (
     tabulated as tabulated,
     with_tables as with_tables,
 )
-from ._vanes import Crank as Crank, Vanes as Vanes
+from ._vanes import Crank as Crank, HasCrank as HasCrank, Vanes as Vanes
 from .chamber import *
 from .flow_map import *
 from .friction import *

@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 
 from .._errors import InputError, is_traced
 from .._types import Knots, Values
-from ._vanes import Crank, Vanes
+from ._vanes import HasCrank, Vanes
 
 OPERATING_POINTS = (0.0, 1.5e5, 3.0e5)
 """Pa gauge at the turbine's inlet; those of the thesis (sections 3.4.2 and 4.2)."""
@@ -24,7 +24,7 @@ AXES = ("turbine_pressure", "crank_angle")
 GasTables = TypeVar("GasTables", bound="AbstractGasTables")
 
 
-class AbstractGasTables(eqx.Module):
+class AbstractGasTables(HasCrank):
     """A component with tables over turbine pressure and crank angle.
 
     Without gas every table is zero; it is linear from there to its first row, linear between knots, held beyond them.
@@ -37,7 +37,6 @@ class AbstractGasTables(eqx.Module):
     """Knots in Pa gauge, increasing, above zero."""
     crank_angle: eqx.AbstractVar[Float[Array, " angles"]]
     """Knots in deg, increasing."""
-    crank: eqx.AbstractVar[Crank]
 
     @property
     def tables(self) -> dict[str, Table]:

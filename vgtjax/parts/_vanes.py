@@ -36,3 +36,9 @@ class Crank(Part):
     def opening(self, angle: Values) -> Values:
         """Opening in m at a crank angle in degrees, the inverse of `angle`."""
         return (angle - self.offset) / self.ratio
+
+
+class HasCrank(eqx.Module):
+    """A law over the angle of the crank."""
+
+    crank: eqx.AbstractVar[Crank]

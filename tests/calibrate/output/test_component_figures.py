@@ -5,6 +5,7 @@ import pytest
 
 import vgtjax
 from calibrate.output.component_figures import component_figures, vane_force_figure
+from vgtjax.parts.vane_force import AbstractStatelessVaneForce
 
 
 @pytest.mark.parametrize("kind", [vgtjax.HysteresisMap, vgtjax.SpeedMap])
@@ -28,6 +29,23 @@ def test_a_law_over_pressure_is_shown_at_those_of_the_traces(gauge, expected):
     title, figure = component_figures(model, traces)[-1]
     assert title == "Exhaust gas force on the rod [3.15]"
     assert [each.name for each in figure.data] == expected
+
+
+class Push(AbstractStatelessVaneForce):
+    """A law of one's own, which knows of no crank: what the gas before the turbine does to 1 cm2."""
+
+    def __call__(self, vanes, velocity, state):
+        return 1e-4 * vanes.turbine_pressure, None
+
+    def relaxation(self, vanes, velocity, state):
+        return None
+
+
+def test_a_law_without_a_crank_is_shown_over_the_opening():
+    figure = vane_force_figure(vgtjax.MechanicalActuator(vane_force=Push()))
+    assert figure.layout.xaxis.title.text == "opening, mm"
+    np.testing.assert_allclose([each.y[0] for each in figure.data], [5.0, 10.0, 15.0])
+    assert figure.data[0].x[-1] == pytest.approx(1e3 * vgtjax.MechanicalActuator().diaphragm.travel)
 
 
 def test_a_plant_of_parts_shows_the_laws_of_the_actuator_of_these():

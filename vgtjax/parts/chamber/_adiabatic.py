@@ -1,7 +1,6 @@
 """A chamber without heat exchange [2.39-2.57]."""
 
-from ..._types import Scalar, Values
-from ...parameters import parameter
+from ..._types import Values
 from .._air import Air
 from .._converter import Flow
 from ._base import AbstractChamber, GasState
@@ -26,8 +25,6 @@ def adiabatic_rates(air: Air, gas: GasState, inflow: Flow, volume: Values, displ
 
 class AdiabaticChamber(AbstractChamber):
     """Chamber without heat exchange."""
-
-    volume: Scalar = parameter(60e-6, symbol="V_0", unit="m3", source="B.2")
 
     def rates(self, air: Air, gas: GasState, inflow: Flow, displaced: Values, displacement_rate: Values) -> GasState:
         """Time derivatives of pressure (Pa/s) and temperature (K/s) [2.57]."""

@@ -7,7 +7,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from ..._types import Scalar, StateLeaf, Values
-from ...parameters import Part
+from ...parameters import Part, parameter
 from .._air import Air
 from .._converter import Flow
 
@@ -31,7 +31,7 @@ class AbstractChamber(Part):
     has_temperature: ClassVar[bool] = True
     """Whether its gas has a temperature of its own, and not that around it."""
 
-    volume: eqx.AbstractVar[Scalar]
+    volume: Scalar = parameter(60e-6, symbol="V_0", unit="m3", source="B.2")
     """Volume in m3 with the diaphragm at its open stop."""
 
     def gas_volume(self, displaced: Values) -> Values:

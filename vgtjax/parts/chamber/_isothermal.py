@@ -4,8 +4,7 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
-from ..._types import Scalar, Values
-from ...parameters import parameter
+from ..._types import Values
 from .._air import Air
 from .._converter import Flow
 from ._base import AbstractChamber, GasState
@@ -15,8 +14,6 @@ class IsothermalChamber(AbstractChamber):
     """Chamber that exchanges all heat at once; it must start at ambient temperature."""
 
     has_temperature: ClassVar[bool] = False
-
-    volume: Scalar = parameter(60e-6, symbol="V_0", unit="m3", source="B.2")
 
     def rates(self, air: Air, gas: GasState, inflow: Flow, displaced: Values, displacement_rate: Values) -> GasState:
         """Time derivatives of pressure (Pa/s) and temperature (zero).

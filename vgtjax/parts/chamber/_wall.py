@@ -19,7 +19,6 @@ class WallChamber(AbstractChamber):
     temperature.
     """
 
-    volume: Scalar = parameter(60e-6, symbol="V_0", unit="m3", source="B.2")
     wall_conductance: Scalar = parameter(0.0, symbol="h A", unit="W/K", source="assumed", lower=0.0)
     wall_temperature: Scalar = parameter(293.15, symbol="T_wall", unit="K", source="assumed", held=True)
     fastest_exchange: float = eqx.field(static=True, default=3e3)

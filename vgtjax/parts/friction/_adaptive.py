@@ -6,11 +6,11 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..._types import Scalar, Values
+from ..._types import Values
 from ...parameters import parameter
 from .._gas_table import AXES, OPERATING_POINTS, AbstractGasTables, Table
 from .._vanes import Crank, Vanes
-from ._bristles import SMALLEST_FORCE, AbstractLuGre
+from ._bristles import SMALLEST_FORCE, AbstractPrintedLuGre
 from ._lugre import warn_unless_passive
 
 PRESSURES = OPERATING_POINTS[1:]
@@ -18,7 +18,7 @@ ANGLES = (4.0, 12.0, 20.0, 28.0, 36.0)
 """deg; from the closed stop to the open one of a travel of about 10 mm."""
 
 
-class AdaptiveLuGre(AbstractLuGre, AbstractGasTables):
+class AdaptiveLuGre(AbstractPrintedLuGre, AbstractGasTables):
     """`F_f = theta F_LuGre` with `theta = 1 + load(p_trb, C_r) / F_c` [3.18-3.20, erratum].
 
     `load` is what exhaust gas adds to Coulomb friction: linear between knots, held beyond them, zero at zero gauge
@@ -28,12 +28,6 @@ class AdaptiveLuGre(AbstractLuGre, AbstractGasTables):
 
     feels_gas: ClassVar[bool] = True
 
-    static_force: Scalar = parameter(3.2, symbol="F_s", unit="N", source="B.2")
-    coulomb_force: Scalar = parameter(2.8, symbol="F_c", unit="N", source="B.2")
-    bristle_stiffness: Scalar = parameter(43135.0, symbol="sigma_0", unit="N/m", source="B.2")
-    bristle_damping: Scalar = parameter(429.77, symbol="sigma_1", unit="N s/m", source="B.2")
-    viscous_damping: Scalar = parameter(206.0, symbol="sigma_2", unit="N s/m", source="B.2")
-    stribeck_velocity: Scalar = parameter(1e-3, symbol="v_s", unit="m/s", source="B.2")
     load: Table = parameter(
         (0.0,) * (len(PRESSURES) * len(ANGLES)),
         symbol="F_load",

@@ -10,6 +10,7 @@ from jaxtyping import Array
 
 from ..._errors import InputError, is_traced
 from ..._types import Scalar, StateLeaf, Values
+from ...parameters import parameter
 from .._vanes import Vanes
 from ._base import AbstractFriction, Contact, DryFriction
 
@@ -131,6 +132,17 @@ class AbstractLuGre(AbstractFriction):
     def typical_state(self) -> Bristle:
         """The deflection at break-away."""
         return Bristle(self.static_force / self.bristle_stiffness)
+
+
+class AbstractPrintedLuGre(AbstractLuGre):  # type: ignore[misc]  # mypy takes abstract variables for fields
+    """LuGre friction in the thesis's own parameters [3.6-3.7]."""
+
+    static_force: Scalar = parameter(3.2, symbol="F_s", unit="N", source="B.2")
+    coulomb_force: Scalar = parameter(2.8, symbol="F_c", unit="N", source="B.2")
+    bristle_stiffness: Scalar = parameter(43135.0, symbol="sigma_0", unit="N/m", source="B.2")
+    bristle_damping: Scalar = parameter(429.77, symbol="sigma_1", unit="N s/m", source="B.2")
+    viscous_damping: Scalar = parameter(206.0, symbol="sigma_2", unit="N s/m", source="B.2")
+    stribeck_velocity: Scalar = parameter(1e-3, symbol="v_s", unit="m/s", source="B.2")
 
 
 def least_damping(static_force: Values, coulomb_force: Values, bristle_damping: Values) -> Values:

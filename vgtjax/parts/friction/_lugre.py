@@ -6,29 +6,22 @@ import equinox as eqx
 import numpy as np
 
 from ..._errors import is_traced
-from ..._types import Scalar, Values
-from ...parameters import parameter
+from ..._types import Values
 from .._vanes import Vanes
-from ._bristles import AbstractLuGre
+from ._bristles import AbstractLuGre, AbstractPrintedLuGre
 
 
 class PassivityWarning(UserWarning):
     """Friction with these parameters can generate energy."""
 
 
-class LuGre(AbstractLuGre):
+class LuGre(AbstractPrintedLuGre):
     """`z' = v - sigma_0 |v| z / g(v)`, `F_f = sigma_0 z + sigma_1 z' + sigma_2 v` [3.6].
 
     Parameters with which it can generate energy are legal, but constructing it with them gives a
     [`PassivityWarning`][], see `passivity_bound`.
     """
 
-    static_force: Scalar = parameter(3.2, symbol="F_s", unit="N", source="B.2")
-    coulomb_force: Scalar = parameter(2.8, symbol="F_c", unit="N", source="B.2")
-    bristle_stiffness: Scalar = parameter(43135.0, symbol="sigma_0", unit="N/m", source="B.2")
-    bristle_damping: Scalar = parameter(429.77, symbol="sigma_1", unit="N s/m", source="B.2")
-    viscous_damping: Scalar = parameter(206.0, symbol="sigma_2", unit="N s/m", source="B.2")
-    stribeck_velocity: Scalar = parameter(1e-3, symbol="v_s", unit="m/s", source="B.2")
     stribeck_exponent: int = eqx.field(static=True, default=1)
     """Power of `|v| / v_s` in the Stribeck curve: 1 as in [3.7], or 2 as in [5.62]."""
 

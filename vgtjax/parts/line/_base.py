@@ -6,8 +6,8 @@ from typing import ClassVar
 
 from jaxtyping import Array, PyTree
 
-from ..._types import OwnState, StateLeaf
-from ...parameters import Part
+from ..._types import OwnState, Scalar, StateLeaf
+from ...parameters import Part, parameter
 from .._air import Air
 from .._converter import Flow
 from ..chamber import GasState
@@ -53,3 +53,11 @@ class AbstractLine(Part):
     @abc.abstractmethod
     def typical_state(self, gas: GasState) -> PyTree[StateLeaf]:
         """The usual size of each state with `gas` in the line, by which an absolute tolerance is scaled."""
+
+
+class AbstractHose(AbstractLine):
+    """A line with a length and a bore, whose walls brake what flows."""
+
+    length: Scalar = parameter(0.5, symbol="L", unit="m", source="assumed", lower=0.0)
+    bore: Scalar = parameter(4e-3, symbol="D", unit="m", source="assumed")
+    viscosity: Scalar = parameter(1.81e-5, symbol="mu", unit="Pa s", source="assumed", held=True)

@@ -10,19 +10,18 @@ import numpy as np
 from jaxtyping import Array
 
 from ..._errors import InputError, require_positive
-from ..._types import Scalar, Values
-from ...parameters import parameter
+from ..._types import Values
 from .._air import Air
 from .._converter import Flow
 from ..chamber import GasState
-from ._base import AbstractLine
+from ._base import AbstractHose
 from ._losses import friction_rate, speed_of_sound
 
 Lags = tuple[Values, ...]
 """One number per lag."""
 
 
-class DelayLine(AbstractLine):
+class DelayLine(AbstractHose):
     """Flow that arrives after `tau = L / c`, less by the factor `exp(-R_t R T / (2 p) L / c)` [2.29], either way.
 
     The converter sees the chamber's pressure, and what leaves has the chamber's temperature. The speed of sound is that
@@ -31,9 +30,6 @@ class DelayLine(AbstractLine):
     how well.
     """
 
-    length: Scalar = parameter(0.5, symbol="L", unit="m", source="assumed", lower=0.0)
-    bore: Scalar = parameter(4e-3, symbol="D", unit="m", source="assumed")
-    viscosity: Scalar = parameter(1.81e-5, symbol="mu", unit="Pa s", source="assumed", held=True)
     cells: int = eqx.field(static=True, default=3)
     """Lags, 2 to 5; a numerical setting."""
     shortest_lag: float = eqx.field(static=True, default=1 / 3e3)

@@ -9,12 +9,11 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..._errors import InputError, require_positive
-from ..._types import Scalar, StateLeaf, Values
-from ...parameters import parameter
+from ..._types import StateLeaf, Values
 from .._air import Air
 from .._converter import Flow
 from ..chamber import GasState
-from ._base import AbstractLine
+from ._base import AbstractHose
 from ._losses import cross_section, friction_rate, speed_of_sound
 
 FASTEST_SOUND = 400.0
@@ -28,7 +27,7 @@ class WaveState(eqx.Module):
     flows: tuple[StateLeaf, ...]
 
 
-class WaveLine(AbstractLine):
+class WaveLine(AbstractHose):
     """`p' = -(c^2 / A) dm/dx`, `m' = -A dp/dx - (R_t / rho) m` [2.17, 2.18], which together are [2.20].
 
     Finite volumes of second order that conserve mass; the manual's page on physics says how well they do, and why a
@@ -36,9 +35,6 @@ class WaveLine(AbstractLine):
     ambient temperature, what leaves has the chamber's.
     """
 
-    length: Scalar = parameter(0.5, symbol="L", unit="m", source="assumed", lower=0.0)
-    bore: Scalar = parameter(4e-3, symbol="D", unit="m", source="assumed")
-    viscosity: Scalar = parameter(1.81e-5, symbol="mu", unit="Pa s", source="assumed", held=True)
     cells: int = eqx.field(static=True, default=2)
     """Space cells, 2 or more; a numerical setting. The error falls with their square, the step with their number."""
     shortest: float = eqx.field(static=True, default=0.4)

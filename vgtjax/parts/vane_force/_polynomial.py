@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 from ..._types import Scalar, Values
 from ...parameters import parameter
 from ...traces import STANDARD_ATMOSPHERE
-from .._vanes import Crank, Vanes
+from .._vanes import Crank, HasCrank, Vanes
 from ._base import AbstractStatelessVaneForce
 
 POWERS = (
@@ -28,7 +28,7 @@ def _unit(angle: int, ratio: int) -> str:
     return "N" if angle == 0 else "N/deg" if angle == 1 else f"N/deg^{angle}"
 
 
-class ForcePolynomial(AbstractStatelessVaneForce):
+class ForcePolynomial(AbstractStatelessVaneForce, HasCrank):
     """Polynomial in crank angle (deg) and pressure ratio across the turbine, `1 + p_trb / p_atm`; no state [3.15].
 
     Angle and ratio are held at the ends of `angle_range` and `ratio_range`, beyond which it makes no sense (erratum

@@ -13,7 +13,7 @@ from ...parameters import Part, as_float_array, parameter
 from ...traces import STANDARD_ATMOSPHERE, Drive
 from ...turbine import CELLS, Gas, Nozzle, PassageFlow
 from .._tabulated import AbstractTabulated, Rows
-from .._vanes import Crank, Vanes
+from .._vanes import Crank, HasCrank, Vanes
 from ._base import AbstractStatelessVaneForce
 from ._stage import (
     OUTLET_PRESSURE,
@@ -29,7 +29,7 @@ from ._stage import (
 from ._stage_table import ALL, ForceTable, StageTable, checked_table, current_table, make_table, rows_along
 
 
-class Turbine(AbstractStatelessVaneForce, AbstractTabulated):
+class Turbine(AbstractStatelessVaneForce, AbstractTabulated, HasCrank):
     """Force of one-dimensional flow through the nozzle on its vanes, at the rod (3.21-3.72, corrected; section 3.5).
 
     Made of steady solutions, when it is built, as a table over total pressure and crank angle; the force of an unsteady
