@@ -1,13 +1,15 @@
 """Lanes: rows of one compiled function side by side, in chunks, on all devices of one process or of many.
 
-The only place that knows of devices. A row is computed by itself, so neither chunks nor devices nor processes change
-its bits.
+How lanes are cut, filled up, spread and put together again stands here and nowhere else. A row is computed by itself,
+so neither chunks nor devices nor processes change its bits.
 """
 
+import dataclasses
 from collections.abc import Callable
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jax.experimental import multihost_utils
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
@@ -35,6 +37,38 @@ def replicate(tree: Tree) -> Tree:
 def fill_devices(lanes: int) -> int:
     """`lanes`, rounded up to a multiple of the devices, which all have the same number."""
     return lanes + -lanes % jax.device_count()
+
+
+@dataclasses.dataclass(frozen=True)
+class Chunks:
+    """Lanes inside of a compiled function, of arrays whose last axis they are, in chunks of `together` a device."""
+
+    lanes: int
+    devices: int
+    together: int
+
+    @property
+    def count(self) -> int:
+        """How many chunks there are."""
+        return -(-self.lanes // self.width)
+
+    @property
+    def width(self) -> int:
+        """Lanes of a chunk on all devices."""
+        return self.devices * self.together
+
+    def cut(self, array: Array) -> Array:
+        """The array with a leading axis of chunks; the last lane fills up what is short. A device keeps the lanes that
+        `spread` gives it."""
+        short = self.count * self.width - self.lanes
+        padded = jnp.pad(array, [(0, 0)] * (array.ndim - 1) + [(0, short)], mode="edge")
+        apart = jnp.moveaxis(padded.reshape(*array.shape[:-1], self.devices, self.count, self.together), -2, 0)
+        return apart.reshape(self.count, *array.shape[:-1], self.width)
+
+    def join(self, array: Array) -> Array:
+        """The inverse of `cut`."""
+        apart = jnp.moveaxis(array.reshape(*array.shape[:-1], self.devices, self.together), 0, -2)
+        return apart.reshape(*array.shape[1:-1], -1)[..., : self.lanes]
 
 
 def map_rows(

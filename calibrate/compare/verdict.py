@@ -108,8 +108,8 @@ def _duty(unit: Unit, compared: Compared, *, far: bool) -> dict[str, Choice]:
     decided, reason = _told(calibration, known, bool(stated), hold)
     if decided and fastest < slowest:
         reason += (
-            f"; that is said of the slowest traces, {1e3 * slowest:g} ms a sample: how the duty of others was held may "
-            f"be open, and the delay with it by half a sample of theirs, {500 * fastest:g} ms of the fastest"
+            f"; that is said of the slowest traces, {1e3 * slowest:g} ms per sample: how the duty of others was held "
+            f"may be open, and the delay with it by half a sample of theirs, {500 * fastest:g} ms of the fastest"
         )
     if decided and far:
         decided, reason = False, f"{reason}; but even the best structure leaves evident structure"

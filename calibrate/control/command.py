@@ -53,7 +53,7 @@ def _compute(job: ControlJob, out: pathlib.Path) -> None:
     seen = slides(job, tuple(groups))
     outcome = Outcome(tuple(groups), margins, seen, used, sample_seconds, sample, time.monotonic() - began)
     rows, summary = tabulate(outcome), summarise(job, outcome)
-    took = f"{1e6 * sample_seconds:.3g} us a sample"
+    took = f"{1e6 * sample_seconds:.3g} us per sample"
     console.print(f"{table_of.design} knows {job.belief}; it measures {', '.join(summary['measures'])}; {took} here")
     console.print(table(rows))
     if seen is not None:

@@ -43,7 +43,7 @@ class NozzleMap:
         return self.total_pressure / float(self.stage.outlet_pressure)
 
     def to_csv(self) -> str:
-        """One line a point."""
+        """One line per point."""
         heads = ["pressure_ratio [-]", "total_pressure [Pa abs]", "crank_angle [deg]", "vane_angle [deg]"]
         text = io.StringIO(newline="")
         writer = csv.writer(text, lineterminator="\n")

@@ -97,7 +97,7 @@ def along_passage(stage: Stage) -> list[Along]:
 
 
 def to_csv(passages: list[Along]) -> str:
-    """One line a cell."""
+    """One line per cell."""
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(HEADS)

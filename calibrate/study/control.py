@@ -9,6 +9,20 @@ from .base import Count, Gauge, NotNegative, Positive, Seed, StartValue, Table
 from .loop_disturbances import Delay, LoopDisturbance, LoopSensor, ReservoirTable, SensorTable, VariantTable
 from .references import TRIED_ON, TUNED_ON, Reference
 
+Design = Literal[
+    "pi",
+    "pid",
+    "pi-knocker",
+    "scheduled-pi",
+    "adrc",
+    "lqg",
+    "friction-compensation",
+    "backstepping",
+    "adaptive-backstepping",
+    "adaptive-position",
+]
+"""Names of controllers; their classes are in `calibrate/tune/designs.py`."""
+
 
 class CostTable(Table):
     """What counts as one in the cost of a closed loop; a scale that is not given leaves its term out."""
@@ -41,18 +55,7 @@ class UnseenTable(Table):
 class ControlTable(Table):
     """A controller, what it has to do, and which of its gains are tuned."""
 
-    design: Literal[
-        "pi",
-        "pid",
-        "pi-knocker",
-        "scheduled-pi",
-        "adrc",
-        "lqg",
-        "friction-compensation",
-        "backstepping",
-        "adaptive-backstepping",
-        "adaptive-position",
-    ] = "backstepping"
+    design: Design = "backstepping"
     """The controller."""
     belief: Literal["printed", "population", "plant"] | None = None
     """What the controller knows of its plant: the printed actuator, the middle of the population, or the plant itself.

@@ -34,7 +34,7 @@ class CoilSupplyTable(AbstractLoopDisturbance):
     factor: Positive | Annotated[list[Positive], pydantic.Field(min_length=1)]
     """How many times as strong the magnetic force is; a list changes over time."""
     times: list[NotNegative] = []
-    """s; one a factor."""
+    """s; one per factor."""
 
     @pydantic.model_validator(mode="after")
     def _one_time_each(self) -> "CoilSupplyTable":

@@ -208,7 +208,7 @@ def _entries_of(model: eqx.Module, name: str) -> list[str]:
     table = vgtjax.parameter_table(model)
     if any(letter in name for letter in "*?"):
         raise StudyError(
-            f"start values and bounds have names, not patterns, but there is '{name}'; write one line a parameter",
+            f"start values and bounds have names, not patterns, but there is '{name}'; write one line per parameter",
             "values",
         )
     found = match_entries(table, [name], "values")

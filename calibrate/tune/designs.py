@@ -3,7 +3,9 @@
 from vgtjax import control
 from vgtjax.plants import AbstractPlant
 
-DESIGNS: dict[str, type[control.AbstractController]] = {
+from ..study.control import Design
+
+DESIGNS: dict[Design, type[control.AbstractController]] = {
     "pi": control.PI,
     "pid": control.PID,
     "pi-knocker": control.Knocker,
@@ -15,11 +17,9 @@ DESIGNS: dict[str, type[control.AbstractController]] = {
     "adaptive-backstepping": control.AdaptiveBackstepping,
     "adaptive-position": control.LoadBackstepping,
 }
-SAMPLED = ("lqg",)
-"""Those that are designed for samples of one period."""
 
 
-def design_for(design: str, plant: AbstractPlant, period: float) -> control.AbstractController:
+def design_for(design: Design, plant: AbstractPlant, period: float) -> control.AbstractController:
     """A controller of a design for a plant, in a loop whose samples are `period` s apart."""
-    sampled = {"period": period} if design in SAMPLED else {}
-    return DESIGNS[design].for_plant(plant, **sampled)
+    kind = DESIGNS[design]
+    return kind.for_plant(plant, **({"period": period} if kind.sampled else {}))

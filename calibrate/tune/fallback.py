@@ -18,10 +18,8 @@ def fallback_of(study: Study) -> dict[str, Any] | None:
     table = study.control
     if table.fallback == "none":
         return None
-    # Where the steps of a sensor hide its noise, standing still is no sign of a fault.
-    sensor = build_sensors(table.sensors, table.sensor).position
-    noisy = sensor.noise > sensor.quantum
-    return {"kind": table.fallback, "patience": WithFallback.patience if noisy else None}
+    patience = WithFallback.patience_with(build_sensors(table.sensors, table.sensor).position)
+    return {"kind": table.fallback, "patience": patience if math.isfinite(patience) else None}
 
 
 def with_fallback(

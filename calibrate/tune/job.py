@@ -195,5 +195,5 @@ def _plan(table: ControlTable, controller: AbstractController, cases: Cases, bou
         fixed=table.fixed,
         bounds=bounds,
         memories=MEMORIES if table.derivative_memory is None else table.derivative_memory,
-        lanes=max(jax.device_count(), table.lanes),
+        lanes=table.lanes,
     )

@@ -38,3 +38,15 @@ def test_any_number_of_lanes_gives_the_same_bits(lanes):
     assert sizes == {filled}, "compiled once"
     assert asked[:7] == list(range(7))
     assert set(asked[7:]) <= {6}, "filled up by the last row"
+
+
+@pytest.mark.parametrize(("lanes", "devices", "together"), [(7, 2, 2), (8, 2, 4), (1, 2, 3), (9, 1, 4)])
+def test_chunks_are_cut_and_joined_again(lanes, devices, together):
+    chunks, leaf = lanes_of.Chunks(lanes, devices, together), jnp.arange(3.0 * lanes).reshape(3, lanes)
+    cut = chunks.cut(leaf)
+    assert cut.shape == (chunks.count, 3, devices * together)
+    np.testing.assert_array_equal(chunks.join(cut), leaf)
+    # Lanes stay on their device, in their order: the first of them has the first of what is spread.
+    share = chunks.count * together
+    np.testing.assert_array_equal(cut[:, 0, :together].ravel()[: min(lanes, share)], leaf[0, :share])
+    assert set(np.unique(cut)) == set(np.unique(leaf))

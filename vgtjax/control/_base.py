@@ -1,7 +1,7 @@
 """What every controller of the position has in common: what it is given, and what it answers [chapter 5]."""
 
 import abc
-from typing import Any
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -59,6 +59,9 @@ class AbstractController(AbstractDesign):
     What it remembers from one sample to the next is a PyTree of arrays that it alone understands, of the same
     shapes and types at every sample.
     """
+
+    sampled: ClassVar[bool] = False
+    """Whether `for_plant` designs it for samples of one period, and takes a `period` in s."""
 
     @property
     def observes(self) -> frozenset[str]:

@@ -23,7 +23,7 @@ from ._results import Gradients, Results
 from ._sampling import make_sample
 
 LANES = 1024
-"""Actuators a chunk: enough for wide vectors on every core, and some 100 MB of signals."""
+"""Actuators per chunk: enough for wide vectors on every core, and some 100 MB of signals."""
 
 
 class _Prepared(eqx.Module):

@@ -23,7 +23,7 @@ NOT_VARIED = (
     *("*.speed_ratio", "*.wheel_speed"),
 )
 """What no tolerance is on unless it is stated: the weather, the knots and the geometry behind tables, the give of rigid
-stops; and the turbine, whose sizes are assumed and whose table takes a few seconds a sample."""
+stops; and the turbine, whose sizes are assumed and whose table takes a few seconds per sample."""
 DISTRIBUTIONS = ("normal", "lognormal", "uniform", "triangular")
 
 

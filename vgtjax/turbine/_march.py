@@ -18,7 +18,7 @@ from ._steady import PassageFlow, as_plain_arrays, flow_of
 from ._steppers import AbstractStepper, Explicit, Implicit
 
 State = tuple[Values, Values, Values, Values]
-"""Density in kg/m3, meridional and circumferential velocity in m/s, pressure in Pa, one value a cell."""
+"""Density in kg/m3, meridional and circumferential velocity in m/s, pressure in Pa, one value per cell."""
 STATE = {
     "density": (require_positive, "density in kg/m3"),
     "v_m": (require_finite, "velocity in m/s"),
@@ -55,7 +55,7 @@ def unsteady(
     **Returns:** the flow with a leading axis of times.
 
     **Raises:** `InputError` for times that don't increase, an outlet pressure that is not positive, or a state that is
-    not one value a cell, with positive densities and pressures and finite velocities.
+    not one value per cell, with positive densities and pressures and finite velocities.
     """
     state, times = _checked(passage, state, times)
     if outlet_pressure is not None:

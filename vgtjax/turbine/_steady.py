@@ -25,7 +25,7 @@ against the pressure before it, and at rest, gas goes to and fro by rounding."""
 
 
 class PassageFlow(eqx.Module):
-    """Flow through a passage, one value a cell unless said; with a leading axis of times from `unsteady`."""
+    """Flow through a passage, one value per cell unless said; with a leading axis of times from `unsteady`."""
 
     m: Values
     """Distance along the passage, in m."""

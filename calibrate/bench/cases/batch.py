@@ -72,8 +72,8 @@ _NOTES = [
 def _about() -> str:
     held = ", ".join(f"{name} {deviation:.0%}" for name, deviation in SPREAD.items())
     return (
-        f"{ACTUATORS} actuators through {SECONDS:g} s at 1 kHz each, 20,000 steps a trace, position and pressure kept "
-        f"at every sample; normal spread of {held}; {ROUNDS} rounds."
+        f"{ACTUATORS} actuators through {SECONDS:g} s at 1 kHz each, 20,000 steps per trace, position and pressure "
+        f"kept at every sample; normal spread of {held}; {ROUNDS} rounds."
     )
 
 

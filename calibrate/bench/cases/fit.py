@@ -69,7 +69,7 @@ _NOTES = [
     f"All stop when a step lowers chi^2 by less than {CHI2_TOLERANCE:g}; SciPy after {MAX_EVALUATIONS} evaluations at "
     "the latest, which its row says.",
     "All move the same unconstrained coordinates and eliminate the sensors' offsets; SciPy's x_scale is 'jac'.",
-    f"Differences are one-sided with steps of {STEP:g} in these coordinates, one run of all traces a parameter.",
+    f"Differences are one-sided with steps of {STEP:g} in these coordinates, one run of all traces per parameter.",
 ]
 
 

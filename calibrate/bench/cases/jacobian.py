@@ -135,7 +135,7 @@ class _Differences:
         return found
 
     def central(self, traces: list[vgtjax.Trace]) -> list[np.ndarray]:
-        """Two runs a parameter with fine steps."""
+        """Two runs per parameter with fine steps."""
         found = []
         for trace in traces:
             up, down = (

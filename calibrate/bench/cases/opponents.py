@@ -52,7 +52,7 @@ def measure(keep: pathlib.Path | None = None) -> Section:
     **Arguments:** `keep`: a file for finished rows, from which another call goes on.
     """
     columns = ("design", "measures", "gains", "RMS um", "worst", "peak um", "Pa RMS", "effort %", "chatter %")
-    section = Section("Controllers beside each other", _ABOUT, (*columns, "us a sample", "RMS um on an engine"))
+    section = Section("Controllers beside each other", _ABOUT, (*columns, "us per sample", "RMS um on an engine"))
     rows = KeptRows(keep, f"{_ABOUT}{STUDY}{ON_AN_ENGINE}")
     for design in DESIGNS:
         section.add(*rows.row(design, functools.partial(_tuned_row, design)))

@@ -57,7 +57,7 @@ def varied(nominal: vgtjax.Actuator) -> Factors:
 
 
 def draw(nominal: vgtjax.Actuator, factors: Factors, spread: float, count: int, seed: int) -> np.ndarray:
-    """Actuators whose entries are lognormal and independent, with the printed ones as medians, one a row."""
+    """Actuators whose entries are lognormal and independent, with the printed ones as medians, one per row."""
     normal = np.random.default_rng(seed).standard_normal((count, len(factors.entries)))
     return np.asarray(factors.pack(nominal)) * np.exp(spread * normal)
 
@@ -94,7 +94,7 @@ def _row(run: Runner, fine: Runner, rows: np.ndarray) -> tuple[str, ...]:
 
 
 def runner(nominal: vgtjax.Actuator, factors: Factors, trace: vgtjax.Trace, plan: FixedMarch) -> Runner:
-    """Positions `(lanes, time)` of actuators, one a row, and which of them stayed finite."""
+    """Positions `(lanes, time)` of actuators, one per row, and which of them stayed finite."""
     drive, start = cast((trace.drive(), trace.start()), np.dtype(float))
 
     @eqx.filter_jit

@@ -162,7 +162,7 @@ def test_the_hold_is_that_of_the_slowest_traces():
     said = verdict._duty(SimpleNamespace(model=vgtjax.Actuator(), stated={}), compared, far=False)["duty_hold"]
     assert (said.value, said.decided) == ("linear", True)
     assert said.reason.endswith(
-        "10 ms a sample: how the duty of others was held may be open, and the delay with it by "
+        "10 ms per sample: how the duty of others was held may be open, and the delay with it by "
         "half a sample of theirs, 0.5 ms of the fastest"
     )
 

@@ -211,7 +211,7 @@ NAMES = [
     bad(
         "a pattern for values",
         f'{TRACE}[parameters]\n"air.*" = {{value = 1e5}}\n',
-        "start values and bounds have names, not patterns, but there is 'air.*'; write one line a parameter",
+        "start values and bounds have names, not patterns, but there is 'air.*'; write one line per parameter",
         "[parameters]",
     ),
     bad(

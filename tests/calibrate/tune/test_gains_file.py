@@ -4,15 +4,17 @@ import json
 import pathlib
 import re
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, get_args
 
 import jax
 import numpy as np
 import pytest
 
 import vgtjax
+from calibrate.study.control import Design
 from calibrate.study.parameter_file import tabulate
 from calibrate.study.tables import AnyStudy
+from calibrate.tune.designs import DESIGNS
 from calibrate.tune.gains_file import gains_json, load_controller
 from calibrate.tune.job import start_controller
 from calibrate.tune.outcome import gain_entries
@@ -104,3 +106,7 @@ def test_a_plant_that_the_design_has_no_use_for_is_refused_with_the_name_of_the_
     path = write(tmp_path, content | changes | {"components": components, "plant": {}})
     with pytest.raises(vgtjax.InputError, match="^" + re.escape(f"gains.json: {sentence}")):
         load_controller(path)
+
+
+def test_every_design_that_a_study_may_name_has_a_controller():
+    assert list(DESIGNS) == list(get_args(Design))

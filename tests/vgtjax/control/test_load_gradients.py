@@ -19,7 +19,7 @@ STEP = 1e-6
 ROUNDING = 1e-11
 """um; the last digit of a position of 8 mm is 2e-12 um, and runs that are rounded differ by 1e-12 to 4e-12 um."""
 WRONG = np.diag([1.0, 0.1])
-"""N and parts; a load and a friction level that are wrong at the start, one a row."""
+"""N and parts; a load and a friction level that are wrong at the start, one per row."""
 
 
 class Misled(AbstractController):

@@ -14,6 +14,7 @@ from ...parameters import parameter
 from ...plants import AbstractPlant
 from .._base import AbstractController, Log, Measurement, Memory, Reference
 from .._held import nominal, numbers
+from ..surroundings import Sensor
 from ._backstepping import Backstepping
 from ._balance import StaticBalance
 
@@ -33,8 +34,9 @@ class WithFallback(AbstractController):
 
     It is believed if it is a number between `lowest` and `highest` that has changed within `patience`: noise moves
     what a sensor shows, so that one which stands still is stuck. Of a sensor without noise, or with coarser steps, that
-    is not true: give it infinity. While the position is not believed, the controller stands still and what it
-    remembers is kept. The fallback must not need the position: [`StaticBalance`][] does not, by default.
+    is not true: give it infinity, as `patience_with` does. While the position is not believed, the controller stands
+    still and what it remembers is kept. The fallback must not need the position: [`StaticBalance`][] does not, by
+    default.
 
     Neither is ever given what is no number: the last good value stands for it. A controller that none the less answers
     no number forgets what it remembers, and the fallback, or a closed valve, answers for it.
@@ -55,6 +57,11 @@ class WithFallback(AbstractController):
             settings["controller"] = Backstepping.for_plant(plant)
         believed = {"fallback": StaticBalance.for_plant(plant), "highest": plant.diaphragm.travel - cls.lowest}
         return cls(**believed | settings)
+
+    @classmethod
+    def patience_with(cls, sensor: Sensor) -> float:
+        """The default patience in s with a sensor whose noise can be seen, and infinity where its steps hide that."""
+        return float(cls.patience) if bool(sensor.noise > sensor.quantum) else math.inf
 
     @property
     def sees_gaps(self) -> bool:

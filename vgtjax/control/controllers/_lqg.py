@@ -1,7 +1,7 @@
 """Linear quadratic Gaussian control on the reduced model, linear about the middle of its travel."""
 
 import math
-from typing import Any
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -77,6 +77,7 @@ class LQG(AbstractController):
     equation; afterwards their gains are gains like others, that can be tuned. The chamber pressure is observed.
     """
 
+    sampled: ClassVar[bool] = True
     feedback: Float[Array, " 3"] = parameter(
         (0.0, 0.0, 0.0), symbol="K", unit=("%/m", "% s/m", "%/Pa"), source="assumed", positive=False
     )

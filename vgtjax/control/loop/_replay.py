@@ -21,7 +21,7 @@ PROBES = {"position": 1e-5, "pressure": 1e3, "reservoir": 1e3, "turbine": 1e4}
 def replay(
     controller: AbstractController, measured: Measurement, reference: Reference, period: float
 ) -> tuple[Float[Array, " time"], Log]:
-    """The command in percent and the log that a controller gives to measurements and references, one value a sample.
+    """The command in percent and the log that a controller gives to measurements and references, one value per sample.
 
     Its command moves nothing here: what it is given is the same whatever it does.
     """

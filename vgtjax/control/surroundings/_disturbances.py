@@ -23,7 +23,7 @@ class AbstractSurroundings(AbstractDisturbance):
 
     @abc.abstractmethod
     def felt(self, time: Float[Array, " time"], drive: Drive) -> Drive:
-        """What acts on the plant, one value a sample, where the sensors show `drive`; `time` in s."""
+        """What acts on the plant, one value per sample, where the sensors show `drive`; `time` in s."""
 
 
 class AbstractAlteration(AbstractDisturbance):

@@ -29,7 +29,7 @@ def balanced_at(position: float) -> Start:
 class Scenario(eqx.Module):
     """Reference, surroundings, sensors and start of one run; all leaves are arrays, so scenarios can be batched.
 
-    `reference` in m: a signal, or a [`Reference`][] with one value a sample. `turbine` in Pa gauge and `reservoir` in
+    `reference` in m: a signal, or a [`Reference`][] with one value per sample. `turbine` in Pa gauge and `reservoir` in
     Pa absolute are taken at the samples, and linear between them. `duty_before` in percent was held before the first
     sample: it decides where the plunger rests then. `ambient_shift` in Pa as in [`Drive`][]. `key` is the seed of the
     noise. `disturbances` act one after the other, e.g. a [`LateDuty`][] and a [`StuckSensor`][].

@@ -15,7 +15,7 @@ from jaxtyping import Array, Float, Int
 
 from ..._errors import SimulationError
 from ..._kept import keep_compiled, keep_compiled_for_once
-from ..._lanes import replicate, spread
+from ..._lanes import Chunks, replicate, spread
 from ..._types import Scalar
 from ...parameters import Selection, select
 from ...parts import with_tables
@@ -257,16 +257,9 @@ def _push_chunks(
     Those that only fill up a shape repeat its first lane, and have its tangents.
     """
     lanes, mine = len(bundle.lane_trace), jnp.sum(jnp.asarray(bundle.segments))
-    together = TOGETHER // jax.tree.leaves(first)[0].dtype.itemsize
-    whole = -(-lanes // (devices * together))
-    chunks = jnp.minimum(-(-jnp.sum(jnp.asarray(segments)) // together), whole)
-
-    def cut(leaf):
-        padded = jnp.pad(leaf, [(0, 0)] * (leaf.ndim - 1) + [(0, devices * whole * together - lanes)], mode="edge")
-        apart = jnp.moveaxis(padded.reshape(*leaf.shape[:-1], devices, whole, together), -2, 0)
-        return apart.reshape(whole, *leaf.shape[:-1], devices * together)
-
-    cuts = place(jax.tree.map(cut, (first, inputs)))
+    layout = Chunks(lanes, devices, TOGETHER // jax.tree.leaves(first)[0].dtype.itemsize)
+    chunks = jnp.minimum(-(-jnp.sum(jnp.asarray(segments)) // layout.together), layout.count)
+    cuts = place(jax.tree.map(layout.cut, (first, inputs)))
 
     def push(number):
         mine = jax.tree.map(lambda leaf: jax.lax.dynamic_index_in_dim(leaf, number, 0, keepdims=False), cuts)
@@ -282,12 +275,11 @@ def _push_chunks(
     states, kind = len(jax.tree.leaves(first)), jax.tree.leaves(first)[0].dtype
     known, samples = len(jax.tree.leaves(values[1])[0]) + (inputs[1] is not None), len(jax.tree.leaves(inputs)[0])
     shapes = ((states, states + known), (samples, states, len(CHANNELS)), (samples, known, len(CHANNELS)))
-    nothing = tuple(jnp.zeros((whole, *shape, devices * together), kind) for shape in shapes)
+    nothing = tuple(jnp.zeros((layout.count, *shape, layout.width), kind) for shape in shapes)
     found = jax.lax.fori_loop(0, chunks, onward, place(nothing))
 
     def joined(leaf):
-        apart = jnp.moveaxis(leaf.reshape(*leaf.shape[:-1], devices, together), 0, -2)
-        side_by_side = apart.reshape(*leaf.shape[1:-1], -1)[..., :lanes]
+        side_by_side = layout.join(leaf)
         return jnp.where(jnp.arange(lanes) < mine, side_by_side, side_by_side[..., :1])
 
     ends, by_start, by_parameter = map(joined, found)

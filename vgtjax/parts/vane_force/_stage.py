@@ -26,7 +26,7 @@ WHEEL_SPEED = 12000.0
 
 
 class Linkage(Part):
-    """From the crank to the vanes: the ring turns all of them by `ratio` degrees a degree of the crank.
+    """From the crank to the vanes: the ring turns all of them by `ratio` degrees per degree of the crank.
 
     The print's own figures disagree: 3.12 deg/mm over 10.13 mm are 31.6 degrees of the crank, and vanes that turn by 48
     (erratum E21), hence the ratio.

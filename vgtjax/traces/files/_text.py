@@ -1,4 +1,4 @@
-"""Tables of text (CSV): commas, semicolons with decimal commas, or tabs; one row a sample."""
+"""Tables of text (CSV): commas, semicolons with decimal commas, or tabs; one row per sample."""
 
 import csv
 import io
