@@ -1,15 +1,13 @@
 """`summary.json` of a tolerance study: quantiles, yield, envelopes, failures, and the units with traces beside them."""
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import scipy
 
 from vgtjax.experiments import MeasuredLoops, Output, label
 from vgtjax.parameters import unknown_name
-from vgtjax.population import Results, describe
+from vgtjax.population import Limits, Results, describe, keeps, yield_of
 
 from ..output.files import finite
 from ..population import ChunkStore, Plan, describe_active, describe_failed, describe_quantities, scaled
@@ -17,7 +15,6 @@ from ..study.tables import Limit
 
 QUANTILES = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
 ENVELOPE = (0.05, 0.5, 0.95)
-CONFIDENCE = 0.95
 RULE = "a sample whose simulated value lies within keeps the limit, without a guard band (simple acceptance)"
 
 
@@ -43,7 +40,7 @@ def summarise(plan: Plan, store: ChunkStore, known: Results, seconds: float) -> 
         values, limit = store[output.name] * scaled(output).factor, table.limits.get(output.name)
         found[output.name] = _number(output, values[good], known[output.name][0], limit)
         if limit is not None:
-            meets_all &= _meets(values, limit)
+            meets_all &= keeps(values, _ends(limit))
     return {
         "samples": store.rows,
         "failed": describe_failed(job, plan.sample, failed),
@@ -75,7 +72,9 @@ def _number(output: Output, values: np.ndarray, nominal: float, limit: Limit | N
         "deviation": finite(found.deviation),
         "quantiles": {f"{share:g}": finite(value) for share, value in zip(QUANTILES, found.quantiles, strict=True)},
         **(
-            {} if limit is None else {"limit": limit.model_dump(), "rule": RULE, "yield": _share(_meets(values, limit))}
+            {}
+            if limit is None
+            else {"limit": limit.model_dump(), "rule": RULE, "yield": _share(keeps(values, _ends(limit)))}
         ),
     }
 
@@ -100,20 +99,13 @@ def envelope(values: np.ndarray) -> np.ndarray:
     return np.stack([describe(column, ENVELOPE).quantiles for column in values.T], axis=1)
 
 
-def _meets(values: np.ndarray, limit: Limit) -> np.ndarray:
-    """Which values keep a limit; one that a response does not have keeps none."""
-    low = -math.inf if limit.lower is None else limit.lower
-    high = math.inf if limit.upper is None else limit.upper
-    return (values >= low) & (values <= high)
+def _ends(limit: Limit) -> Limits:
+    return limit.lower, limit.upper
 
 
-def _share(meets: np.ndarray) -> dict[str, float] | None:
-    """The part that meets, with the interval of Clopper and Pearson, as if samples were independent."""
-    if not len(meets):
-        return None
-    result = scipy.stats.binomtest(int(meets.sum()), len(meets))
-    interval = result.proportion_ci(CONFIDENCE)
-    return {"share": float(meets.mean()), "low": float(interval.low), "high": float(interval.high)}
+def _share(kept: np.ndarray) -> dict[str, float] | None:
+    found = yield_of(kept)
+    return None if found is None else found._asdict()
 
 
 def _unit(loops: MeasuredLoops) -> dict[str, Any]:

@@ -4,7 +4,6 @@ import dataclasses
 import math
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 
 from vgtjax.control import Margins
@@ -149,16 +148,11 @@ def gain_entries(job: TuneJob, coordinates: np.ndarray) -> list[Entry]:
     One that moves no error is not identifiable.
     """
     start, tuned = job.true.controller, job.true.controller_at(coordinates)
-    at_bound = job.true.transform.at_bound(jnp.asarray(coordinates)).tolist()
-    # A short memory: derivatives of a longer one may overflow.
-    bends = job.smooth.linearise(coordinates, min(job.smooth.memories)).curvatures.sum(0)
-    felt = (np.diag(bends) > 0).tolist()
+    states = job.true.at_bound(coordinates).tolist(), job.smooth.moves_errors(coordinates).tolist()
     table, selection = parameter_table(tuned), job.true.selection
     found = {
-        name: Estimate(value, str(table_row(table, name).unit), at_bound=is_end, determined=is_felt)
-        for name, value, is_end, is_felt in zip(
-            selection.entries, selection.values(tuned).tolist(), at_bound, felt, strict=True
-        )
+        name: Estimate(value, str(table_row(table, name).unit), at_bound=is_end, determined=moves)
+        for name, value, is_end, moves in zip(selection.entries, selection.values(tuned).tolist(), *states, strict=True)
     }
     # Of a vector that is stated by entry all of it, as its file must have.
     names = dict.fromkeys([*gain_names(start), *(name.partition("[")[0] for name in job.study.control.gains)])

@@ -42,3 +42,4 @@ from ._sampling import (
     sobol_points as sobol_points,
 )
 from ._spread import Spread as Spread, spread_population as spread_population
+from ._yield import Limits as Limits, Yield as Yield, keeps as keeps, yield_of as yield_of

@@ -4,7 +4,7 @@ import dataclasses
 import math
 import warnings
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +14,7 @@ from .._printing import Cells, Printed
 from ..experiments import Output
 from ..parameters import unknown_name
 from ..simulation import RESULTS, HasEnds
+from ._yield import Limits, Yield, keeps, yield_of
 
 CAUSES: tuple[str, ...] = tuple(RESULTS._name_to_item)
 """Names of the members of `RESULTS` in the order of their numbers, which equinox keeps to itself."""
@@ -83,6 +84,16 @@ class Results(Printed, HasEnds, OutputTable):
     def causes(self) -> tuple[str, ...]:
         """Of every row the name of its member of `RESULTS`."""
         return tuple(CAUSES[number] for number in np.asarray(self.result._value).tolist())
+
+    def within(self, limits: Mapping[str, Limits]) -> Yield | None:
+        """Which part keeps all limits, of the actuators whose simulations did not fail; `None` where all have.
+
+        **Arguments:** `limits`: lower and upper end by output, in its SI unit, either `None`.
+
+        **Raises:** `InputError` for a name that is none of the outputs.
+        """
+        kept = [keeps(self[name], ends) for name, ends in limits.items()]
+        return yield_of(np.all([~self.failed, *kept], axis=0)[~self.failed])
 
     def _title(self) -> str:
         counts = Counter(cause for cause in self.causes if cause != CAUSES[0])

@@ -121,6 +121,16 @@ class TuningProblem:
         """Derivatives of these."""
         return np.asarray(spare_slopes(self.controller, self.selection, self.transform, coordinates))
 
+    def at_bound(self, coordinates: Float[np.ndarray, " gains"]) -> Bool[np.ndarray, " gains"]:
+        """Which gains are at an end of what they may be."""
+        return np.asarray(self.transform.at_bound(jnp.asarray(coordinates)))
+
+    def moves_errors(self, coordinates: Float[np.ndarray, " gains"]) -> Bool[np.ndarray, " gains"]:
+        """Which gains move any error of any closed loop; others could be anything. Of softened closed loops."""
+        # A short memory: derivatives of a longer one may overflow.
+        bends = self.linearise(coordinates, min(self.memories)).curvatures.sum(0)
+        return np.diag(bends) > 0
+
     @property
     def _timing(self) -> Timing:
         return Timing(self.cases.duration, self.cases.period)

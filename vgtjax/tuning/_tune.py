@@ -1,6 +1,7 @@
 """Tuning by one call, and its result."""
 
 import dataclasses
+import itertools
 from collections.abc import Iterator
 from typing import Any
 
@@ -25,6 +26,16 @@ class TunedGain:
     unit: str
     start: float
     tuned: float
+    at_bound: bool
+    moves_errors: bool
+    """Whether it moves any error of the softened loops that were tuned; what moves none could be anything."""
+
+    @property
+    def remark(self) -> str:
+        """What is to be said of it, nothing of most."""
+        if not self.moves_errors:
+            return f"{self.name} moves no error of these loops, and could be anything"
+        return f"{self.name} ended at its bound" if self.at_bound else ""
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -53,8 +64,8 @@ class Tuning(Printed):
         return sliding(self.controller, (self.problem.cases, self.costs), settled=settled)
 
     def _sentences(self) -> list[str]:
-        found = self.sliding
-        return [] if found is None else [found.sentence]
+        found, remarks = self.sliding, [gain.remark for gain in self.gains if gain.remark]
+        return remarks if found is None else [*remarks, found.sentence]
 
     def _title(self) -> str:
         now, ended = self.progress, "converged" if self.progress.converged else "not converged"
@@ -82,10 +93,10 @@ def tune(controller: AbstractController, cases: Cases, objective: Objective, **o
     while not tuner.progress.finished:
         tuner.step()
     problem = dataclasses.replace(tuner.problem, controller=controller, cases=cases)
-    tuned = problem.controller_at(np.asarray(tuner.progress.coordinates))
-    table, (before, after) = parameter_table(controller), (problem.selection.values(c) for c in (controller, tuned))
-    gains = tuple(
-        TunedGain(name, str(table_row(table, name).unit), float(start), float(end))
-        for name, start, end in zip(problem.selection.entries, before, after, strict=True)
-    )
+    ended = np.asarray(tuner.progress.coordinates)
+    tuned, names, table = problem.controller_at(ended), problem.selection.entries, parameter_table(controller)
+    values = (problem.selection.values(each).tolist() for each in (controller, tuned))
+    states = problem.at_bound(ended).tolist(), tuner.problem.moves_errors(ended).tolist()
+    units = (str(table_row(table, name).unit) for name in names)
+    gains = tuple(itertools.starmap(TunedGain, zip(names, units, *values, *states, strict=True)))
     return Tuning(tuned, tuner.progress, gains, start_costs, tuner.cases, problem)

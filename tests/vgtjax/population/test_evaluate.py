@@ -4,6 +4,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import scipy
 
 import vgtjax
 from vgtjax import Air, InputError, parameter, simulate
@@ -104,6 +105,20 @@ def test_results_print_themselves_as_a_table(evaluator):
     assert [float(cell) for cell in printed["hysteresis_0mbar"][1:]] == pytest.approx(figures, rel=5e-5)  # five digits
     table = found._repr_html_()
     assert f"<td>hysteresis_0mbar</td><td>Pa</td><td>{figures[0]:.5g}</td>" in table
+
+
+def test_a_yield_counts_who_keeps_all_limits_with_the_interval_of_clopper_and_pearson(results):
+    widths = np.sort(results["hysteresis_0mbar"])
+    between = 0.5 * (widths[3] + widths[4])
+    share, low, high = results.within({"hysteresis_0mbar": (None, between)})
+    assert share == pytest.approx(4 / 6)
+    # The ends are where four of six, or more, or fewer, have a probability of 2.5 %.
+    assert scipy.stats.binom.sf(3, 6, low) == pytest.approx(0.025, rel=1e-6)
+    assert scipy.stats.binom.cdf(4, 6, high) == pytest.approx(0.025, rel=1e-6)
+    assert results.within({"hysteresis_0mbar": (None, between), "hysteresis_1500mbar": (1e9, None)}).share == 0.0
+    assert results.within({}) == (1.0, pytest.approx(0.025 ** (1 / 6)), 1.0)
+    with pytest.raises(InputError, match="output 'width' matches nothing"):
+        results.within({"width": (0.0, 1.0)})
 
 
 def test_a_row_is_what_simulating_and_reading_by_hand_gives(evaluator, results, step):

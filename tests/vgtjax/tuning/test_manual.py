@@ -1,5 +1,7 @@
 """The manual's page on control: a controller of the user's own, and its gains tuned for the user's actuator."""
 
+import dataclasses
+
 import pytest
 from python_blocks import python_block
 
@@ -41,6 +43,15 @@ def test_a_tuning_prints_its_gains_and_costs(scope):
     assert summary.startswith(f"Tuning of Follower on 1 closed loops: cost {before} before, {after} after")
     assert heads.split() == ["gain", "unit", "start", "tuned"]
     assert row.split() == ["gain", "%/m", "2000", f"{float(tuned.controller.gain):.4g}"]
+    (gain,) = tuned.gains
+    assert (gain.moves_errors, gain.at_bound) == (True, False)
+    said = [dataclasses.replace(gain, moves_errors=moves, at_bound=True) for moves in (True, False)]
+    assert [line for line in str(dataclasses.replace(tuned, gains=tuple(said))).splitlines() if "%/m" not in line][
+        2:
+    ] == [
+        "gain ended at its bound",
+        "gain moves no error of these loops, and could be anything",
+    ]
     page = tuned._repr_html_()
     assert summary in page
     assert "<tr><td>gain</td><td>%/m</td><td>2000</td>" in page
