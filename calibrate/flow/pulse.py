@@ -7,13 +7,13 @@ import numpy as np
 from jaxtyping import Float
 
 import vgtjax
-from vgtjax.exhaust import Engine, ExhaustGas, OperatingPoint, Pulsation, pulsation
+from vgtjax.exhaust import ASSUMED, Engine, ExhaustGas, OperatingPoint, Pulsation, pulsation
 from vgtjax.parts import CRANK_RANGE, HIGHEST_PRESSURE, Vanes, flow_between
 from vgtjax.plants import Rod
 
 from ..study.disturbances import PulsationTable
 
-ASSUMED = PulsationTable(engine_speed=1000.0)
+USUAL = PulsationTable(engine_speed=ASSUMED["engine_speed"])
 """The engine of a study that has none."""
 RATIO = 1.4
 """Of pressures over the turbine, about that engine's mean, at which the nozzle takes what the orifice takes."""
@@ -58,7 +58,7 @@ def engine_pulse(turbine: vgtjax.Turbine, table: PulsationTable | None = None, r
 
     **Raises:** `SimulationError` when there is no periodic cycle, or the rod's simulation fails.
     """
-    settings = ASSUMED if table is None else table
+    settings = USUAL if table is None else table
     engine = Engine(gas=ExhaustGas(turbine.gas.constant, turbine.gas.gamma))
     point = OperatingPoint(
         settings.engine_speed,

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal, Protocol
 import pydantic
 
 import vgtjax
-from vgtjax.exhaust import Engine, OperatingPoint, PressurePulsation
+from vgtjax.exhaust import ASSUMED, Engine, OperatingPoint, PressurePulsation
 
 from .base import Positive, Table
 
@@ -27,13 +27,13 @@ class PulsationTable(Table):
     """rpm; below 400 no engine runs, and the steps of its cycle are too long."""
     amplitude: Literal["engine"] | float = "engine"
     """That of the engine, or half of it from peak to peak as a share between 0 and 1 of the mean gauge pressure."""
-    trapped_mass: Annotated[float, pydantic.Field(gt=0, le=1e-2)] = 0.476e-3
+    trapped_mass: Annotated[float, pydantic.Field(gt=0, le=1e-2)] = ASSUMED["trapped_mass"]
     """kg in a cylinder."""
-    opening_temperature: Annotated[float, pydantic.Field(ge=300, le=3000)] = 1150.0
+    opening_temperature: Annotated[float, pydantic.Field(ge=300, le=3000)] = ASSUMED["opening_temperature"]
     """K of the gas when the exhaust valve opens."""
-    outlet_pressure: Annotated[float, pydantic.Field(ge=3e4, le=1e6)] = 1.03e5
+    outlet_pressure: Annotated[float, pydantic.Field(ge=3e4, le=1e6)] = ASSUMED["outlet_pressure"]
     """Pa absolute behind the turbine."""
-    effective_area: Positive = 87e-6
+    effective_area: Positive = ASSUMED["effective_area"]
     """m2 of the orifice that stands for the turbine."""
 
     @pydantic.field_validator("amplitude", mode="before")

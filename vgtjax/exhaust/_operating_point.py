@@ -36,6 +36,16 @@ UNITS = {
 """What must be positive, and its unit."""
 
 
+ASSUMED: dict[str, float] = {
+    "engine_speed": 1000.0,
+    "trapped_mass": 0.476e-3,
+    "opening_temperature": 1150.0,
+    "outlet_pressure": 1.03e5,
+    "effective_area": 87e-6,
+}
+"""Of an engine under load; nothing of it was ever measured."""
+
+
 def _optional(value: Any) -> Any:
     return None if value is None else as_float_array(value)
 
@@ -64,6 +74,12 @@ class OperatingPoint(eqx.Module):
     """See [`TurbineFlow`][]. `Any`, as a check of annotations would be before the sentence of `__check_init__`."""
     crank_angle: Values | None = eqx.field(converter=_optional, default=None)
     """deg of the crank that turns the turbine's vanes."""
+
+    @classmethod
+    def assumed(cls) -> "OperatingPoint":
+        """The usual engine under load at 1000 rpm, with an orifice of 87 mm2 that stands for its turbine; nothing of it
+        was ever measured."""
+        return cls(**ASSUMED)
 
     def __check_init__(self) -> None:
         for name, what in UNITS.items():

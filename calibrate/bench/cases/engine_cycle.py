@@ -16,7 +16,7 @@ from ..timing import interleave, once
 
 ROUNDS = 5
 POINTS = {
-    "1000 rpm": OperatingPoint(1000.0, 0.476e-3, 1150.0, 1.03e5, 87e-6),
+    "1000 rpm": OperatingPoint.assumed(),
     "2000 rpm": OperatingPoint(2000.0, 0.571e-3, 1000.0, 1.05e5, 185e-6),
 }
 """Assumed: an engine under load, and one at half of it."""
