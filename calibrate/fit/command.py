@@ -7,7 +7,7 @@ from typing import Any
 import jax
 
 from vgtjax import SimulationError
-from vgtjax.assurance import certified, require_blackjax
+from vgtjax.assurance import ending_certified, require_blackjax
 from vgtjax.estimation import (
     Calibration,
     Computation,
@@ -17,7 +17,6 @@ from vgtjax.estimation import (
     foreseen,
     foreseen_certificate,
     found_besides,
-    looking_around,
     run_alone,
     run_together,
 )
@@ -132,14 +131,11 @@ def _fitting(job: Job, unit: Unit, folder: pathlib.Path) -> Computation[Fitted]:
 
     console.print(f"{who}{'step':>6} {'chi^2/N':>12} {'damping':>10} {'seconds':>8}")
     show(calibrator.minimiser.progress)
-    calibrator, certificate = yield from certified((yield from calibrator.ending(report)), report)
-    calibration = yield from calibrator.finishing()
-    around = posterior = None
-    if calibration.converged and certificate.passed:
-        around = yield from looking_around(calibrator, job.study.fit.profiles)
-        if job.study.fit.posterior:
-            posterior = sample(End.of(calibrator), job.study.fit.posterior, folder, who)
-            console.print(f"{who}found: posterior: {posterior.verdict}")
+    calibrator, found = yield from ending_certified(calibrator, report, job.study.fit.profiles)
+    calibration, certificate, around, posterior = found.calibration, found.certificate, found.around, None
+    if found.usable and job.study.fit.posterior:
+        posterior = sample(End.of(calibrator), job.study.fit.posterior, folder, who)
+        console.print(f"{who}found: posterior: {posterior.verdict}")
     exact = taken_for_exact(calibration.task) if unit.name is None else []  # of all units it is said once
     besides = (*found_besides(calibration), *exact, *certificate.remarks)
     for sentence in (*besides, *(() if around is None else around.sentences)):
@@ -154,8 +150,7 @@ def _write(job: Job, unit: Unit, folder: pathlib.Path, outcome: Fitted | Simulat
         write_json(folder / SUMMARY, {**failure, **job.account(0.0)})
         return
     calibration, around = outcome.calibration, outcome.around
-    usable = calibration.converged and outcome.certificate.passed
-    table = calibrated(calibration, around, usable=usable)
+    table = calibrated(calibration, around, usable=outcome.usable)
     note = passivity_note(calibration.model)
     if note is not None:
         console.print(f"warning: {'' if unit.name is None else f'{unit.name}: '}{note}")

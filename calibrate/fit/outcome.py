@@ -3,31 +3,19 @@
 import dataclasses
 from typing import Any
 
-from vgtjax import Calibration
-from vgtjax.assurance import Certificate, Posterior
-from vgtjax.estimation import Around
+from vgtjax.assurance import CertifiedFit, Posterior
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Fitted:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Fitted(CertifiedFit):
     """A fit that came to its end, the seconds it took, and what its traces could tell at the start.
 
-    The misfit around its end is looked at where that is one and its derivatives are right, and its posterior where that
-    is asked for as well.
+    Its posterior is there where the fit is usable and that is asked for.
     """
 
-    calibration: Calibration
-    certificate: Certificate
-    around: Around | None
     posterior: Posterior | None
     seconds: float
     known_before: dict[str, Any]
-
-    @property
-    def troubles(self) -> list[str]:
-        """A sentence on each thing that is wrong."""
-        wrong = [] if self.certificate.passed else [self.certificate.sentence]
-        return [*wrong, *self.calibration.troubles]
 
     @property
     def undetermined(self) -> list[str]:

@@ -8,6 +8,11 @@ from ._certificate import (
     certifying as certifying,
     largest as largest,
 )
+from ._certified_fit import (
+    CertifiedFit as CertifiedFit,
+    certified_fit as certified_fit,
+    ending_certified as ending_certified,
+)
 from ._information import (
     NOTHING as NOTHING,
     Information as Information,

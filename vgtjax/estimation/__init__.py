@@ -11,7 +11,7 @@ from ._calibrator import (
     starting as starting,
 )
 from ._comparison import Comparison as Comparison, TraceResult as TraceResult, compare as compare
-from ._estimate import Estimate as Estimate
+from ._estimate import Estimate as Estimate, estimate_table as estimate_table
 from ._found import MEETS as MEETS, found_besides as found_besides, traces_met as traces_met
 from ._least_squares import (
     FAINT as FAINT,

@@ -13,7 +13,7 @@ from ..parameters import Transform, parameter_table, table_row, unknown_name
 from ..plants import AbstractModel
 from ..traces import SIGNALS, Trace
 from ._comparison import TraceResult
-from ._estimate import Estimate
+from ._estimate import Estimate, estimate_table
 from ._least_squares import NORMAL_95, LeastSquares
 from ._task import RUNAWAY, Task
 from .errors import Budget, taken_for_exact
@@ -61,20 +61,19 @@ class Calibration(Printed):
         return f"Calibration: {word} after {steps} step{'' if steps == 1 else 's'}; {self.verdict}"
 
     def _tables(self) -> list[Cells]:
-        return [self._values(), self._comparisons()]
+        return [estimate_table(self.estimates), self.comparisons]
 
     def _sentences(self) -> list[str]:
+        return self.sentences
+
+    @property
+    def sentences(self) -> list[str]:
+        """What is to be said besides the tables."""
         return [*self.notes, *self.findings, *taken_for_exact(self.task)]
 
-    def _values(self) -> Cells:
-        rows = [("parameter", "value", "std. error", "unit", "")]
-        for entry, found in self.estimates.items():
-            status = "at bound" if found.at_bound else "free" if found.determined else "not determined"
-            error = f"{found.std_error:.2g}" if np.isfinite(found.std_error) else ""
-            rows.append((entry, f"{found.value:.6g}", error, found.unit, status))
-        return rows
-
-    def _comparisons(self) -> Cells:
+    @property
+    def comparisons(self) -> Cells:
+        """A row of texts for every trace, how it is met, below a header."""
         channels = self.task.channels
         units = (SIGNALS[channel].unit.split()[0] for channel in channels)  # a difference of pressures is not absolute
         heads = (f"RMSE of {channel}, {unit}" for channel, unit in zip(channels, units, strict=True))

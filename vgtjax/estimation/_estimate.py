@@ -2,6 +2,9 @@
 
 import dataclasses
 import math
+from collections.abc import Mapping
+
+from .._printing import Cells
 
 
 @dataclasses.dataclass(frozen=True)
@@ -19,3 +22,13 @@ class Estimate:
     interval: tuple[float, float] = (math.nan, math.nan)
     at_bound: bool = False
     determined: bool = False
+
+
+def estimate_table(estimates: Mapping[str, Estimate]) -> Cells:
+    """A row of texts for every entry below a header."""
+    rows = [("parameter", "value", "std. error", "unit", "")]
+    for entry, found in estimates.items():
+        status = "at bound" if found.at_bound else "free" if found.determined else "not determined"
+        error = f"{found.std_error:.2g}" if math.isfinite(found.std_error) else ""
+        rows.append((entry, f"{found.value:.6g}", error, found.unit, status))
+    return rows

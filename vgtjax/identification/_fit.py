@@ -33,9 +33,10 @@ def fit(
     offsets: Mapping[str, float] | None = None,
     report: Callable[[Progress], None] = lambda progress: None,
 ) -> Calibration:
-    """Calibrates a model to traces by exact gradients, to the same values as the command `fit`.
+    """Calibrates a model to traces by exact gradients.
 
-    The command also checks its last derivatives against differences, and looks at the misfit around the end.
+    Whether the values can be signed [`certified_fit`][] says, which is the command `fit`: it checks the last
+    derivatives against differences, searches on with finer steps where they fail, and looks around the end.
 
     **Arguments:**
 

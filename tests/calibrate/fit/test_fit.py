@@ -9,7 +9,9 @@ import pytest
 from commands import entries_of, read
 
 import vgtjax
+from vgtjax.assurance import certified_fit
 from vgtjax.estimation import found_besides
+from vgtjax.traces import STANDARD_ATMOSPHERE
 
 FIELDS = {"value", "unit", "free", "std_error", "interval", "initial", "lower", "upper", "at_bound", "identifiable"}
 FREE = {"converter.magnetic_force[2]", "diaphragm.preload", "diaphragm.stiffness", "friction.viscous_damping"}
@@ -63,6 +65,30 @@ def test_free_and_held_entries_differ_as_they_should(parameters):
             assert fields["std_error"] is None
             assert fields["interval"] is None
         assert fields["at_bound"] is False
+
+
+def test_the_library_finds_the_same(actuator, fitted, parameters, kept):
+    """Same values, errors, intervals and certificate by one call; programs are those of the command."""
+    fitted_to, validated = (
+        vgtjax.load_trace(fitted.study.parent / f"{name}.csv", atmosphere=atmosphere)
+        for name, atmosphere in (("step_80", STANDARD_ATMOSPHERE), ("step_50", 101100.0))
+    )
+    bounds = {"diaphragm.stiffness": (8000.0, 16000.0)}
+    begun = {"values": {"diaphragm.stiffness": 11500.0}, "free": sorted(FREE), "bounds": bounds}
+    found = certified_fit(actuator, [fitted_to], [validated], **begun)
+    assert found.usable
+    entries = entries_of(parameters)
+    for name, estimate in found.estimates.items():
+        for field in ("value", "std_error", "interval"):
+            # Bits: the sums are the same, in one process or another.
+            np.testing.assert_allclose(getattr(estimate, field), entries[name][field], rtol=1e-9)
+    assert found["diaphragm.stiffness"] == found.estimates["diaphragm.stiffness"]
+    assert found.certificate.summary().items() <= read(fitted.out / "summary.json")["certificate"].items()
+    title, head, *rows = repr(found).splitlines()
+    assert title.startswith("Certified fit: usable")
+    assert head.split()[:2] == ["parameter", "value"]
+    assert rows[0].split()[0] == next(iter(found.estimates))
+    assert found.certificate.sentence in rows
 
 
 def test_start_values_and_bounds_are_those_of_the_study(actuator, parameters):
