@@ -8,6 +8,7 @@ import scipy
 from jaxtyping import Float
 
 from .._errors import InputError
+from .._printing import Cells, Printed
 from ..estimation import (
     CHANNELS,
     NORMAL_95,
@@ -191,8 +192,8 @@ def _known_sensors(task: Task, known: SensorsOfTraces) -> SensorsOfTraces:
     ]
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Recovery:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Recovery(Printed):
     """What many campaigns of a known truth say of a fit's estimates and errors.
 
     `estimates` and `errors` `(campaigns, entries)` are coordinates: logarithms of positive entries, others in units of
@@ -277,6 +278,20 @@ class Recovery:
         for at in np.flatnonzero(known < campaigns).tolist():
             said.append(f"{self.entries[at]}: determined in {known[at]:.0f} of {campaigns} campaigns")
         return [*said, CANNOT_SHOW]
+
+    def _title(self) -> str:
+        return f"Recovery: {len(self.estimates)} campaigns of a known truth, {len(self.failed)} more did not converge"
+
+    def _tables(self) -> list[Cells]:
+        rows = [("parameter", "mean error", "spread", "claimed", "coverage", "determined")]
+        columns = (self.bias, self.spread, self.claimed, self.coverage, self.known)
+        for entry, bias, spread, claimed, coverage, known in zip(self.entries, *columns, strict=True):
+            figures = (f"{each:.3g}" for each in (bias, spread, claimed))
+            rows.append((entry, *figures, f"{100 * coverage:.0f} %", f"{known:.0f}"))
+        return [rows]
+
+    def _sentences(self) -> list[str]:
+        return self.sentences
 
     @property
     def _missed(self) -> Table:

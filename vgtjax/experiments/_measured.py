@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from .._printing import Cells, Printed
 from ..parts import OPERATING_POINTS
 from ..traces import Trace
 from ._base import Readings
@@ -17,8 +18,8 @@ SAME_POINT = 5e3
 """Pa; turbine pressures this close are one operating point, which the bench holds only about."""
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class MeasuredLoops:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class MeasuredLoops(Printed):
     """Slow loops of one unit by turbine pressure (Pa gauge, rising), and what is read off them, by the names of
     [`SlowLoop`][]'s outputs."""
 
@@ -30,6 +31,13 @@ class MeasuredLoops:
     def hysteresis(self) -> dict[float, float]:
         """Mean width over 2 to 8 mm of travel in Pa, by turbine pressure."""
         return {at: loop.mean_width for at, loop in zip(self.turbine_pressures, self.loops, strict=True)}
+
+    def _title(self) -> str:
+        return f"{len(self.loops)} slow loop{'' if len(self.loops) == 1 else 's'}"
+
+    def _tables(self) -> list[Cells]:
+        rows = [("turbine pressure, mbar", "mean width, mbar")]
+        return [[*rows, *((f"{at / 100:.5g}", f"{width / 100:.4g}") for at, width in self.hysteresis.items())]]
 
 
 def measure_loops(traces: Sequence[Trace], points: Sequence[float] = OPERATING_POINTS) -> MeasuredLoops | None:

@@ -71,6 +71,10 @@ def test_what_was_not_determined_or_failed_does_not_count(task):
     assert found.failed == ["campaign 7: it ran away"]
     assert np.all(np.isfinite(found.spread))
     assert f"{task.selection.entries[0]}: determined in 6 of 7 campaigns" in found.sentences
+    title, _, row, *_ = repr(found).splitlines()
+    assert title == "Recovery: 7 campaigns of a known truth, 1 more did not converge"
+    shown = [task.selection.entries[0], *(f"{each[0]:.3g}" for each in (found.bias, found.spread, found.claimed))]
+    assert row.split() == [*shown, f"{100 * found.coverage[0]:.0f}", "%", "6"]
 
 
 def test_a_campaign_has_the_noise_of_the_traces(task, truth):

@@ -125,6 +125,7 @@ def test_hysteresis_is_the_width_by_operating_point_and_the_first_of_two_counts(
     assert found.hysteresis == pytest.approx({0.0: 2000.0, 3.0e5: 4000.0}, rel=1e-9)
     assert found.readings["start_pressure_0mbar"] == pytest.approx(-1.6e4 - 4e6 * LIFT, rel=1e-9)
     assert found.readings["closed_vane_effect_3000mbar_5mm"] == pytest.approx(-1000.0, rel=1e-9)
+    assert repr(found).split()[-4:] == ["0", "20", "3000", "40"]
 
 
 def test_offsets_of_the_sensors_do_not_count_as_effects_of_the_gas():

@@ -292,3 +292,8 @@ def test_what_is_beaten_is_tried_beside_what_is_not(monkeypatch, together, struc
     rival = {"lugre": "squared", "squared": "lugre"}[structure[0]]
     assert found.rankings["friction"].against[rival].doubt == doubt.format(beside=abs(together - other))
     assert set(fitted) == set(criteria)
+    lines = repr(found.rankings["friction"]).splitlines()
+    assert lines[0] == f"Structures, best first, scored on none: {found.rankings['friction'].best}"
+    assert next(line for line in lines if line.startswith(rival)).endswith(
+        found.rankings["friction"].against[rival].doubt
+    )

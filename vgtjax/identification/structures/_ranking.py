@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Float
 
+from ..._printing import Cells, Printed
 from ...estimation import (
     BLOCKS,
     VERDICTS,
@@ -69,8 +70,8 @@ class Duel:
         return self.doubt not in ("", WIDER)
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class StructureRanking:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class StructureRanking(Printed):
     """Structures, best first; `best` is `None` where no fit may be used, `against` has a duel for every other."""
 
     rows: Sequence[RankedStructure]
@@ -94,6 +95,19 @@ class StructureRanking:
         if self.best is None:
             return "no fit may be used"
         return next((f"{name}: {self.against[name].doubt}" for name in rivals if self.against[name].doubt), "")
+
+    def _title(self) -> str:
+        return f"Structures, best first, scored on {self.scored}: {self.best or 'no fit may be used'}"
+
+    def _tables(self) -> list[Cells]:
+        head = ("structure", "parameters", "chi^2", "criterion", "worse by", "what speaks against a decision")
+        rows: list[tuple[str, ...]] = [head]
+        for row in self.rows:
+            duel = self.against.get(row.name)
+            figures = (row.parameters, row.chi2, row.criterion, None if duel is None else duel.difference)
+            numbers = ("" if each is None else f"{each:.6g}" for each in figures)
+            rows.append((row.name, *numbers, row.reason or ("" if duel is None else duel.doubt)))
+        return [rows]
 
 
 Outcome = Linearised | str
