@@ -8,7 +8,7 @@ import numpy as np
 
 from .._errors import InputError, is_traced, require_positive
 from .._types import Scalar, Values
-from ..parameters import as_float_array
+from ..parameters import as_float_array, optional_float_array
 from ..parts import flow_between
 from ._gas import ExhaustGas
 
@@ -46,10 +46,6 @@ ASSUMED: dict[str, float] = {
 """Of an engine under load; nothing of it was ever measured."""
 
 
-def _optional(value: Any) -> Any:
-    return None if value is None else as_float_array(value)
-
-
 class OperatingPoint(eqx.Module):
     """A point at which an engine runs; numbers, or arrays of one shape for a batch under `jax.vmap`.
 
@@ -68,11 +64,11 @@ class OperatingPoint(eqx.Module):
     """K of that gas."""
     outlet_pressure: Values = eqx.field(converter=as_float_array)
     """Pa absolute behind the turbine."""
-    effective_area: Values | None = eqx.field(converter=_optional, default=None)
+    effective_area: Values | None = eqx.field(converter=optional_float_array, default=None)
     """m2 of the orifice that stands for the turbine."""
     turbine: Any = None
     """See [`TurbineFlow`][]. `Any`, as a check of annotations would be before the sentence of `__check_init__`."""
-    crank_angle: Values | None = eqx.field(converter=_optional, default=None)
+    crank_angle: Values | None = eqx.field(converter=optional_float_array, default=None)
     """deg of the crank that turns the turbine's vanes."""
 
     @classmethod

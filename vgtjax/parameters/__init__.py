@@ -20,6 +20,7 @@ from ._table import (
     as_float_array as as_float_array,
     get_parameter as get_parameter,
     nested as nested,
+    optional_float_array as optional_float_array,
     parameter as parameter,
     parameter_table as parameter_table,
     replace_parameters as replace_parameters,

@@ -165,6 +165,11 @@ def as_float_array(value: Any, what: str = "a quantity") -> Array:
         raise InputError(f"{what} must be a number, or an array of numbers, but it is {value!r}; give one") from error
 
 
+def optional_float_array(value: Any) -> Array | None:
+    """The same of a value that may be left out, which is `None`."""
+    return None if value is None else as_float_array(value)
+
+
 def parameter(
     default: float | tuple[float, ...], *, symbol: str, unit: str | tuple[str, ...], source: str, **row: Any
 ) -> Any:

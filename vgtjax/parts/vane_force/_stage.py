@@ -9,7 +9,7 @@ from jaxtyping import Array, Bool, Float
 
 from ..._errors import InputError, SimulationError, require_finite, require_positive
 from ..._types import Scalar, Values
-from ...parameters import Part, as_float_array, parameter
+from ...parameters import Part, as_float_array, optional_float_array, parameter
 from ...turbine import CELLS, Gas, Inlet, Nozzle, Passage, PassageFlow, States, steady_near
 from .._vanes import Crank
 
@@ -56,10 +56,6 @@ def one_of_both(speed_ratio: Any, wheel_speed: Any) -> tuple[Any, Any]:
     return (SPEED_RATIO if wheel_speed is None and speed_ratio is None else speed_ratio), wheel_speed
 
 
-def _optional(value: Any) -> Any:
-    return None if value is None else as_float_array(value)
-
-
 class Stage(eqx.Module):
     """All that the flow through the turbine depends on; see [`Turbine`][] for what they are.
 
@@ -75,8 +71,8 @@ class Stage(eqx.Module):
     gas: Gas = eqx.field(default_factory=Gas)
     total_temperature: Scalar = eqx.field(converter=as_float_array, default=TOTAL_TEMPERATURE)
     outlet_pressure: Scalar = eqx.field(converter=as_float_array, default=OUTLET_PRESSURE)
-    speed_ratio: Scalar | None = eqx.field(converter=_optional, default=None)
-    wheel_speed: Scalar | None = eqx.field(converter=_optional, default=None)
+    speed_ratio: Scalar | None = eqx.field(converter=optional_float_array, default=None)
+    wheel_speed: Scalar | None = eqx.field(converter=optional_float_array, default=None)
 
     def __post_init__(self) -> None:
         self.speed_ratio, self.wheel_speed = one_of_both(self.speed_ratio, self.wheel_speed)
