@@ -30,6 +30,6 @@ class Fitted:
         return [*wrong, *self.calibration.troubles]
 
     @property
-    def undetermined(self) -> list[str]:
-        """Free entries that the traces did not determine at the start."""
+    def not_estimable(self) -> list[str]:
+        """Free entries that belonged to null directions at the start, so that the traces did not determine them."""
         return list(self.known_before["undetermined"])

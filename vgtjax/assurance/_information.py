@@ -83,14 +83,14 @@ class Information:
     @property
     def errors(self) -> dict[str, float]:
         """Expected relative standard error of every entry, by noise and by what is taken for granted; infinite for what
-        is not determined."""
+        is not estimable."""
         moving = self.rows[:, len(self.entries) :].T
         moved = [least_squares(self.columns, each).values for each in moving]
         errors = np.sqrt(np.sum(np.square([self.solved.std_errors, *moved]), axis=0))
         return dict(zip(self.entries, np.nan_to_num(errors, nan=np.inf).tolist(), strict=True))
 
     def summary(self) -> dict[str, Any]:
-        """Groups and expected relative errors by name, `None` for what is not determined."""
+        """Groups and expected relative errors by name, `None` for what is not estimable."""
         return {
             "null": self.null + [[name] for name in self.unseen],
             "nearly_null": [group for group, _ in self.nearly_null],
@@ -101,7 +101,7 @@ class Information:
 
     @property
     def tells(self) -> bool:
-        """Whether any entry is determined at all."""
+        """Whether any entry is estimable at all."""
         return any(np.isfinite(error) for error in self.errors.values())
 
     @property
@@ -123,7 +123,7 @@ class Information:
     @property
     def nearly_null(self) -> list[tuple[list[str], float]]:
         """Groups of entries that hardly show, the least known first, and the relative error along their direction."""
-        known = self.solved.determined
+        known = self.solved.estimable
         sizes, ways = np.linalg.eigh(self.solved.covariance[np.ix_(known, known)])
         names, found = np.array(self.entries)[known], []
         for size, way in zip(sizes[::-1], ways.T[::-1], strict=True):

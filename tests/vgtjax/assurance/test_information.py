@@ -57,8 +57,8 @@ def test_what_moves_nothing_but_by_rounding_is_not_told():
     assert (known.unseen, known.tells) == (["b"], True)
     nothing = Information.by("a", np.ones(1), 1e-12 * ROWS[:, :1])
     assert (nothing.unseen, nothing.tells) == (["a"], False)
-    for columns, determined in ((ROWS[:, :1], True), (1e-12 * ROWS[:, :1], False)):
-        assert estimate_uncertainty(ROWS[:, 1], columns, 50).determined.tolist() == [determined]
+    for columns, estimable in ((ROWS[:, :1], True), (1e-12 * ROWS[:, :1], False)):
+        assert estimate_uncertainty(ROWS[:, 1], columns, 50).estimable.tolist() == [estimable]
 
 
 def test_what_hardly_shows_is_named_with_its_error():

@@ -80,7 +80,7 @@ class Profiles:
 
 def profiling(end: End, entries: Sequence[str], most: int = MOST_PROFILES) -> Computation[Profiles]:
     """Profiles of the first entries, `most` of them, as a computation; those not determined have none."""
-    told = dict(zip(end.entries, end.found.tells(end.problem.transform.positive), strict=True))
+    told = dict(zip(end.entries, end.found.determined(end.problem.transform.positive), strict=True))
     wanted = [entry for entry in entries if told[entry]]
     held = [_Held(end, end.entries.index(entry)) for entry in wanted[:most]]
     found = yield from side_by_side([each.profile() for each in held])

@@ -84,7 +84,7 @@ class End:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Directions:
-    """Independent directions of what is determined, by the eigenvectors of the correlation, the least known first.
+    """Independent directions of what is estimable, by the eigenvectors of the correlation, the least known first.
 
     `moves` has a standard error of each in coordinates, `loadings` the part of each coordinate's own error that this
     is; their squares sum to one for every coordinate.
@@ -96,9 +96,9 @@ class Directions:
     @staticmethod
     def of(end: End) -> "Directions":
         """By a singular value decomposition of columns in standard errors: the covariance itself would lose digits."""
-        known, columns = end.found.determined, end.point.reduced.columns
+        known, columns = end.found.estimable, end.point.reduced.columns
         told, others = columns[:, known], columns[:, ~known]
-        # What the traces don't determine follows, as a standard error is one whatever it does.
+        # What is not estimable follows, as a standard error is one whatever it does.
         follow = -pseudo_inverse(others) @ told
         left, errors = told + others @ follow, end.found.std_errors[known]
         _, sizes, ways = np.linalg.svd(left * (errors / np.sqrt(end.found.scale)), full_matrices=False)

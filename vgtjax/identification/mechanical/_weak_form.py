@@ -111,7 +111,7 @@ def regress_traces(blocks: Sequence[TraceEquations], robust: bool = True) -> Lea
     """Least squares of all rows, with an unknown constant per trace, and errors that know of correlated residuals.
 
     Residuals beyond two robust deviations count by their size (Huber), unless `robust` is false. Values are those of
-    the unknowns alone; what is not determined is NaN. `scale` is the residuals' robust variance in N^2.
+    the unknowns alone; what is not estimable is NaN. `scale` is the residuals' robust variance in N^2.
     """
     matrix, right, groups, traces = _stack(blocks)
     overlap, size = max(block.overlap for block in blocks), matrix.shape[1]
@@ -134,12 +134,12 @@ def regress_traces(blocks: Sequence[TraceEquations], robust: bool = True) -> Lea
     left = np.append(residual * weights, np.full(len(unknown), scale))
     bunch = np.append(groups, np.max(groups) + 1 + np.arange(len(unknown)))
     errors = clustered_errors(left, weighted, bunch)
-    determined = found.determined[:size]
+    estimable = found.estimable[:size]
     return dataclasses.replace(
         found,
-        values=np.where(determined, found.values[:size], np.nan),
-        covariance=np.diag(np.where(determined, errors[:size] ** 2, 0.0)),
-        determined=determined,
+        values=np.where(estimable, found.values[:size], np.nan),
+        covariance=np.diag(np.where(estimable, errors[:size] ** 2, 0.0)),
+        estimable=estimable,
         null_directions=found.null_directions[:, :size],
         scale=deviation**2,
     )
