@@ -13,6 +13,9 @@ Columns = Float[np.ndarray, "rows unknowns"]
 NULL = 1e-9
 """Singular values below this part of the largest are no information: an exact Jacobian in double precision computes
 a true null direction to about 1e-13, and the weakest real direction of our simulated traces lies near 1e-4."""
+NULL_OF_GRAM = 1e-12
+"""The same for eigenvalues of a product of columns with themselves, which are squares of singular values: rounding
+leaves 1e-16 of the largest, so that `NULL` squared can't be seen, and the weakest real direction lies near 1e-8."""
 FAINT = 1e-6
 """Deviations of the noise, all samples together, by which a unit of a coordinate (its logarithm, or a usual size) must
 move signals to be information: less is rounding, and an error of a million says nothing."""
@@ -105,7 +108,7 @@ def least_squares(columns: Columns, target: Float[np.ndarray, " rows"], inflatio
     **Arguments:** `columns` and `target` in units of the rows' noise; `inflation`: an unknown whose variance the other
     columns multiply by more than that is not estimable either, for columns with errors of their own.
     """
-    inverse, projector, singular, directions = _pseudo_inverse(columns)
+    inverse, projector, singular, directions = _factors(columns)
     rank = inverse.shape[1]
     projected = projector.T @ target
     values = inverse @ projected
@@ -122,7 +125,13 @@ def least_squares(columns: Columns, target: Float[np.ndarray, " rows"], inflatio
     )
 
 
-def _pseudo_inverse(columns: Columns) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def pseudo_inverse(columns: Columns) -> Float[np.ndarray, "unknowns rows"]:
+    """Of columns whose units don't matter, without what is null."""
+    inverse, projector, _, _ = _factors(columns)
+    return np.asarray(inverse @ projector.T)
+
+
+def _factors(columns: Columns) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """`inverse @ projector.T` is the pseudo-inverse for columns of unit length, of which come the singular values and
     directions as well: those behind the rank are null."""
     lengths = np.linalg.norm(columns, axis=0)
@@ -151,7 +160,7 @@ def estimate_uncertainty(
     scale = float(residuals[measured] @ residuals[measured]) / max(count - found.rank, 1)
     if not known:
         return found.scaled(scale)
-    inverse = _pseudo_inverse(columns)[0]
+    inverse = _factors(columns)[0]
     moved = columns @ inverse @ inverse.T * found.estimable
     moved[measured] *= np.sqrt(scale)
     return dataclasses.replace(found, covariance=moved.T @ moved, scale=scale)

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ..._types import Coordinates
-from .._least_squares import NORMAL_95
+from .._least_squares import NORMAL_95, pseudo_inverse
 from ..derivatives import Computation, side_by_side
-from ._slices import DOWNHILL, HONEST, End, pseudo_inverse
+from ._slices import DOWNHILL, HONEST, End
 
 RISE_95 = NORMAL_95**2
 """Rise of chi^2 at the ends of a 95 % interval of one parameter: 3.84."""

@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from ..._types import Coordinates
 from .._calibrator import Calibrator
-from .._least_squares import NULL, LeastSquares
+from .._least_squares import NULL, LeastSquares, pseudo_inverse
 from ..derivatives import Computation, side_by_side
 from ..measurements import FitProblem
 from ..search import Point, misfit_at
@@ -109,13 +109,6 @@ class Directions:
         moves[known] = errors[:, None] * loadings[known]
         moves[~known] = follow @ moves[known]
         return Directions(moves, loadings)
-
-
-def pseudo_inverse(columns: Float[np.ndarray, "rows unknowns"]) -> Float[np.ndarray, "unknowns rows"]:
-    """Of columns whose units don't matter, without what is null."""
-    lengths = np.linalg.norm(columns, axis=0)
-    lengths = np.where(lengths > 0, lengths, 1.0)
-    return np.linalg.pinv(columns / lengths, rcond=NULL) / lengths[:, None]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
