@@ -27,7 +27,6 @@ from ._least_squares import (
     huber_weights as huber_weights,
     least_squares as least_squares,
     reduce_rows as reduce_rows,
-    robust_deviation as robust_deviation,
 )
 from ._task import Task as Task, plan_task as plan_task
 from .derivatives import (

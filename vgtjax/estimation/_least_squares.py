@@ -313,11 +313,6 @@ def error_factor(columns: Columns, errors: Float[np.ndarray, " unknowns"]) -> fl
     return float(np.nanmedian(errors / usual)) if np.any(np.isfinite(usual)) else 1.0
 
 
-def robust_deviation(residuals: Float[np.ndarray, " rows"]) -> float:
-    """Standard deviation of normal residuals by their median size, which outliers don't move."""
-    return float(np.median(np.abs(residuals))) / 0.6745
-
-
 def huber_weights(residuals: Float[np.ndarray, " rows"], deviation: float) -> Float[np.ndarray, " rows"]:
     """Factors of rows that make residuals beyond `HUBER` deviations count by their size instead of their square."""
     return np.sqrt(np.minimum(1.0, HUBER * deviation / np.maximum(np.abs(residuals), 1e-300)))

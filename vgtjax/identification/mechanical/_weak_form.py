@@ -7,8 +7,9 @@ import numpy as np
 import scipy
 from jaxtyping import Bool, Float
 
-from ...estimation import LeastSquares, clustered_errors, huber_weights, least_squares, reduce_rows, robust_deviation
+from ...estimation import LeastSquares, clustered_errors, huber_weights, least_squares, reduce_rows
 from ...plants import MechanicalActuator
+from ...traces import robust_deviation
 from .. import _limits as limits
 from .._filters import Samples
 from ._motion import MotionRecord
