@@ -31,9 +31,9 @@ PART_OF_NULL = 1e-3
 """Part of the largest loading from which an entry belongs to a null direction: rounding leaves 1e-6."""
 MOST_STEPS = 6
 """Steps of a search towards the traces: what they tell depends on where one stands, and the start may be far off."""
-MEETS = 1.2
+CHI2_MET = 1.2
 """chi^2 per measurement below which a model meets its traces."""
-ASTRAY = 5.0
+ERROR_FALL = 5.0
 """Factor between errors at the start and where steps have led from which the start counts: on slow loops alone a search
 met the traces where the rod sticks and slips, and mass seemed known to 10 %; at the true values it is to 190 %."""
 
@@ -221,7 +221,7 @@ def examining(task: Task) -> Computation[Information]:
     """`examine` as a computation: at the start, or where a few steps lead that meet the traces."""
     calibrator = yield from starting_fit(task)
     search, start = calibrator.minimiser, (yield from informing(calibrator))
-    while 2 * search.progress.cost > MEETS:
+    while 2 * search.progress.cost > CHI2_MET:
         if search.progress.finished or search.progress.iteration >= MOST_STEPS:
             return start
         yield from search.steps()
@@ -232,6 +232,6 @@ def examining(task: Task) -> Computation[Information]:
 def _astray(start: Information, moved: Information) -> bool:
     """Whether something that hardly shows at the start seems well known."""
     return any(
-        before > LARGE_ERROR and after < before / ASTRAY
+        before > LARGE_ERROR and after < before / ERROR_FALL
         for before, after in zip(start.errors.values(), moved.errors.values(), strict=True)
     )
