@@ -92,7 +92,7 @@ class Information:
     def summary(self) -> dict[str, Any]:
         """Groups and expected relative errors by name, `None` for what is not estimable."""
         return {
-            "null": self.null + [[name] for name in self.unseen],
+            "null": self.null + [[name] for name in self.without_effect],
             "nearly_null": [group for group, _ in self.nearly_null],
             "expected_relative_error": {
                 name: error if np.isfinite(error) else None for name, error in self.errors.items()
@@ -105,8 +105,8 @@ class Information:
         return any(np.isfinite(error) for error in self.errors.values())
 
     @property
-    def unseen(self) -> list[str]:
-        """Entries that no trace feels."""
+    def without_effect(self) -> list[str]:
+        """Entries that no trace depends on."""
         lengths = np.linalg.norm(self.columns, axis=0)
         return [name for name, length in zip(self.entries, lengths, strict=True) if length == 0.0]
 
@@ -145,8 +145,8 @@ class Information:
     @property
     def sentences(self) -> list[str]:
         """What these traces can't tell, in words."""
-        unseen = ", ".join(self.unseen)
-        said = [f"no trace feels {unseen}: excite what depends on it, or hold it"] if unseen else []
+        idle = ", ".join(self.without_effect)
+        said = [f"no trace depends on {idle}: excite what depends on it, or hold it"] if idle else []
         for group in self.null:
             way = "scale together" if len(group) > 2 else "can't be told apart"
             said.append(f"{', '.join(group)} {way}: measure one of them, and hold it")
