@@ -23,9 +23,8 @@ def knowing(calibrator: Calibrator) -> Computation[dict[str, Any]]:
     alone = calibrator.task.starts < 2 and not ran_away
     if not known.tells and alone and not (yield from examining(calibrator.task)).tells:
         raise SimulationError("; ".join([NOTHING, *sentences]))
-    undetermined = calibrator.undetermined()
     return {
-        "undetermined": undetermined,
+        "undetermined": calibrator.not_estimable(),
         **known.summary(),
         "next": [gain.summary() for gain in gains],
         "sentences": sentences,

@@ -178,7 +178,7 @@ def _summary(fitted: Fitted, job: Job, unit: Unit, table: Sequence[Entry]) -> di
     return {
         **_of_the_search(calibration),
         **_of_the_bench(calibration),
-        "unidentifiable_at_start": fitted.undetermined,
+        "unidentifiable_at_start": fitted.not_estimable,
         "expected_relative_error_at_start": fitted.known_before["expected_relative_error"],
         "check": {name: fitted.known_before[name] for name in ("null", "nearly_null", "next", "sentences")},
         "friction_is_passive": passivity_note(calibration.model) is None,

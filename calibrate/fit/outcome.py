@@ -18,6 +18,6 @@ class Fitted(CertifiedFit):
     known_before: dict[str, Any]
 
     @property
-    def undetermined(self) -> list[str]:
-        """Free entries that the traces did not determine at the start."""
+    def not_estimable(self) -> list[str]:
+        """Free entries that belonged to null directions at the start, so that the traces did not determine them."""
         return list(self.known_before["undetermined"])

@@ -66,7 +66,7 @@ def sample(end: End, draws: int, folder: pathlib.Path, who: str) -> Posterior:
 
 
 def rows(posterior: Posterior, calibration: Calibration) -> list[DrawnEntry]:
-    """Every determined entry; `calibration` has the linear interval of it."""
+    """Every estimable entry; `calibration` has the linear interval of it."""
     # The draws know of the noise only, so the other parts of an error are left out of what they are compared with.
     by_noise = dict(zip(calibration, calibration.budget.noise.tolist(), strict=True))
     found = []

@@ -26,7 +26,7 @@ from .terminal import verdict
 def render(job: Job, unit: Unit, fitted: Fitted, table: list[Entry]) -> str:
     """The report of one unit as HTML, with plots, their library and the study inside."""
     calibration, around = fitted.calibration, fitted.around
-    known = calibration.uncertainty.determined
+    known = calibration.uncertainty.estimable
     entries = [e for e, is_known in zip(calibration, known, strict=True) if is_known]
     covariance = calibration.covariance[np.ix_(known, known)]
     cost, sources = 2 * np.asarray(calibration.progress.history), list(calibration.budget.moved)
@@ -37,7 +37,7 @@ def render(job: Job, unit: Unit, fitted: Fitted, table: list[Entry]) -> str:
         fit=calibration,
         certificate=fitted.certificate,
         seconds=fitted.seconds,
-        undetermined=fitted.undetermined,
+        not_estimable=fitted.not_estimable,
         sentence=verdict(fitted, table),
         before=fitted.known_before,
         table=table,

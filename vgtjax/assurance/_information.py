@@ -31,9 +31,9 @@ PART_OF_NULL = 1e-3
 """Part of the largest loading from which an entry belongs to a null direction: rounding leaves 1e-6."""
 MOST_STEPS = 6
 """Steps of a search towards the traces: what they tell depends on where one stands, and the start may be far off."""
-MEETS = 1.2
+CHI2_MET = 1.2
 """chi^2 per measurement below which a model meets its traces."""
-ASTRAY = 5.0
+ERROR_FALL = 5.0
 """Factor between errors at the start and where steps have led from which the start counts: on slow loops alone a search
 met the traces where the rod sticks and slips, and mass seemed known to 10 %; at the true values it is to 190 %."""
 
@@ -83,16 +83,16 @@ class Information:
     @property
     def errors(self) -> dict[str, float]:
         """Expected relative standard error of every entry, by noise and by what is taken for granted; infinite for what
-        is not determined."""
+        is not estimable."""
         moving = self.rows[:, len(self.entries) :].T
         moved = [least_squares(self.columns, each).values for each in moving]
         errors = np.sqrt(np.sum(np.square([self.solved.std_errors, *moved]), axis=0))
         return dict(zip(self.entries, np.nan_to_num(errors, nan=np.inf).tolist(), strict=True))
 
     def summary(self) -> dict[str, Any]:
-        """Groups and expected relative errors by name, `None` for what is not determined."""
+        """Groups and expected relative errors by name, `None` for what is not estimable."""
         return {
-            "null": self.null + [[name] for name in self.unseen],
+            "null": self.null + [[name] for name in self.without_effect],
             "nearly_null": [group for group, _ in self.nearly_null],
             "expected_relative_error": {
                 name: error if np.isfinite(error) else None for name, error in self.errors.items()
@@ -101,12 +101,12 @@ class Information:
 
     @property
     def tells(self) -> bool:
-        """Whether any entry is determined at all."""
+        """Whether any entry is estimable at all."""
         return any(np.isfinite(error) for error in self.errors.values())
 
     @property
-    def unseen(self) -> list[str]:
-        """Entries that no trace feels."""
+    def without_effect(self) -> list[str]:
+        """Entries that no trace depends on."""
         lengths = np.linalg.norm(self.columns, axis=0)
         return [name for name, length in zip(self.entries, lengths, strict=True) if length == 0.0]
 
@@ -123,7 +123,7 @@ class Information:
     @property
     def nearly_null(self) -> list[tuple[list[str], float]]:
         """Groups of entries that hardly show, the least known first, and the relative error along their direction."""
-        known = self.solved.determined
+        known = self.solved.estimable
         sizes, ways = np.linalg.eigh(self.solved.covariance[np.ix_(known, known)])
         names, found = np.array(self.entries)[known], []
         for size, way in zip(sizes[::-1], ways.T[::-1], strict=True):
@@ -145,8 +145,8 @@ class Information:
     @property
     def sentences(self) -> list[str]:
         """What these traces can't tell, in words."""
-        unseen = ", ".join(self.unseen)
-        said = [f"no trace feels {unseen}: excite what depends on it, or hold it"] if unseen else []
+        idle = ", ".join(self.without_effect)
+        said = [f"no trace depends on {idle}: excite what depends on it, or hold it"] if idle else []
         for group in self.null:
             way = "scale together" if len(group) > 2 else "can't be told apart"
             said.append(f"{', '.join(group)} {way}: measure one of them, and hold it")
@@ -221,7 +221,7 @@ def examining(task: Task) -> Computation[Information]:
     """`examine` as a computation: at the start, or where a few steps lead that meet the traces."""
     calibrator = yield from starting_fit(task)
     search, start = calibrator.minimiser, (yield from informing(calibrator))
-    while 2 * search.progress.cost > MEETS:
+    while 2 * search.progress.cost > CHI2_MET:
         if search.progress.finished or search.progress.iteration >= MOST_STEPS:
             return start
         yield from search.steps()
@@ -232,6 +232,6 @@ def examining(task: Task) -> Computation[Information]:
 def _astray(start: Information, moved: Information) -> bool:
     """Whether something that hardly shows at the start seems well known."""
     return any(
-        before > LARGE_ERROR and after < before / ASTRAY
+        before > LARGE_ERROR and after < before / ERROR_FALL
         for before, after in zip(start.errors.values(), moved.errors.values(), strict=True)
     )

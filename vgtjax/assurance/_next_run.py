@@ -174,7 +174,7 @@ def remedies(known: Information, gains: Sequence[Gain]) -> list[str]:
     """For each entry that hardly shows or not at all, the shortest sentence on the run that would help it most; nothing
     of one that no run would determine."""
     said: dict[str, list[str]] = {}
-    for name in [*known.unseen, *dict.fromkeys(name for group, _ in known.nearly_null for name in group)]:
+    for name in [*known.without_effect, *dict.fromkeys(name for group, _ in known.nearly_null for name in group)]:
         best = min(gains, key=lambda gain: gain.after[name], default=None)
         if best is not None and best.after[name] < min(HELPS * known.errors[name], TOLD):
             said.setdefault(best.run.label, []).append(f"{name} to {100 * best.after[name]:.2g} %")

@@ -48,7 +48,7 @@ class Drawn:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Posterior:
-    """Draws `(chains, draws, entries)` of the determined `entries` in the units of the table.
+    """Draws `(chains, draws, entries)` of the estimable `entries` in the units of the table.
 
     `mixing` is the rank-normalised R-hat of each entry, `effective` the number of independent draws that its bulk is
     worth (Vehtari et al., 2021), at most all of them; `divergent` counts paths that left the finite numbers or a bound.
@@ -110,7 +110,7 @@ class Sampler:
     """Draws from the posterior around the end of a fit, chain by chain.
 
     The likelihood has the sensors as the fit found them, corrections of numerical errors included; what is held with a
-    tolerance is not varied, nor is what the traces do not determine.
+    tolerance is not varied, nor is what is not estimable.
 
     **Arguments:** `seed`: each draw is one of this, its chain and its number, so that draws that are gone on with are
     those of a run that never stopped.
@@ -141,7 +141,7 @@ class Sampler:
 
     def posterior(self, drawn: Drawn) -> Posterior:
         """What draws after the warm-up say."""
-        target, known = self._target, self.end.found.determined
+        target, known = self._target, self.end.found.estimable
         kept = drawn.places[:, WARM_UP:]
         coordinates = jax.vmap(jax.vmap(target.coordinates))(jnp.asarray(kept))
         values = np.asarray(jax.vmap(jax.vmap(target.problem.transform.to_physical))(coordinates))[..., known]

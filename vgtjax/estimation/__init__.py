@@ -26,7 +26,7 @@ from ._least_squares import (
     estimate_uncertainty as estimate_uncertainty,
     huber_weights as huber_weights,
     least_squares as least_squares,
-    robust_deviation as robust_deviation,
+    reduce_rows as reduce_rows,
 )
 from ._task import Task as Task, plan_task as plan_task
 from .derivatives import (

@@ -204,7 +204,7 @@ class Calibration(Printed):
     @property
     def determined(self) -> Bool[np.ndarray, " parameters"]:
         """Which values the traces determine: they show them, and positive ones to a factor of ten to either side."""
-        return self.uncertainty.tells(self.transform.positive[: len(self.values)])
+        return self.uncertainty.determined(self.transform.positive[: len(self.values)])
 
     @property
     def ran_away(self) -> tuple[str, ...]:
@@ -216,7 +216,7 @@ class Calibration(Printed):
     def shifts(self) -> Float[np.ndarray, " parameters"]:
         """By how many of its standard errors corrections for sensors and numerical errors moved each value."""
         if not self.progress.corrections:
-            return np.where(self.uncertainty.determined, 0.0, np.nan)
+            return np.where(self.uncertainty.estimable, 0.0, np.nan)
         moved = (np.asarray(self.progress.coordinates) - np.asarray(self.progress.found))[: len(self.values)]
         return moved / self.uncertainty.std_errors
 
@@ -253,7 +253,7 @@ class Calibration(Printed):
     def error_covariance(self) -> Float[np.ndarray, "parameters parameters"]:
         """`covariance` with NaN in the rows and columns of values of which the data say nothing, as a population of
         fits takes it."""
-        known = self.uncertainty.determined
+        known = self.uncertainty.estimable
         return np.where(known & known[:, None], self.covariance, np.nan)
 
     @property

@@ -67,9 +67,9 @@ class Calibrator(AbstractCalibrator):
 
     _first_correction: "tuple[Progress, Calibrator | None] | None" = dataclasses.field(default=None, init=False)
 
-    def undetermined(self) -> list[str]:
-        """Free entries that the traces do not determine at the current values."""
-        known = self.uncertainty().determined.tolist()
+    def not_estimable(self) -> list[str]:
+        """Free entries in null directions at the current values: others make up for them, or no trace shows them."""
+        known = self.uncertainty().estimable.tolist()
         return [entry for entry, is_known in zip(self.task.selection.entries, known, strict=False) if not is_known]
 
     def run(self, report: Report = quiet) -> Calibration:

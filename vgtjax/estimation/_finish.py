@@ -59,8 +59,8 @@ def finishing(
     everything, count = search.uncertainty(), len(task.selection.entries)
     coordinates = np.asarray(progress.coordinates)
     found, slope = np.asarray(transform.to_physical(coordinates)), np.asarray(transform.slope(coordinates))
-    beside = {name: np.where(everything.determined, rows, 0.0) for name, rows in (yield from _beside(task, search))}
-    beside |= {SLOW: np.where(everything.determined, lacking.directions, 0.0)}
+    beside = {name: np.where(everything.estimable, rows, 0.0) for name, rows in (yield from _beside(task, search))}
+    beside |= {SLOW: np.where(everything.estimable, lacking.directions, 0.0)}
     uncertainty = everything.first(count)
     wanted = np.array(progress.wanted).reshape(-1, len(coordinates))
     restless = np.sqrt(np.diag(_scatter(everything, wanted)))[-1:]
@@ -133,7 +133,7 @@ def _budget(
 
     def in_units(errors: np.ndarray) -> np.ndarray:
         with np.errstate(over="ignore"):  # of a value that ran away
-            return np.where(uncertainty.determined, slope * errors, np.nan)
+            return np.where(uncertainty.estimable, slope * errors, np.nan)
 
     noise, restless = (np.sqrt(np.diag(each)) for each in (uncertainty.covariance, scatter))
     sources = {name: in_units(each) for name, each in moved.items()}
@@ -171,8 +171,8 @@ def _scatter(uncertainty: LeastSquares, wanted: Float[np.ndarray, "steps entries
     or by the last one."""
     if not len(wanted):
         return np.zeros_like(uncertainty.covariance)
-    wanted = np.where(uncertainty.determined, wanted, 0.0)
-    first = turns(wanted / np.where(uncertainty.determined, uncertainty.std_errors, 1.0))[:1]
+    wanted = np.where(uncertainty.estimable, wanted, 0.0)
+    first = turns(wanted / np.where(uncertainty.estimable, uncertainty.std_errors, 1.0))[:1]
     last = wanted[int(first[0]) :] if len(first) else wanted[-1:]
     return last.T @ last / len(last)
 

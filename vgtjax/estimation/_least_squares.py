@@ -1,4 +1,4 @@
-"""Linear least squares in NumPy: the solution, its covariance, and which unknowns the equations determine."""
+"""Linear least squares in NumPy: the solution, its covariance, and which unknowns are estimable."""
 
 import dataclasses
 import functools
@@ -13,11 +13,14 @@ Columns = Float[np.ndarray, "rows unknowns"]
 NULL = 1e-9
 """Singular values below this part of the largest are no information: an exact Jacobian in double precision computes
 a true null direction to about 1e-13, and the weakest real direction of our simulated traces lies near 1e-4."""
+NULL_OF_GRAM = 1e-12
+"""The same for eigenvalues of a product of columns with themselves, which are squares of singular values: rounding
+leaves 1e-16 of the largest, so that `NULL` squared can't be seen, and the weakest real direction lies near 1e-8."""
 FAINT = 1e-6
 """Deviations of the noise, all samples together, by which a unit of a coordinate (its logarithm, or a usual size) must
 move signals to be information: less is rounding, and an error of a million says nothing."""
 IN_NULL = 1e-6
-"""Part of a null direction, for columns of unit length, from which an unknown belongs to it and is not determined. Of
+"""Part of a null direction, for columns of unit length, from which an unknown belongs to it and is not estimable. Of
 our actuators the smallest real part is 7e-5 (the mass, where the area is free as well), rounding leaves 1e-12."""
 WORST_CONDITION = 1e6
 """Of columns of unit length, up to which squaring them loses nothing that a second pass does not bring back."""
@@ -41,14 +44,15 @@ HUBER = 2.0
 class LeastSquares:
     """The solution of `columns @ values = target`, and what the equations say of it.
 
-    `covariance` is that of rows with noise of size one unless it was `scaled`, with zeros for what is not `determined`.
-    `null_directions` are the combinations of unknowns, for columns of unit length, that change nothing. `scale` is
-    the variance of what remains per degree of freedom, `gain` how much the solution lowers the sum of squares.
+    `covariance` is that of rows with noise of size one unless it was `scaled`, with zeros for what is not `estimable`.
+    `null_directions` are the combinations of unknowns, for columns of unit length, that change nothing, and `estimable`
+    is what is in none of them. `scale` is the variance of what remains per degree of freedom, `gain` how much the
+    solution lowers the sum of squares.
     """
 
     values: Float[np.ndarray, " unknowns"]
     covariance: Float[np.ndarray, "unknowns unknowns"]
-    determined: Bool[np.ndarray, " unknowns"]
+    estimable: Bool[np.ndarray, " unknowns"]
     null_directions: Float[np.ndarray, "directions unknowns"]
     scale: float
     gain: float
@@ -60,16 +64,16 @@ class LeastSquares:
 
     @property
     def std_errors(self) -> Float[np.ndarray, " unknowns"]:
-        """Standard errors of the values; NaN for what is not determined."""
-        return np.where(self.determined, np.sqrt(np.diag(self.covariance)), np.nan)
+        """Standard errors of the values; NaN for what is not estimable."""
+        return np.where(self.estimable, np.sqrt(np.diag(self.covariance)), np.nan)
 
-    def tells(self, logarithms: Bool[np.ndarray, " unknowns"]) -> Bool[np.ndarray, " unknowns"]:
-        """Which unknowns are determined, those that are `logarithms` to a factor of ten to either side at least."""
-        return self.determined & ~(logarithms & (np.nan_to_num(self.std_errors) > VAGUE))
+    def determined(self, logarithms: Bool[np.ndarray, " unknowns"]) -> Bool[np.ndarray, " unknowns"]:
+        """Which unknowns are estimable, and those that are `logarithms` to a factor of ten to either side at least."""
+        return self.estimable & ~(logarithms & (np.nan_to_num(self.std_errors) > VAGUE))
 
     def borderline(self, logarithms: Bool[np.ndarray, " unknowns"]) -> Bool[np.ndarray, " unknowns"]:
-        """Which of those that it tells are `logarithms` whose standard error is above `BORDERLINE`."""
-        return self.tells(logarithms) & logarithms & (np.nan_to_num(self.std_errors) > BORDERLINE)
+        """Which of the determined ones are `logarithms` whose standard error is above `BORDERLINE`."""
+        return self.determined(logarithms) & logarithms & (np.nan_to_num(self.std_errors) > BORDERLINE)
 
     def vague(self, logarithms: Bool[np.ndarray, " unknowns"]) -> Float[np.ndarray, "directions unknowns"]:
         """Combinations of unknowns that are logarithms, each of length one, along which one of these has a standard
@@ -86,7 +90,7 @@ class LeastSquares:
             self,
             values=self.values[:count],
             covariance=self.covariance[:count, :count],
-            determined=self.determined[:count],
+            estimable=self.estimable[:count],
             null_directions=directions[np.any(directions != 0, axis=1)],
         )
 
@@ -98,30 +102,36 @@ class LeastSquares:
 def least_squares(columns: Columns, target: Float[np.ndarray, " rows"], inflation: float = np.inf) -> LeastSquares:
     """The solution of smallest size in columns of unit length, by QR and a singular value decomposition.
 
-    Units of the columns don't matter. Null directions take no part: what is determined keeps the error that it has
+    Units of the columns don't matter. Null directions take no part: what is estimable keeps the error that it has
     without them.
 
     **Arguments:** `columns` and `target` in units of the rows' noise; `inflation`: an unknown whose variance the other
-    columns multiply by more than that is not determined either, for columns with errors of their own.
+    columns multiply by more than that is not estimable either, for columns with errors of their own.
     """
-    inverse, projector, singular, directions = _pseudo_inverse(columns)
+    inverse, projector, singular, directions = _factors(columns)
     rank = inverse.shape[1]
     projected = projector.T @ target
     values = inverse @ projected
     left = target - columns @ values
     outside = np.linalg.norm(directions[rank:], axis=0) < IN_NULL
-    determined = outside & (_inflation(singular, directions) < inflation)
+    estimable = outside & (_inflation(singular, directions) < inflation)
     return LeastSquares(
         values,
-        np.where(determined[:, None] & determined, inverse @ inverse.T, 0.0),
-        determined,
+        np.where(estimable[:, None] & estimable, inverse @ inverse.T, 0.0),
+        estimable,
         directions[rank:],
         float(left @ left) / max(len(target) - rank, 1),
         float(projected @ projected),
     )
 
 
-def _pseudo_inverse(columns: Columns) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def pseudo_inverse(columns: Columns) -> Float[np.ndarray, "unknowns rows"]:
+    """Of columns whose units don't matter, without what is null."""
+    inverse, projector, _, _ = _factors(columns)
+    return np.asarray(inverse @ projector.T)
+
+
+def _factors(columns: Columns) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """`inverse @ projector.T` is the pseudo-inverse for columns of unit length, of which come the singular values and
     directions as well: those behind the rank are null."""
     lengths = np.linalg.norm(columns, axis=0)
@@ -150,8 +160,8 @@ def estimate_uncertainty(
     scale = float(residuals[measured] @ residuals[measured]) / max(count - found.rank, 1)
     if not known:
         return found.scaled(scale)
-    inverse = _pseudo_inverse(columns)[0]
-    moved = columns @ inverse @ inverse.T * found.determined
+    inverse = _factors(columns)[0]
+    moved = columns @ inverse @ inverse.T * found.estimable
     moved[measured] *= np.sqrt(scale)
     return dataclasses.replace(found, covariance=moved.T @ moved, scale=scale)
 
@@ -285,7 +295,7 @@ def clustered_errors(
     residuals: Float[np.ndarray, " rows"], columns: Columns, groups: Int[np.ndarray, " rows"]
 ) -> Float[np.ndarray, " unknowns"]:
     """Standard errors of a least-squares solution whose residuals are correlated within groups of neighbours: by sums
-    over groups, or the usual ones enlarged, the larger of the two. NaN for what is not determined."""
+    over groups, or the usual ones enlarged, the larger of the two. NaN for what is not estimable."""
     found = least_squares(columns, residuals)
     bread, usual = found.covariance, np.diag(found.covariance)
     robust = np.diag(bread @ clustered_gram(residuals, columns, groups) @ bread)
@@ -294,18 +304,13 @@ def clustered_errors(
     together = max(1.0, float(sums @ sums) / max(square, 1e-300))
     freedom = max(np.count_nonzero(residuals) - columns.shape[1], 1)
     errors = np.sqrt(np.maximum(robust, together * square / freedom * usual))
-    return np.where(found.determined, errors, np.nan)
+    return np.where(found.estimable, errors, np.nan)
 
 
 def error_factor(columns: Columns, errors: Float[np.ndarray, " unknowns"]) -> float:
     """By how much standard errors exceed those of independent residuals of size one, in the median."""
     usual = least_squares(columns, np.zeros(len(columns))).std_errors
     return float(np.nanmedian(errors / usual)) if np.any(np.isfinite(usual)) else 1.0
-
-
-def robust_deviation(residuals: Float[np.ndarray, " rows"]) -> float:
-    """Standard deviation of normal residuals by their median size, which outliers don't move."""
-    return float(np.median(np.abs(residuals))) / 0.6745
 
 
 def huber_weights(residuals: Float[np.ndarray, " rows"], deviation: float) -> Float[np.ndarray, " rows"]:

@@ -11,7 +11,7 @@ from ._loops import (
     find_ends as find_ends,
     find_loop as find_loop,
 )
-from ._measured import MeasuredLoops as MeasuredLoops, measure_loops as measure_loops
+from ._measured import SAME_POINT as SAME_POINT, MeasuredLoops as MeasuredLoops, measure_loops as measure_loops
 from ._slow_loop import SHOWN as SHOWN, SlowLoop as SlowLoop, label as label
 from ._standard_runs import STANDARD_RUNS as STANDARD_RUNS, StandardRun as StandardRun
 from ._step_response import StepResponse as StepResponse

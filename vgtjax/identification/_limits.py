@@ -1,7 +1,11 @@
 """The limits of identification: what decides whether a test can be done, and whether a value is believed.
 
-Settings that only make an algorithm accurate or fast (kernels, windows, steps) stand beside that algorithm.
+Settings that only make an algorithm accurate or fast (kernels, windows, steps) stand beside that algorithm, and what
+decides between structures, which is evidence and no limit of a test, in `structures/_ranking.py`.
 """
+
+from ..estimation import SEGMENT
+from ..experiments import SAME_POINT
 
 
 class Limit(float):
@@ -48,6 +52,7 @@ SEATING = Limit(1e-6, "m", "place of a closed plunger; on noise-free traces its 
 CORRELATION = Limit(0.25, "s", "after which friction and smoothed noise of a sprung rod have changed")
 CORRELATION_FREE = Limit(2.5, "s", "the same without a spring, whose position remembers every error of the force")
 CORRELATION_FLOW = Limit(0.5, "s", "the same for flows: longer than any window of the filters")
+CORRELATION_PLUNGER = Limit(4 * SEGMENT, "samples", "the same in fits of the pressure: whole lanes of their residuals")
 
 # -- rest, steps and holds ---------------------------------------------------------------------------------------------
 
@@ -69,6 +74,7 @@ RAMP_RATE = Limit(20, "%/s", "of the duty; faster, the plunger's lag counts")
 RAMP_ROUGHNESS = Limit(0.3, "%", "by which the duty of a ramp may leave a straight line")
 FLOW_SETTLING = Limit(0.02, "s", "around a step in which smoothing and the plunger's mass blur its position")
 MAP_SETTLING = Limit(0.03, "s", "after a change of duty for a flow map; the plunger's lag is 11 ms")
+MAP_DUTIES = Limit(3, "duties", "that a flow map needs: two leave open how it bends over the duty")
 
 # -- flow and pressure -------------------------------------------------------------------------------------------------
 
@@ -76,6 +82,7 @@ FLOW_LIFT = Limit(10e-6, "m", "below, the plunger's position is no better known 
 FLOW_MARGIN = Limit(
     2000, "Pa", "between chamber and source; nearer, flow goes with their difference, not with the area"
 )
+FLOW_LEAST = Limit(1e-3, "", "of the choked flow; a slower one determines no area")
 CLOSED_MARGIN = Limit(1500, "Pa", "from reservoir and atmosphere; nearer, the plunger need not be closed")
 
 # -- a rod that slides or turns ----------------------------------------------------------------------------------------
@@ -95,7 +102,7 @@ VANE_STOP_MARGIN = Limit(0.5e-3, "m", "from a stop; nearer, the rod reverses")
 VANE_SLOWEST = Limit(5e-5, "m/s", "slower, the direction of motion is noise")
 VANE_FASTEST = Limit(5e-3, "m/s", "faster, inertia and damping are no longer small")
 NO_GAS = Limit(2e3, "Pa", "gauge; below, exhaust gas does nothing that a position sensor could see")
-SAME_TURBINE = Limit(5e3, "Pa", "turbine pressures nearer than this are one")
+SAME_TURBINE = Limit(SAME_POINT, "Pa", "turbine pressures nearer than this are one, as the bench holds them only about")
 
 LIMITS: dict[str, Limit] = {name: value for name, value in globals().items() if isinstance(value, Limit)}
 """Every limit by name."""

@@ -6,6 +6,7 @@ from ._drive import Drive as Drive, Knot as Knot, Ramp as Ramp, Start as Start
 from ._duty import delay_duty as delay_duty
 from ._load import load_trace as load_trace
 from ._noise import MOVES as MOVES, drift_of as drift_of, remove_noise as remove_noise
+from ._robust import robust_deviation as robust_deviation
 from ._signals import SIGNALS as SIGNALS, Signal as Signal
 from ._source import Source as Source
 from ._trace import (

@@ -1,13 +1,13 @@
 """One signal of a bench run, sampled at times of its own, and how noisy its sensor is."""
 
 import dataclasses
-import math
 
 import numpy as np
 from jaxtyping import Float, Int
 from numpy.typing import ArrayLike
 
 from .._errors import InputError
+from ._robust import deviation_by_differences
 from ._signals import SIGNALS
 
 Samples = Float[np.ndarray, " samples"]
@@ -145,8 +145,8 @@ def noise_level(samples: Float[np.ndarray, " time"], channel: str) -> float:
     order = min(3, len(samples) - 1)
     if order == 0:
         return FLOOR[channel]
-    scale = np.median(np.abs(np.diff(samples, n=order))) / 0.6744897501960817  # of a standard normal
+    scale = deviation_by_differences(samples, order)
     steps = np.abs(np.diff(samples))
     steps = steps[steps > 1e-9 * np.max(np.abs(samples))]
     quantum = float(np.min(steps)) if len(steps) else 0.0
-    return max(float(scale) / math.sqrt(math.comb(2 * order, order)), quantum / np.sqrt(12.0), FLOOR[channel])
+    return max(scale, quantum / np.sqrt(12.0), FLOOR[channel])

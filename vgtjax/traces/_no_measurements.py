@@ -4,6 +4,7 @@ import numpy as np
 from jaxtyping import Bool
 
 from ._channel import Samples
+from ._robust import deviation_by_differences
 
 FEWEST, TOGETHER = 10, 3
 """Samples that show the least or the greatest value of all, and how many of them in a row, from which a sensor stands
@@ -18,8 +19,6 @@ TURNING = 0.6
 noise, 0.73 behind a low pass, and far less than half of a smooth signal that was simulated without any."""
 LIKE = 0.9
 """Share of all runs of one value that must be as long as the usual one, or a sample more or less."""
-NORMAL_MEDIAN = 0.6744897501960817
-"""Median size of a standard normal deviate."""
 
 
 def at_ends_of_range(values: Samples) -> Bool[np.ndarray, " samples"]:
@@ -60,11 +59,11 @@ def _longest_run(here: Bool[np.ndarray, " samples"]) -> int:
 
 
 def _noise_of(values: Samples) -> float:
-    """The robust scale of third differences, as `noise_level` has it, without its floor; zero of a smooth signal."""
+    """The noise as `noise_level` has it, without its floor; zero of a smooth signal."""
     third = np.diff(values, n=3)
     if len(third) < FEWEST or np.mean(third[1:] * third[:-1] < 0) < TURNING:
         return 0.0
-    return float(np.median(np.abs(third))) / NORMAL_MEDIAN / np.sqrt(20.0)
+    return deviation_by_differences(values)
 
 
 def _step_of(values: Samples) -> float:

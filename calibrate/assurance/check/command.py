@@ -41,7 +41,7 @@ class Checked:
         return [*self.known.sentences, *remedies(self.known, self.gains)]
 
     def summary(self) -> dict[str, Any]:
-        """Relative errors, `None` for what is not determined."""
+        """Relative errors, `None` for what is not estimable."""
         if self.known is None:
             return {"error": self.error}
         nothing = {} if self.known.tells else {"error": NOTHING}

@@ -44,7 +44,7 @@ def render_overview(job: Job, summaries: Summaries) -> str:
 
 
 def errors_figure(errors: dict[str, float]) -> go.Figure:
-    """Expected relative errors in percent; what is not determined reaches the edge."""
+    """Expected relative errors in percent; what is not estimable reaches the edge."""
     ranked = sorted(errors.items(), key=lambda pair: -pair[1])
     known = [100 * error for _, error in ranked if np.isfinite(error)]
     edge = 10 * max(known, default=1.0)

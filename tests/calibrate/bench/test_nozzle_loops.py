@@ -49,7 +49,7 @@ def test_loops_tell_of_pivot_and_linkage(found):
 
 def test_they_tell_an_angle_of_vanes_from_none_of_the_crank(task, found):
     """Vanes by an angle more open are a crank by another: the fit gives neither, and `check` says so."""
-    known = dict(zip(found.task.selection.entries, found.uncertainty.determined.tolist(), strict=True))
+    known = dict(zip(found.task.selection.entries, found.uncertainty.estimable.tolist(), strict=True))
     assert [entry for entry in known if not known[entry]] == ENDS
     told = examine(task)
     assert ENDS in [sorted(group) for group in told.null]

@@ -211,7 +211,7 @@ def test_what_is_wrong_with_a_fit_is_part_of_its_answer(calibration):
         values=calibration.values * np.exp([0.0, 0.0, 0.0, 20.0]),
         traces=[_failed(calibration.traces[0]), calibration.traces[1]],
         uncertainty=dataclasses.replace(
-            calibration.uncertainty, determined=np.array([False, *calibration.uncertainty.determined[1:]])
+            calibration.uncertainty, estimable=np.array([False, *calibration.uncertainty.estimable[1:]])
         ),
     )
     assert far.task.selection.entries[3] == "friction.viscous_damping"

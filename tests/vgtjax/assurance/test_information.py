@@ -47,18 +47,18 @@ def test_groups_that_share_an_entry_are_told_by_the_fewest():
 def test_what_no_trace_feels_is_no_group():
     columns = np.column_stack([ROWS[:, 0], np.zeros(50)])
     known = information(columns)
-    assert (known.unseen, known.null) == (["b"], [])
+    assert (known.without_effect, known.null) == (["b"], [])
     assert known.summary()["null"] == [["b"]]
-    assert known.sentences == ["no trace feels b: excite what depends on it, or hold it"]
+    assert known.sentences == ["no trace depends on b: excite what depends on it, or hold it"]
 
 
 def test_what_moves_nothing_but_by_rounding_is_not_told():
     known = Information.by("ab", np.ones(2), np.column_stack([ROWS[:, 0], 1e-12 * ROWS[:, 1]]))
-    assert (known.unseen, known.tells) == (["b"], True)
+    assert (known.without_effect, known.tells) == (["b"], True)
     nothing = Information.by("a", np.ones(1), 1e-12 * ROWS[:, :1])
-    assert (nothing.unseen, nothing.tells) == (["a"], False)
-    for columns, determined in ((ROWS[:, :1], True), (1e-12 * ROWS[:, :1], False)):
-        assert estimate_uncertainty(ROWS[:, 1], columns, 50).determined.tolist() == [determined]
+    assert (nothing.without_effect, nothing.tells) == (["a"], False)
+    for columns, estimable in ((ROWS[:, :1], True), (1e-12 * ROWS[:, :1], False)):
+        assert estimate_uncertainty(ROWS[:, 1], columns, 50).estimable.tolist() == [estimable]
 
 
 def test_what_hardly_shows_is_named_with_its_error():

@@ -47,7 +47,7 @@ def test_what_is_not_determined_has_no_interval(found):
 
 def test_an_end_beyond_every_number_leaves_none(found):
     """Of a positive value that is hardly known the upper end overflows."""
-    vague = dataclasses.replace(found.uncertainty, covariance=1e6 * np.eye(4), determined=np.ones(4, bool))
+    vague = dataclasses.replace(found.uncertainty, covariance=1e6 * np.eye(4), estimable=np.ones(4, bool))
     ends = dataclasses.replace(found, uncertainty=vague)["chamber.volume"].interval
     assert np.all(np.isnan(ends))
 

@@ -98,9 +98,9 @@ def test_uncertainty_of_a_straight_line_is_the_textbook_one():
 def test_null_directions_make_exactly_their_parameters_not_determined():
     rng = np.random.default_rng(0)
     columns = rng.normal(size=(200, 4)) * [1e3, 1.0, 1e-3, 1.0]  # units must not matter
-    assert least_squares(columns, np.zeros(200)).determined.tolist() == [True] * 4
+    assert least_squares(columns, np.zeros(200)).estimable.tolist() == [True] * 4
     twins = np.column_stack([columns, 5 * columns[:, 1], np.zeros(200)])
-    assert least_squares(twins, np.zeros(200)).determined.tolist() == [True, False, True, True, False, False]
+    assert least_squares(twins, np.zeros(200)).estimable.tolist() == [True, False, True, True, False, False]
 
 
 def test_a_null_direction_leaves_the_errors_of_the_others_as_they_are():
@@ -110,7 +110,7 @@ def test_a_null_direction_leaves_the_errors_of_the_others_as_they_are():
     residuals = rng.normal(size=300)
     alone = estimate_uncertainty(residuals, np.stack([first, second], axis=1), 300)
     twice = estimate_uncertainty(residuals, np.stack([first, first, second, 0 * first], axis=1), 300)
-    assert twice.determined.tolist() == [False, False, True, False]
+    assert twice.estimable.tolist() == [False, False, True, False]
     assert twice.covariance[2, 2] == pytest.approx(alone.covariance[1, 1], rel=1e-9)
     assert twice.scale == pytest.approx(alone.scale, rel=1e-12)
     assert np.all(twice.covariance[[0, 1, 3]] == 0)
@@ -121,8 +121,7 @@ def test_an_engineer_is_told_before_the_fit_what_the_traces_do_not_determine():
     free = ["diaphragm.stiffness", "diaphragm.damping", "friction.viscous_damping", "diaphragm.travel"]
     values = {"diaphragm.damping": 1.0}  # off its bound, which alone would hold it
     calibrator = start_calibration(plan_task(vgtjax.Actuator(), [bench(0)], free=free, values=values))
-    unseen = set(calibrator.undetermined())
-    assert unseen == {"diaphragm.damping", "friction.viscous_damping", "diaphragm.travel"}
+    assert set(calibrator.not_estimable()) == {"diaphragm.damping", "friction.viscous_damping", "diaphragm.travel"}
 
 
 def test_bounds_are_respected_and_reported():

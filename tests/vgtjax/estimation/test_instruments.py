@@ -87,7 +87,7 @@ def test_an_input_that_counts_as_exact_makes_a_preload_wrong_and_one_that_does_n
 
 def test_an_offset_that_nothing_is_known_of_leaves_the_preload_undetermined(mechanical):
     found = fit_rod(mechanical, None, offset=("p_act",))
-    known = dict(zip(found.task.selection.entries, found.uncertainty.determined.tolist(), strict=True))
+    known = dict(zip(found.task.selection.entries, found.uncertainty.estimable.tolist(), strict=True))
     assert known == {"diaphragm.preload": False, "diaphragm.stiffness": True, "offset.p_act": False}
 
 

@@ -83,7 +83,7 @@ def test_what_is_not_determined_follows():
     """Two columns that are one: the third's error is what it is whatever these do, and no slice is without it."""
     columns = np.column_stack([MIXED[:, 0], MIXED[:, 0], MIXED[:, 1]])
     end = ended(lambda x: columns @ x + REMAINS, columns)
-    assert end.found.determined.tolist() == [False, False, True]
+    assert end.found.estimable.tolist() == [False, False, True]
     (only,) = driven(slicing(end)).slices
     assert only.verdict == "parabola"
     assert only.carried_by == ["c"]

@@ -46,17 +46,17 @@ def test_a_place_that_can_not_be_simulated_is_left_out(ended):
         np.testing.assert_array_equal(one, other)
 
 
-def places(covariance, determined):
+def places(covariance, estimable):
     """A thousand pairs about zero."""
     count = len(covariance)
-    found = LeastSquares(np.zeros(count), covariance, determined, np.zeros((0, count)), 1.0, 0.0)
+    found = LeastSquares(np.zeros(count), covariance, estimable, np.zeros((0, count)), 1.0, 0.0)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("vgtjax.estimation.search._slopes.PAIRS", 1000)
         return np.array(places_around(found, np.zeros(count)))
 
 
 def test_places_have_the_errors_of_the_end():
-    """Of units 5 orders apart, of which one is not determined."""
+    """Of units 5 orders apart, of which one is not estimable."""
     mixed = np.random.default_rng(0).normal(size=(4, 4)) * [1e-3, 1e-6, 1e-2, 1e-1]
     covariance = mixed.T @ mixed
     covariance[2] = covariance[:, 2] = 0.0

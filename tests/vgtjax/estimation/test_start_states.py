@@ -114,7 +114,7 @@ def test_read_from_the_signals_it_makes_parameters_wrong(rest, cut):
 def test_alone_such_a_trace_does_not_tell_where_the_position_counts_from(cut):
     """A shift of the position is one of preload, volume and sensor; a stop that the rod touches would tell."""
     found = calibrate(plan([cut], "evidence"))
-    known = dict(zip(found.task.selection.entries, found.uncertainty.determined.tolist(), strict=True))
+    known = dict(zip(found.task.selection.entries, found.uncertainty.estimable.tolist(), strict=True))
     assert not known["diaphragm.preload"]
     assert known["diaphragm.stiffness"]
 

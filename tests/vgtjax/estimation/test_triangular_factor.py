@@ -37,7 +37,7 @@ def test_it_is_that_of_reflections(condition):
 
 
 def test_a_weak_direction_keeps_its_size():
-    """What decides whether a parameter is determined."""
+    """What decides whether a parameter is estimable."""
     matrix = columns(1e6, np.random.default_rng(2))
     lengths = np.linalg.norm(matrix, axis=0)
     weakest = np.linalg.svd(triangular_factor(matrix) / lengths, compute_uv=False)[-1]
@@ -95,6 +95,6 @@ def test_an_exploded_column_spoils_no_other(size):
     exploded[:, 2] = size * matrix[:, 2]
     found = estimate_uncertainty(*reduce_rows(residuals, exploded), ROWS)
     expected = estimate_uncertainty(*reduce_rows(residuals, np.delete(matrix, 2, axis=1)), ROWS)
-    assert found.determined.tolist() == [True, True, False, True, True, True]
+    assert found.estimable.tolist() == [True, True, False, True, True, True]
     np.testing.assert_allclose(np.delete(found.values, 2), expected.values, rtol=1e-10)  # rounding
     np.testing.assert_allclose(np.delete(found.std_errors, 2), expected.std_errors, rtol=1e-10)

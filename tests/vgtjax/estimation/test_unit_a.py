@@ -23,7 +23,7 @@ def calibration(tmp_path_factory):
 def test_it_converges_from_the_printed_values_to_the_noise(calibration):
     assert calibration.progress.converged
     assert calibration.uncertainty.scale == pytest.approx(1.0, abs=0.05)
-    assert calibration.uncertainty.determined.all()
+    assert calibration.uncertainty.estimable.all()
     assert len(calibration.values) == 26
 
 

@@ -14,10 +14,10 @@ COLUMNS = np.array([[1000.0, 1000.0, 0.0], [0.1, -0.1, 0.0], [0.0, 0.0, 50.0], [
 
 def test_an_interval_of_more_than_a_factor_of_ten_to_either_side_tells_nothing():
     found = least_squares(np.diag([1 / (0.99 * VAGUE), 1 / (1.01 * VAGUE), 0.0]), np.zeros(3))
-    assert found.determined.tolist() == [True, True, False]
-    assert found.tells(ALL).tolist() == [True, False, False]
+    assert found.estimable.tolist() == [True, True, False]
+    assert found.determined(ALL).tolist() == [True, False, False]
     # What is no logarithm may be zero, and has an interval whatever its length.
-    assert found.tells(~ALL).tolist() == [True, True, False]
+    assert found.determined(~ALL).tolist() == [True, True, False]
     assert np.exp(1.96 * VAGUE) == pytest.approx(10.0, rel=1e-4)  # as 1.96 is rounded
 
 

@@ -3,7 +3,7 @@
 Where a rod just sticks or a plunger just hovers, derivatives at one place of five can be a thousand times those at the
 others for a part of a trace; the mean is theirs alone then, and tells of a thousand times as much as is known. Slow
 loops with exhaust gas have such places. A row is left out as a whole, so that a combination of parameters that
-no trace feels at any place is not felt by the mean either; medians of single numbers have no such thing.
+no trace depends on at any place does not show in the mean either; medians of single numbers have no such thing.
 """
 
 from collections.abc import Callable, Sequence

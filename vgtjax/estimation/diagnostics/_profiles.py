@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ..._types import Coordinates
-from .._least_squares import NORMAL_95
+from .._least_squares import NORMAL_95, pseudo_inverse
 from ..derivatives import Computation, side_by_side
-from ._slices import DOWNHILL, HONEST, End, pseudo_inverse
+from ._slices import DOWNHILL, HONEST, End
 
 RISE_95 = NORMAL_95**2
 """Rise of chi^2 at the ends of a 95 % interval of one parameter: 3.84."""
@@ -80,7 +80,7 @@ class Profiles:
 
 def profiling(end: End, entries: Sequence[str], most: int = MOST_PROFILES) -> Computation[Profiles]:
     """Profiles of the first entries, `most` of them, as a computation; those not determined have none."""
-    told = dict(zip(end.entries, end.found.tells(end.problem.transform.positive), strict=True))
+    told = dict(zip(end.entries, end.found.determined(end.problem.transform.positive), strict=True))
     wanted = [entry for entry in entries if told[entry]]
     held = [_Held(end, end.entries.index(entry)) for entry in wanted[:most]]
     found = yield from side_by_side([each.profile() for each in held])

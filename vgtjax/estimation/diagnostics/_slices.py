@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from ..._types import Coordinates
 from .._calibrator import Calibrator
-from .._least_squares import NULL, LeastSquares
+from .._least_squares import NULL, LeastSquares, pseudo_inverse
 from ..derivatives import Computation, side_by_side
 from ..measurements import FitProblem
 from ..search import Point, misfit_at
@@ -84,7 +84,7 @@ class End:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Directions:
-    """Independent directions of what is determined, by the eigenvectors of the correlation, the least known first.
+    """Independent directions of what is estimable, by the eigenvectors of the correlation, the least known first.
 
     `moves` has a standard error of each in coordinates, `loadings` the part of each coordinate's own error that this
     is; their squares sum to one for every coordinate.
@@ -96,9 +96,9 @@ class Directions:
     @staticmethod
     def of(end: End) -> "Directions":
         """By a singular value decomposition of columns in standard errors: the covariance itself would lose digits."""
-        known, columns = end.found.determined, end.point.reduced.columns
+        known, columns = end.found.estimable, end.point.reduced.columns
         told, others = columns[:, known], columns[:, ~known]
-        # What the traces don't determine follows, as a standard error is one whatever it does.
+        # What is not estimable follows, as a standard error is one whatever it does.
         follow = -pseudo_inverse(others) @ told
         left, errors = told + others @ follow, end.found.std_errors[known]
         _, sizes, ways = np.linalg.svd(left * (errors / np.sqrt(end.found.scale)), full_matrices=False)
@@ -109,13 +109,6 @@ class Directions:
         moves[known] = errors[:, None] * loadings[known]
         moves[~known] = follow @ moves[known]
         return Directions(moves, loadings)
-
-
-def pseudo_inverse(columns: Float[np.ndarray, "rows unknowns"]) -> Float[np.ndarray, "unknowns rows"]:
-    """Of columns whose units don't matter, without what is null."""
-    lengths = np.linalg.norm(columns, axis=0)
-    lengths = np.where(lengths > 0, lengths, 1.0)
-    return np.linalg.pinv(columns / lengths, rcond=NULL) / lengths[:, None]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ from jaxtyping import Float, Int
 
 from .._calibration import Calibration
 from .._comparison import comparing
-from .._least_squares import LeastSquares, estimate_uncertainty, finite_columns, reduce_rows
+from .._least_squares import NULL_OF_GRAM, LeastSquares, estimate_uncertainty, finite_columns, reduce_rows
 from ..derivatives import CHANNELS, Computation, Evaluated
 from ..measurements import FitProblem, SensorsOfTraces
 from ..search import LevenbergMarquardt, Progress, Slopes, problem_of, transform_of
@@ -184,7 +184,7 @@ class Weighed:
         lengths = np.linalg.norm(everything, axis=0)
         everything /= np.where(lengths > 0, lengths, 1.0)
         sizes, directions = np.linalg.eigh(everything.T @ everything)
-        known = sizes > 1e-12 * max(float(sizes.max()), 1e-300)
+        known = sizes > NULL_OF_GRAM * max(float(sizes.max()), 1e-300)
         everything = everything @ (directions[:, known] / np.sqrt(sizes[known]))  # all rows together tell one of each
         columns, moved = everything[: len(self.columns)], self.residuals.copy()
         whole = everything.T @ np.append(self.residuals, self.distances)

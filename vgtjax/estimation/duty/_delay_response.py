@@ -38,7 +38,7 @@ def unanswered(calibrator: AbstractCalibrator) -> Computation[Coordinates]:
     error = float(np.nan_to_num(found.std_errors[-1]))
     if error <= 0:
         return nothing
-    along = np.where(found.determined, found.covariance[-1], 0.0) / error
+    along = np.where(found.estimable, found.covariance[-1], 0.0) / error
     beside = yield from answers_beside(calibrator, along, vague, least=NEAREST)
     if not beside:
         return nothing

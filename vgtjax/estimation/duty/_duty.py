@@ -23,7 +23,7 @@ def delay_told(task: Task, search: LevenbergMarquardt) -> Computation[float | No
     """The coordinate of the delay that traces tell of where a search ended that took the duty for timely; `None` where
     they tell of none."""
     found = (yield from _with_delay(task, search)).uncertainty(search.problem.count)
-    evident = bool(found.determined[-1] and abs(found.values[-1]) > EVIDENT * found.std_errors[-1])
+    evident = bool(found.estimable[-1] and abs(found.values[-1]) > EVIDENT * found.std_errors[-1])
     return float(search.progress.coordinates[-1] - found.values[-1]) if evident else None
 
 

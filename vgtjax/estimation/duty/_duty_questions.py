@@ -148,21 +148,11 @@ def _asking_of_delay(calibrator: C, report: Report) -> Computation[C]:
 
 def _asking_of_edges(calibrator: C, report: Report, *, differing: bool = False) -> Computation[C]:
     """The search with the times of the duty's edges free, where the misfit stays above the noise and this brings it
-    down to that; if `differing`, only of edges whose times differ by parts of a sample, which no delay explains. These
-    are asked of any search: two campaigns of 25 had them that left 1.04 times the noise, and values that were off by
-    four standard errors. Whether residuals show them is read without numerical errors, as a smooth seat alone looks
-    like edges that are elsewhere in half of all searches.
+    down to that; if `differing`, only of edges whose times differ by parts of a sample, which no delay explains, but of
+    any search (why, and why before a delay: `docs/estimation.md`, "Edges between samples").
 
-    A record shows no edge before it was, so edges between samples look like a duty that comes early. Searches with a
-    free delay followed that: 1.1 ms early, a plunger of 0.4 of the truth, twenty standard errors off. So edges that
-    differ are asked first; not where they are later by whole samples, as searches with edges lose such a delay.
-
-    A search that knew nothing of the edges may have been led to where another one does not come back from: plungers
-    of 0.4 of the truth, forty standard errors off, and every trace met. So where it ended is one place to search from,
-    with the edges that are found from there, and where it began is the other. Edges that are later than their record
-    need a delay, and are asked again beside one. Outliers and filtered noise are no misfit there: no search knows of
-    them before its corrections, and edges were given up that had met the traces. What is tried is not reported: a fit
-    that is interrupted meanwhile tries all of it again.
+    It begins where this one has ended and where this one began, and the better end counts. What is tried is not
+    reported: a fit that is interrupted meanwhile tries all of it again.
     """
     task, progress = calibrator.task, calibrator.minimiser.progress
     read = read_duties(task.fit, progress.linear, ())

@@ -14,7 +14,7 @@ from jaxtyping import Float, Int
 
 from ..._types import Coordinates
 from ...traces import Trace
-from .._least_squares import finite_columns, reduce_rows
+from .._least_squares import finite_columns, least_squares, reduce_rows
 from .._task import Task
 from ..derivatives import CHANNELS, Computation, Evaluated, Evaluation, ask, bundle_traces, side_by_side
 from ..measurements import Edges, FitProblem, Late, by_trace, known_beforehand, read_duties, sample_interval
@@ -209,8 +209,6 @@ def _sums(columns: np.ndarray, late: Late) -> Float[np.ndarray, "residuals trace
 def _solved(residuals: np.ndarray, columns: np.ndarray) -> tuple[float, np.ndarray]:
     """What is left of chi^2 by the best linear step, and the values that explain residuals."""
     few, reduced = reduce_rows(residuals, columns)
-    lengths = np.linalg.norm(reduced, axis=0)
-    lengths = np.where(lengths > 0, lengths, 1.0)
-    values = np.linalg.lstsq(reduced / lengths, few, rcond=1e-12)[0] / lengths
+    values = least_squares(reduced, few).values
     left = few - reduced @ values
     return float(left @ left), values

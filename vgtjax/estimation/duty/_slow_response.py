@@ -58,7 +58,7 @@ def _directions(found: LeastSquares, logarithms: Bool[np.ndarray, " coordinates"
     """Along which single logarithms are told, in standard errors, the best told first; each without what others before
     it have of it."""
     errors = np.nan_to_num(found.std_errors)
-    asked = np.flatnonzero(found.tells(logarithms) & logarithms & (errors > TOLD))
+    asked = np.flatnonzero(found.determined(logarithms) & logarithms & (errors > TOLD))
     factor = root_of(np.nan_to_num(found.covariance))
     taken: list[Float[np.ndarray, " coordinates"]] = []
     for number in asked[np.argsort(errors[asked])]:

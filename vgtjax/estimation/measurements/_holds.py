@@ -66,7 +66,7 @@ def read_holds(
     late = columns[:, -1:] * mine
     found = estimate_uncertainty(*reduce_rows(residuals, np.column_stack([columns[:, :-1], late])), count)
     last = slice(columns.shape[1] - 1, None)
-    if not np.all(found.determined[last]):
+    if not np.all(found.estimable[last]):
         return Holds((), delay, False)
     delays = delay - slope * found.values[last] - np.where(np.isin(kinds, linear), kinds / 2, 0.0)
     return judge_holds(delays, slope**2 * found.covariance[last, last], kinds, held)

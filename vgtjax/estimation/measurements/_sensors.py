@@ -7,8 +7,7 @@ import numpy as np
 import scipy
 from jaxtyping import Float
 
-from ...traces import Channel, Trace, noise_level
-from .._least_squares import robust_deviation
+from ...traces import Channel, Trace, noise_level, robust_deviation
 
 MEMORY = 6
 """Longest memory in samples of a coloured noise: the order of its autoregression."""

@@ -65,10 +65,10 @@ def correcting(calibrator: C) -> Computation[C | None]:
     if not progress.corrections:
         return (yield from _try(calibrator, calibrator.minimiser.point, nowhere, 1.0, nowhere))
     known = calibrator.uncertainty()
-    errors = np.where(known.determined, known.std_errors, np.inf)
+    errors = np.where(known.estimable, known.std_errors, np.inf)
     point = calibrator.minimiser.point.holding(known.vague(calibrator.transform.positive))
     found = point.uncertainty(calibrator.minimiser.problem.count)
-    step = np.where(known.determined, -found.values, 0.0)
+    step = np.where(known.estimable, -found.values, 0.0)
     wanted = (*progress.wanted, tuple(step.tolist()))
     part = 1 / (1 + len(turns(np.array(wanted) / errors)))
     small = bool(np.all(np.abs(part * step) <= SETTLED * errors))

@@ -30,57 +30,70 @@ class StartEnded(NamedTuple):
 class Progress:
     """Where a fit stands after a step; enough to resume it exactly.
 
-    `coordinates` are the accepted coordinates of the transform, `step_size` is the inverse of the damping, `history`
-    the cost after every iteration, the start first (half the mean squared residual in units of the noise). An iteration
-    is a step: all moves by one Jacobian. `rejected` counts how often no trial lowered the cost, `failed` trials whose
-    simulation failed. `given_up` says that the task has a `ceiling` of the cost to which the steps would not have come
-    down. `began` is where the search began, and `longest` how far a trial may move a coordinate.
-
-    A search that has converged may be corrected, in full linear steps, for what it tells of sensors and of numerical
-    errors: `corrections` counts these, and `settled` says whether the last one would move anything that matters.
-    `found` is where the search ended, `wanted` are the full linear steps from there on, and `linearised` is where the
-    derivatives are from that they take, means over the places `around` it once there are any. `held` numbers the
-    coordinates that ran away and are held at their start since, `let_go` is the cost before; `lost` says that holding
-    them made the fit worse. `linear` has the sample intervals in s of traces whose duty was found to be linear between
-    samples, and `hold_decided` whether that, or that it was held, is the only explanation of the slowest ones; `None`
-    before that was asked. `late` says whether the delay of the duty is free. `edges` are by how many samples those of
-    the duty of every trace are late, beside that delay, where their times are free, and `edges_seen` the coordinates at
-    which it was seen what they move. `otherwise` is where a fit of
-    slow traces ends that reads their duty the other way, held or linear, and meets them as well; empty where it does
-    not, and `None` before that was asked. `finer` says that no trace has longer steps than others. `waterfall` has the
-    end of every start, where there were several, the given one first; `ends` is the same by name.
+    A search is followed by corrections, in full linear steps, for what it tells of sensors and of numerical errors.
     """
 
     coordinates: tuple[float, ...]
+    """Where it stands, in coordinates of the transform."""
     step_size: float = 1.0
+    """Inverse of the damping."""
     longest: float = LENGTHS[0]
+    """How far a trial may move a coordinate."""
     began: tuple[float, ...] = ()
+    """Where the search began."""
     iteration: int = 0
+    """Steps: each is all moves by one Jacobian."""
     accepted: int = 0
+    """Moves that lowered the cost, and corrections."""
     rejected: int = 0
+    """How often no trial lowered the cost."""
     failed: int = 0
+    """Trials whose simulation failed."""
     converged: bool = False
+    """Whether the search has ended where another step promises nothing, or gained next to nothing."""
     stalled: bool = False
+    """Whether it converged since all trials of its last step gained less than `STALL_TOLERANCE`."""
     stuck: bool = False
+    """Whether no trial of the last step lowered the cost by more than rounding."""
     given_up: bool = False
+    """Whether the task has a `ceiling` of the cost to which the steps would not have come down."""
     history: tuple[float, ...] = ()
+    """The cost (half the mean squared residual in units of the noise) after every iteration, the start first."""
     corrections: int = 0
+    """How many corrections there were."""
     settled: bool = False
+    """Whether the next one would move nothing that matters."""
     found: tuple[float, ...] = ()
+    """Where the search ended, before its corrections."""
     wanted: tuple[tuple[float, ...], ...] = ()
+    """The full linear steps from `found` on."""
     linearised: tuple[float, ...] = ()
+    """Where the derivatives are from that corrections take."""
     around: tuple[tuple[float, ...], ...] = ()
+    """Places around there over which these are means; none before corrections have settled once."""
     held: tuple[int, ...] = ()
+    """Numbers of coordinates that ran away, and are held at their start since."""
     let_go: float | None = None
+    """The least cost before that."""
     lost: bool = False
+    """Whether holding them made the fit worse."""
     linear: tuple[float, ...] = ()
+    """Sample intervals in s of traces whose duty was found to be linear between samples."""
     hold_decided: bool | None = None
+    """Whether that, or that it was held, is the only explanation of the slowest ones; `None` before it was asked."""
     late: bool = False
+    """Whether the delay of the duty is free."""
     edges: tuple[tuple[float, ...], ...] = ()
+    """Samples by which the edges of the duty of every trace are late, beside that delay, where their times are free."""
     edges_seen: tuple[float, ...] = ()
+    """The coordinates at which it was seen what these edges move."""
     otherwise: tuple[float, ...] | None = None
+    """Where a fit of slow traces ends that reads their duty the other way, held or linear, and meets them as well;
+    empty where it does not, `None` before it was asked."""
     finer: bool = False
+    """Whether no trace has longer steps than others."""
     waterfall: tuple[tuple[float | None, int, str], ...] = ()
+    """The end of every start, where there were several, the given one first."""
 
     @property
     def ends(self) -> tuple[StartEnded, ...]:

@@ -120,10 +120,10 @@ def by_delay_alone(problem: FitProblem, at: Coordinates) -> Evaluation:
 
 
 def places_around(found: LeastSquares, at: Coordinates) -> list[Coordinates]:
-    """Places that the errors of an end leave possible, in pairs to either side; what is not determined stays."""
-    if not np.any(found.determined):
+    """Places that the errors of an end leave possible, in pairs to either side; what is not estimable stays."""
+    if not np.any(found.estimable):
         return _pairs(at, NUDGE * np.eye(len(at)))
-    factor = root_of(np.where(np.outer(found.determined, found.determined), found.covariance, 0.0))
+    factor = root_of(np.where(np.outer(found.estimable, found.estimable), found.covariance, 0.0))
     # Whole directions are shortened: parts of one would lead to where the traces rule it out.
     return _pairs(at, factor / np.maximum(1.0, np.max(np.abs(factor), axis=0) / FARTHEST))
 

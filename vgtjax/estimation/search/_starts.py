@@ -55,16 +55,16 @@ class Ended:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class _Optimum:
-    """An end that a search has reached: coordinates, the linear problem there, and what this determines."""
+    """An end that a search has reached: coordinates, the linear problem there, and what is estimable there."""
 
     coordinates: Coordinates
     reduced: Reduced
-    determined: Bool[np.ndarray, " coordinates"]
+    estimable: Bool[np.ndarray, " coordinates"]
     cost: float
 
     @staticmethod
     def of(search: LevenbergMarquardt) -> "_Optimum":
-        progress, known = search.progress, search.uncertainty().determined
+        progress, known = search.progress, search.uncertainty().estimable
         return _Optimum(np.array(progress.coordinates), search.point.reduced, known, progress.cost)
 
     def is_ahead_of(self, search: LevenbergMarquardt) -> bool:
@@ -73,10 +73,10 @@ class _Optimum:
         if not -SAME < above < NEAR:
             return False
         found, here = search.uncertainty(), np.asarray(search.progress.coordinates)
-        if np.any(found.determined & ~self.determined) or abs(above - found.gain) > SAME + PROMISE * abs(above):
+        if np.any(found.estimable & ~self.estimable) or abs(above - found.gain) > SAME + PROMISE * abs(above):
             return False
         # Along what the traces do not tell, any place is as good as this one.
-        onward = search.problem.transform.clip(np.where(found.determined, here - found.values, self.coordinates))
+        onward = search.problem.transform.clip(np.where(found.estimable, here - found.values, self.coordinates))
         missed = self.reduced.columns @ (np.asarray(onward) - self.coordinates)
         return float(missed @ missed) < SAME
 

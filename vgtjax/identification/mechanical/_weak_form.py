@@ -7,8 +7,9 @@ import numpy as np
 import scipy
 from jaxtyping import Bool, Float
 
-from ...estimation import LeastSquares, clustered_errors, huber_weights, least_squares, robust_deviation
+from ...estimation import LeastSquares, clustered_errors, huber_weights, least_squares, reduce_rows
 from ...plants import MechanicalActuator
+from ...traces import robust_deviation
 from .. import _limits as limits
 from .._filters import Samples
 from ._motion import MotionRecord
@@ -111,7 +112,7 @@ def regress_traces(blocks: Sequence[TraceEquations], robust: bool = True) -> Lea
     """Least squares of all rows, with an unknown constant per trace, and errors that know of correlated residuals.
 
     Residuals beyond two robust deviations count by their size (Huber), unless `robust` is false. Values are those of
-    the unknowns alone; what is not determined is NaN. `scale` is the residuals' robust variance in N^2.
+    the unknowns alone; what is not estimable is NaN. `scale` is the residuals' robust variance in N^2.
     """
     matrix, right, groups, traces = _stack(blocks)
     overlap, size = max(block.overlap for block in blocks), matrix.shape[1]
@@ -126,7 +127,8 @@ def regress_traces(blocks: Sequence[TraceEquations], robust: bool = True) -> Lea
         known = np.hstack([np.zeros((len(unknown), size)), prior])
         weighted = np.vstack([columns * weights[:, None], known])
         target = np.append(right * weights, np.zeros(len(unknown)))
-        found = least_squares(*_fewer_rows(weighted, target), limits.INFLATION)
+        few, reduced = reduce_rows(target, weighted)
+        found = least_squares(reduced, few, limits.INFLATION)
         residual = right - columns @ found.values
         deviation = max(robust_deviation(residual), 1e-9)
         if robust:
@@ -134,22 +136,15 @@ def regress_traces(blocks: Sequence[TraceEquations], robust: bool = True) -> Lea
     left = np.append(residual * weights, np.full(len(unknown), scale))
     bunch = np.append(groups, np.max(groups) + 1 + np.arange(len(unknown)))
     errors = clustered_errors(left, weighted, bunch)
-    determined = found.determined[:size]
+    estimable = found.estimable[:size]
     return dataclasses.replace(
         found,
-        values=np.where(determined, found.values[:size], np.nan),
-        covariance=np.diag(np.where(determined, errors[:size] ** 2, 0.0)),
-        determined=determined,
+        values=np.where(estimable, found.values[:size], np.nan),
+        covariance=np.diag(np.where(estimable, errors[:size] ** 2, 0.0)),
+        estimable=estimable,
         null_directions=found.null_directions[:, :size],
         scale=deviation**2,
     )
-
-
-def _fewer_rows(columns: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Equations of the same solution and covariance, no more than there are unknowns and one: a QR decomposition
-    without its orthogonal factor takes a fifth of the time of one with it."""
-    triangle = np.asarray(np.linalg.qr(np.column_stack([columns, target]), mode="r"))
-    return triangle[:, :-1], triangle[:, -1]
 
 
 def _stack(blocks: Sequence[TraceEquations]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

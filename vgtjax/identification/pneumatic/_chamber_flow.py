@@ -14,6 +14,7 @@ from ..._types import Scalar
 from ...parts import Flow, GasState, orifice_flow
 from ...plants import Actuator
 from ...traces import Trace, noise_level
+from .. import _limits as limits
 from .._filters import Offset, Samples, Smooth, reservoir_pressure, sensor_offset, smooth
 
 
@@ -119,10 +120,6 @@ def flow_through(
     return Flow(*orifice_flow(model.air, jnp.abs(area), source, pressure, temperature))
 
 
-LEAST_SPEED = 1e-3
-"""Of the choked flow; a flow slower than this part of it determines no area."""
-
-
 BLOCK = 4000
 """Samples; signals are padded to multiples of it, so that few programs are compiled for traces of many lengths."""
 
@@ -180,7 +177,7 @@ def _read_flow(
     unit = flow_through(model, side, pressure, temperature, reservoir, ambient)
     per_mass = rates_with(Flow(jnp.ones_like(pressure), unit.temperature), velocity).pressure - still
     mass_flow = (rate - still) / per_mass
-    clear = jnp.abs(unit.mass_flow) > LEAST_SPEED * pressure / jnp.sqrt(model.air.gas_constant * temperature)
+    clear = jnp.abs(unit.mass_flow) > limits.FLOW_LEAST * pressure / jnp.sqrt(model.air.gas_constant * temperature)
     area = jnp.where(clear, side * mass_flow / jnp.where(clear, unit.mass_flow, 1.0), jnp.nan)
     heating = rates_with(Flow(mass_flow, unit.temperature), velocity).temperature
     per_velocity = rates_with(none, velocity + 1.0).pressure - still

@@ -54,7 +54,7 @@ def fit_measured_flow(model: Actuator, traces: Sequence[Trace]) -> FlowMapFit:
         gauge = trace.p_act - trace.atmosphere + float(model.air.pressure)
         rows.append(np.stack([trace.pwm, gauge, flow, error])[:, since > limits.MAP_SETTLING])
     duty, pressure, flow, error = np.concatenate(rows, axis=1) if rows else np.zeros((4, 0))
-    if len(np.unique(duty)) < 3:
+    if len(np.unique(duty)) < limits.MAP_DUTIES:
         raise InputError(
             f"a flow map needs traces with three duties or more, but these have {len(np.unique(duty))}; record others"
         )

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from ...estimation import LeastSquares, huber_weights, least_squares, robust_deviation
+from ...estimation import LeastSquares, huber_weights, least_squares
 from ...parameters import parameter_table
 from ...plants import Actuator
-from ...traces import SENSOR_PRESSURE_OFFSET, Trace
+from ...traces import SENSOR_PRESSURE_OFFSET, Trace, robust_deviation
 from .. import _limits as limits
 from .._result import Curve, Identified, NotPossible, bench_test
 from ._chamber_flow import NEEDS, ChamberRecord, read_chamber, usable, without_position

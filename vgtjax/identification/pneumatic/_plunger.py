@@ -10,7 +10,6 @@ from jaxtyping import Float
 from ..._errors import InputError, SimulationError
 from ...estimation import (
     CHANNELS,
-    SEGMENT,
     Calibration,
     Calibrator,
     Evaluation,
@@ -39,8 +38,6 @@ DYNAMICS = ("converter.membrane_stiffness", "converter.return_spring_stiffness",
 """What only a step of the duty distinguishes from the slopes of the orifices."""
 ROUNDS = 3
 """Fits, each without what the one before could not determine."""
-CLUSTER = 4 * SEGMENT
-"""Samples; errors of neighbours are taken for independent beyond this."""
 
 
 @bench_test(
@@ -182,7 +179,7 @@ def _errors(calibration: Calibration, calibrator: Calibrator) -> dict[str, float
     """Standard errors of the entries that were not held."""
     residuals, columns = calibrator.minimiser.linearisation()
     free = np.linalg.norm(columns, axis=0) > 0
-    groups = np.arange(len(residuals)) // (CLUSTER * len(CHANNELS))
+    groups = np.arange(len(residuals)) // (int(limits.CORRELATION_PLUNGER) * len(CHANNELS))
     errors = clustered_errors(residuals, columns[:, free], groups)
     slope = np.abs(np.asarray(calibrator.transform.slope(np.asarray(calibration.progress.coordinates)))[free])
     entries = np.array(calibrator.task.selection.entries)[free]
