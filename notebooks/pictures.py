@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from calibrate.reproduction import Result
 from vgtjax.control import ClosedLoop
-from vgtjax.sensitivity import Ranking
+from vgtjax.sensitivity import Rankings
 from vgtjax.tuning import Case
 
 STYLE = {"figure.dpi": 76, "axes.grid": True, "grid.alpha": 0.3, "figure.constrained_layout.use": True}
@@ -59,7 +59,7 @@ def shares(axis: Axes, over: np.ndarray, parts: Any, labels: Iterable[str], colo
     axis.legend(framealpha=0.9)
 
 
-def rankings(found: Mapping[str, Ranking], titles: Mapping[str, str], leading: int = 4) -> Figure:
+def rankings(found: Rankings, titles: Mapping[str, str], leading: int = 4) -> Figure:
     """Every index of the quantities that lead each output, with its interval."""
     figure, axes = plt.subplots(2, 3, figsize=(11, 6.2), sharey=True)
     for axis, (name, title) in zip(axes.flat, titles.items(), strict=True):

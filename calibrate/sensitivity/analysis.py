@@ -1,7 +1,8 @@
 """All indices of a sensitivity study, from the simulations that were made."""
 
 import dataclasses
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from vgtjax.population import OutputTable, column_names
 from vgtjax.sensitivity import (
     Indices,
     RadialDesign,
-    Ranking,
+    Rankings,
     analyse,
     complete_groups,
     gradient_share,
@@ -34,12 +35,11 @@ class Analysis:
     """All that was found; rows of the indices are the columns of all outputs, of numbers first, then of curves."""
 
     outputs: tuple[Output, ...]
-    inputs: tuple[str, ...]
     indices: Indices
     local: np.ndarray
     bound: np.ndarray
-    rankings: dict[str, Ranking]
-    """By the name of the output."""
+    rankings: Rankings
+    """Of the outputs that are numbers."""
     failed: dict[int, str]
     rows: int
     deviation: np.ndarray
@@ -47,14 +47,9 @@ class Analysis:
     sample_correlation: float
     """Largest squared correlation that two quantities happen to have in the sample; (4.1) sees it as an effect."""
 
-    def place(self, output: Output) -> slice:
-        """Rows of an output."""
-        first = column_names(self.outputs).index(column_names([output])[0])
-        return slice(first, first + output.size)
-
     def above_noise(self, output: Output, shares: np.ndarray) -> np.ndarray:
         """Shares `(columns, quantities)` of one output; NaN where its spread is below the noise of its sensor."""
-        place = self.place(output)
+        place = self.indices.place(output.name)
         return np.where(self.deviation[place, None] > NOISE[output.unit], shares[place], np.nan)
 
 
@@ -73,29 +68,23 @@ def analyse_all(job: PopulationJob, design: RadialDesign, store: ChunkStore, gra
     x = population.values(design.points(0, design.rows))
     slopes = gradients.select(outputs).matrix
     parts, variances = [], list[float]()
-    for y in _columns(store):
-        parts.append(analyse(design, x, y, replicates=table.replicates, level=table.confidence, seed=table.seed))
+    settings: dict[str, Any] = {"replicates": table.replicates, "level": table.confidence, "seed": table.seed}
+    for names, y in _columns(store):
+        parts.append(analyse(design, x, y, inputs=population.factors.entries, outputs=names, **settings))
         variances += [_variance(column[np.isfinite(column)]) for column in y.T]
-    indices, spread = _joined(parts), np.array(variances)
+    indices, spread = Indices.joined(parts), np.array(variances)
     local = gradient_share(slopes[0], population.deviations)
     bound = _bounds(slopes[1:], population.deviations, spread)
     numbers = [output.name for output in store.numbers]
-    rankings = rank_inputs(
-        _first(indices, len(numbers)),
-        population.factors.entries,
-        numbers,
-        local=local[: len(numbers)],
-        threshold=table.threshold,
-    )
+    rankings = rank_inputs(indices.select(numbers), local=local[: len(numbers)], threshold=table.threshold)
     together = squared_correlation(x, x)
     np.fill_diagonal(together, 0.0)
     return Analysis(
         outputs,
-        population.factors.entries,
         indices,
         local,
         bound,
-        {ranking.output: ranking for ranking in rankings},
+        rankings,
         store.failed(),
         design.rows,
         np.sqrt(spread),
@@ -116,31 +105,9 @@ def _bounds(gradients: np.ndarray, deviations: np.ndarray, variances: np.ndarray
     return bound
 
 
-def _columns(store: ChunkStore) -> Iterator[np.ndarray]:
-    """All columns of all rows, a block at a time: the curves of a large study need not be in memory together."""
+def _columns(store: ChunkStore) -> Iterator[tuple[tuple[str, ...], np.ndarray]]:
+    """All columns of all rows with their names, a block at a time: all curves of a large study need no memory."""
     names, width = column_names(store.outputs), max(1, BLOCK // store.rows)
     for first in range(0, len(names), width):
-        yield store.columns(names[first : first + width])
-
-
-def _first(indices: Indices, count: int) -> Indices:
-    """The indices of the first outputs."""
-    return _each(lambda values: values[:count], indices)
-
-
-def _joined(parts: Sequence[Indices]) -> Indices:
-    """The indices of all outputs, from those of blocks of them."""
-    return _each(lambda *blocks: np.concatenate(blocks), *parts)
-
-
-def _each(change: Callable[..., np.ndarray], *indices: Indices) -> Indices:
-    """Indices made from others array by array, the ends of their intervals as well."""
-
-    def changed(*values):
-        if isinstance(values[0], np.ndarray):
-            return change(*values)
-        ends = zip(*[(each.value, each.low, each.high) for each in values], strict=True)
-        return type(values[0])(*[change(*end) for end in ends])
-
-    names = [field.name for field in dataclasses.fields(Indices)]
-    return Indices(**{name: changed(*[getattr(each, name) for each in indices]) for name in names})
+        block = names[first : first + width]
+        yield block, store.columns(block)

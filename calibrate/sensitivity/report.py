@@ -26,12 +26,12 @@ SHOWN = 6
 
 def render(job: PopulationJob, analysis: Analysis, summary: dict[str, Any]) -> str:
     """The report as HTML."""
-    rankings = analysis.rankings.values()
+    rankings = analysis.rankings.outputs
     return render_page(
         "sensitivity.html.jinja",
         **job.heading(),
         summary=summary,
-        overview=_overview(tuple(rankings), job.study.sensitivity.threshold),
+        overview=_overview(rankings, job.study.sensitivity.threshold),
         outputs=[(ranking.output, _bars(ranking), _shown(summary, ranking)) for ranking in rankings],
         over_time=[(each.meaning, _over_time(analysis, each)) for each in analysis.outputs if each.axis],
     )
@@ -95,7 +95,7 @@ def _over_time(analysis: Analysis, output: Output, most: int = 10) -> go.Figure:
     size = np.nan_to_num(total).max(axis=0)
     figure = go.Figure()
     for number, place in enumerate(np.argsort(-size)[:most]):
-        name, color = analysis.inputs[place], PALETTE[number % len(PALETTE)]
+        name, color = analysis.indices.inputs[place], PALETTE[number % len(PALETTE)]
         figure.add_trace(curve(output.axis, total[:, place], name, color, width=1.8))
         local_name, style = f"{name}, gradient", {"legendgroup": name, "showlegend": False}
         figure.add_trace(points(output.axis, local[:, place], local_name, color, 4, **style))

@@ -49,7 +49,7 @@ def sample_note(analysis: Analysis) -> list[str]:
 def _leading(analysis: Analysis, threshold: float) -> list[dict[str, Any]]:
     """Quantities by the number of outputs for which they matter, that is, whose total index is above the threshold."""
     found: dict[str, list[str]] = {}
-    for ranking in analysis.rankings.values():
+    for ranking in analysis.rankings.outputs:
         for entry in ranking.inputs:
             if entry.total.above(threshold):
                 found.setdefault(entry.name, []).append(ranking.output)
@@ -59,40 +59,41 @@ def _leading(analysis: Analysis, threshold: float) -> list[dict[str, Any]]:
 
 
 def _output(analysis: Analysis, output: Output) -> dict[str, Any]:
-    ranking, row = analysis.rankings[output.name], analysis.place(output).start
+    ranking, place = analysis.rankings[output.name], analysis.indices.place(output.name)
+    (deviation,) = analysis.deviation[place]
     return {
         "meaning": output.meaning,
         "unit": scaled(output).unit,
-        "deviation": finite(analysis.deviation[row] * scaled(output).factor),
+        "deviation": finite(deviation * scaled(output).factor),
         "r2": finite(ranking.r2),
         "base_points_used": ranking.used,
-        "quantities": [_entry(analysis, row, output, ranking.r2, entry) for entry in ranking.inputs],
+        "quantities": [_entry(analysis, output, ranking[name]) for name in ranking],
     }
 
 
-def _entry(analysis: Analysis, row: int, output: Output, r2: float, entry: RankedInput) -> dict[str, Any]:
-    place, factor = (row, analysis.inputs.index(entry.name)), scaled(output).factor
-    indices = analysis.indices
+def _entry(analysis: Analysis, output: Output, entry: RankedInput) -> dict[str, Any]:
+    indices, names, factor = analysis.indices, (output.name, entry.name), scaled(output).factor
+    (bounds,) = analysis.bound[indices.place(output.name)]
     return {
         "quantity": entry.name,
         "src_thesis": _interval(entry.correlation),
-        "src": _estimate(indices.regression, place),
+        "src": _estimate(indices.regression[names]),
         "first": _interval(entry.first),
         "total": _interval(entry.total),
-        "gradient": finite(analysis.local[place]),
-        "derivative_based": finite(analysis.bound[place]),
+        "gradient": finite(entry.local.value),
+        "derivative_based": finite(bounds[indices.inputs.index(entry.name)]),
         "morris": {
-            "mu_star": _estimate(indices.mu_star, place, factor),
-            "mu": finite(indices.mu.value[place] * factor),
-            "sigma": finite(indices.sigma.value[place] * factor),
+            "mu_star": _estimate(indices.mu_star[names], factor),
+            "mu": finite(indices.mu[names].value * factor),
+            "sigma": finite(indices.sigma[names].value * factor),
         },
-        "verdict": explain(entry, r2),
+        "verdict": explain(entry, analysis.rankings[output.name].r2),
     }
 
 
 def _over_time(analysis: Analysis, output: Output, threshold: float) -> dict[str, Any]:
     """Indices along a step, of the quantities that ever matter."""
-    rows = analysis.place(output)
+    rows = analysis.indices.place(output.name)
     indices = analysis.indices
     kinds = {
         "first": indices.first.value,
@@ -109,7 +110,7 @@ def _over_time(analysis: Analysis, output: Output, threshold: float) -> dict[str
         "deviation": finite(analysis.deviation[rows] * scaled(output).factor),
         "quantities": {
             name: {kind: finite(analysis.above_noise(output, shares)[:, i]) for kind, shares in kinds.items()}
-            for i, name in enumerate(analysis.inputs)
+            for i, name in enumerate(analysis.indices.inputs)
             if ever[i]
         },
     }
@@ -119,5 +120,5 @@ def _interval(interval: Interval, factor: float = 1.0) -> dict[str, float | None
     return {name: finite(value * factor) for name, value in zip(("value", "low", "high"), interval, strict=True)}
 
 
-def _estimate(estimate: BootstrapInterval, place: tuple[int, int], factor: float = 1.0) -> dict[str, float | None]:
-    return _interval(Interval(*(float(end[place]) for end in (estimate.value, estimate.low, estimate.high))), factor)
+def _estimate(estimate: BootstrapInterval, factor: float = 1.0) -> dict[str, float | None]:
+    return _interval(Interval(float(estimate.value), float(estimate.low), float(estimate.high)), factor)

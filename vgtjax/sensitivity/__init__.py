@@ -12,10 +12,12 @@ from ._indices import (
 from ._local import NORMAL as NORMAL, UNIFORM as UNIFORM, gradient_share as gradient_share, total_bound as total_bound
 from ._moments import variance as variance
 from ._morris import ElementaryEffects as ElementaryEffects, elementary_effects as elementary_effects
+from ._named import NamedIntervals as NamedIntervals
 from ._ranking import (
     Interval as Interval,
     RankedInput as RankedInput,
     Ranking as Ranking,
+    Rankings as Rankings,
     Verdict as Verdict,
     explain as explain,
     rank_inputs as rank_inputs,

@@ -2,14 +2,17 @@
 
 import dataclasses
 import enum
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from .._errors import InputError
+from .._printing import Cells, Printed
+from ..parameters import unknown_name
 from ._indices import Indices
+from ._named import LARGEST, largest, share
 from ._resampling import BootstrapInterval
 
 THRESHOLD = 0.05
@@ -64,35 +67,105 @@ class RankedInput:
     verdicts: tuple[Verdict, ...]
 
 
-@dataclasses.dataclass(frozen=True)
-class Ranking:
-    """The inputs of one output, the largest total index first; `r2` is that of the linear model."""
+@dataclasses.dataclass(frozen=True, repr=False)
+class Ranking(Printed):
+    """The inputs of one output, the largest total index first; `r2` is that of the linear model.
+
+    `ranking["diaphragm.stiffness"]` is one of them. Prints itself as a table.
+    """
 
     output: str
     r2: float
     used: int
     inputs: tuple[RankedInput, ...]
 
+    def __getitem__(self, name: str) -> RankedInput:
+        """One input.
+
+        **Raises:** `InputError` for a name that is none of the inputs.
+        """
+        return self.inputs[_place("input", name, [entry.name for entry in self.inputs])]
+
+    def __iter__(self) -> Iterator[str]:
+        """Names of the inputs."""
+        return (entry.name for entry in self.inputs)
+
+    def __contains__(self, name: object) -> bool:
+        return any(entry.name == name for entry in self.inputs)
+
+    def _title(self) -> str:
+        return f"{self.output}: {self.used} points, R2 {share(self.r2)}"
+
+    def _tables(self) -> list[Cells]:
+        kinds = ("correlation", "regression", "first", "total", "local")
+        rows = [["input", *kinds, "total from", "to"]]
+        for entry in self.inputs:
+            shares = [getattr(entry, kind).value for kind in kinds] + [entry.total.low, entry.total.high]
+            rows.append([entry.name, *map(share, shares)])
+        return [rows]
+
+    def _sentences(self) -> list[str]:
+        told = [entry for entry in self.inputs if entry.verdicts not in ((Verdict.AGREE,), (Verdict.NO_INDEX,))]
+        return [f"{entry.name}: {explain(entry, self.r2)}" for entry in told]
+
+
+@dataclasses.dataclass(frozen=True, repr=False)
+class Rankings(Printed):
+    """The rankings of all outputs; `rankings["hysteresis_0mbar"]` is that of one. Prints itself as a table."""
+
+    outputs: tuple[Ranking, ...]
+
+    def __getitem__(self, name: str) -> Ranking:
+        """The ranking of one output.
+
+        **Raises:** `InputError` for a name that is none of the outputs.
+        """
+        return self.outputs[_place("output", name, [ranking.output for ranking in self.outputs])]
+
+    def __iter__(self) -> Iterator[str]:
+        """Names of the outputs."""
+        return (ranking.output for ranking in self.outputs)
+
+    def __contains__(self, name: object) -> bool:
+        return any(ranking.output == name for ranking in self.outputs)
+
+    def _title(self) -> str:
+        return f"{len(self.outputs)} outputs, with the inputs of the largest total indices"
+
+    def _tables(self) -> list[Cells]:
+        rows = [["output", "points", "R2", *LARGEST]]
+        for ranking in self.outputs:
+            totals = {entry.name: entry.total.value for entry in ranking.inputs}
+            rows.append([ranking.output, str(ranking.used), share(ranking.r2), *largest(totals)])
+        return [rows]
+
+
+def _place(kind: str, name: str, names: list[str]) -> int:
+    if name not in names:
+        raise unknown_name(kind, name, names)
+    return names.index(name)
+
 
 def rank_inputs(
     indices: Indices,
-    inputs: Sequence[str],
-    outputs: Sequence[str],
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
     *,
     local: Float[np.ndarray, "outputs inputs"] | None = None,
     threshold: float = THRESHOLD,
-) -> tuple[Ranking, ...]:
+) -> Rankings:
     """Ranks the inputs of every output; equal ones and those without an index stay in the order given.
 
     An index says that an input matters when its whole interval lies above `threshold`, and that it does not when the
     whole interval lies below; else it says nothing. Each [`Verdict`][] says when it is given.
 
-    **Arguments:** `inputs`, `outputs`: names in the order of the columns; `local`: shares by
-    [`gradient_share`][vgtjax.sensitivity.gradient_share].
+    **Arguments:** `inputs`, `outputs`: names in the order of the columns, in the place of those that the indices have;
+    `local`: shares by [`gradient_share`][vgtjax.sensitivity.gradient_share].
 
     **Raises:** `InputError` when there is not one name per column, or `local` has another shape.
     """
     shape = indices.total.value.shape
+    inputs, outputs = indices.inputs if inputs is None else inputs, indices.outputs if outputs is None else outputs
     local = np.full(shape, np.nan) if local is None else np.asarray(local, dtype=float)
     for what, found in (("names", (len(outputs), len(inputs))), ("local shares", local.shape)):
         if found != shape:
@@ -105,7 +178,7 @@ def rank_inputs(
         order = np.argsort(-indices.total.value[row], kind="stable")  # NaN comes last
         ranked = tuple(_ranked(indices, local, inputs[column], (row, int(column)), threshold) for column in order)
         rankings.append(Ranking(output, float(indices.r2.value[row]), int(indices.used[row]), ranked))
-    return tuple(rankings)
+    return Rankings(tuple(rankings))
 
 
 def judge(

@@ -8,6 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from commands import Outcome, cut_example, read, run_command
+from pages import Page
+from report_numbers import assert_cards, assert_shown, shown
 
 import vgtjax
 from calibrate.compare import alternatives, command, verdict
@@ -59,7 +61,6 @@ def test_the_contract(compared):
     assert (compared.outcome.status, compared.outcome.err) == (0, "")
     assert {path.name for path in compared.out.iterdir()} == {MARKER, "summary.json", "report.html"}
     summary = read(compared.out / "summary.json")
-    print(summary)
     assert set(summary["chosen"]) == set(summary["decided"]) == {"vane_force", "friction", "stribeck_exponent"}
     assert summary["chosen"]["vane_force"] == "none"
     assert summary["decided"]["vane_force"] is False
@@ -67,10 +68,38 @@ def test_the_contract(compared):
     assert [row["name"] for row in summary["table"]] in (["lugre", "coulomb"], ["coulomb", "lugre"])
 
 
-def test_the_report_says_what_was_compared(compared):
-    page = (compared.out / "report.html").read_text()
-    for words in ("coulomb", "as of noise", "the turbine pressure is zero in all traces", "search"):
-        assert words in page
+DIGITS = {
+    "χ²": ("chi2", 7),
+    "parameters determined": ("parameters", 3),
+    "criterion": ("criterion", 7),
+    "score": ("score", 5),
+    "lower by": ("difference", 4),
+    "steady": ("steadiness", 3),
+    "unseen": ("unseen", 3),
+}
+"""Columns of the table of structures: what of the summary they show, and how many digits."""
+
+
+def test_the_report_shows_the_numbers_of_the_summary(compared):
+    summary, text = read(compared.out / "summary.json"), (compared.out / "report.html").read_text()
+    page = Page(text)
+    structures = [
+        {"structure": row["name"], **{name: shown(row[key], digits) for name, (key, digits) in DIGITS.items()}}
+        for row in summary["table"]
+    ]
+    assert_shown(page.table("component", "structure"), structures)
+    assert any(row["lower by"] for row in structures)
+    remains = [
+        {"signal": row["channel"], "over": row["over"], "number": shown(row["number"], 3), "p": shown(row["p"], 2)}
+        for row in summary["remains"]
+    ]
+    assert_shown(page.table("signal", "over"), remains)
+    chosen = {name: value for name, value in summary["chosen"].items() if isinstance(value, int | float)}
+    assert_cards(page, {name: shown(value, 4) for name, value in chosen.items()})
+    for name, reason in summary["reasons"].items():
+        assert f"{name}: {reason}." in page.text("li").replace("\n", "")
+    for words in ("as of noise", "the turbine pressure is zero in all traces", "search"):
+        assert words in text
 
 
 def test_a_second_run_does_nothing(compared):

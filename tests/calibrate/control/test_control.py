@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from broken_controller import Broken
 from commands import Outcome, assert_refused, read, run_command
+from pages import Page
+from report_numbers import assert_cards, assert_shown, margin_cells, shown, target_words, um
 
 import vgtjax
 from calibrate.control.job import prepare_control
@@ -171,16 +173,42 @@ def test_traces_are_what_figures_were_made_of(summary, folder):
     assert path.name == "012_sample_2_up_down_1000mbar.csv"
 
 
-def test_a_report_carries_everything(summary, folder):
+def error_cells(loops):
+    """A row for every reference and turbine pressure: the middle and the worst of its plants."""
+    for at in dict.fromkeys((loop["reference"], loop["turbine_pressure"]) for loop in loops):
+        mine = [loop for loop in loops if (loop["reference"], loop["turbine_pressure"]) == at]
+        rms, peak, effort, chatter = (
+            np.array([loop[name] for loop in mine]) for name in ("rms", "peak", "effort", "chatter")
+        )
+        answered = [loop for loop in mine if loop["overshoot"] is not None]
+        settling = max((loop["settling_time"] or np.inf for loop in answered), default=None)
+        yield {
+            "reference": at[0],
+            "turbine, mbar": f"{at[1] / 100:g}",
+            "plants": str(len(mine)),
+            "RMS, median": um(np.median(rms)),
+            "RMS, worst": um(rms.max()),
+            "peak": um(peak.max()),
+            "effort, %": shown(np.median(effort), 4),
+            "chatter, %": shown(np.median(chatter), 3),
+            "settling, ms": "" if settling is None else shown(1e3 * settling, 4).replace("inf", "never"),
+            "overshoot, um": um(max((loop["overshoot"] for loop in answered), default=None)),
+            "failed": "0",
+        }
+
+
+def test_a_report_shows_the_numbers_of_the_summary(summary, folder):
     text = (folder / "out" / "report.html").read_text(encoding="utf-8")
-    for part in (
-        "What the controller knew",
-        BELIEFS["population"],
-        "up &amp; down, 0 mbar",
-        "settling, ms",
-        "<td><code>integral_gain</code></td>",
-        "On the target",
-    ):
+    page, worst = Page(text), summary["worst"]
+    assert_shown(page.table("reference", "turbine, mbar"), error_cells(summary["loops"]))
+    assert_shown(page.table("gain", "symbol"), ({"gain": n, "value": shown(v)} for n, v in summary["gains"].items()))
+    assert_shown(page.table("plant", "rod"), margin_cells(summary))
+    cards = {"RMS error, worst": f"{um(worst['rms'])} um", "peak error, worst": f"{um(worst['peak'])} um"}
+    cards |= {"closed loops": "12", "failed": "0"}
+    took = f"{shown(1e6 * summary['seconds_per_sample'], 3)} us"
+    assert_cards(page, cards | {"time a sample takes": took, "seconds": shown(summary["wall_seconds"], 3)})
+    assert target_words(summary) in page.text("p").replace("\n", "")
+    for part in ("What the controller knew", BELIEFS["population"], "up &amp; down, 0 mbar"):
         assert part in text
     assert "<script src" not in text
 

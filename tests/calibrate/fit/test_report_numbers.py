@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from commands import cut_example, entries_of, read, run_command, timeless
 from pages import Page
+from report_numbers import shown
 
 import calibrate
 from calibrate.study.parameter_file import by_entry
@@ -61,11 +62,6 @@ def summary(signed):
 @pytest.fixture(scope="module")
 def entries(signed):
     return entries_of(read(signed / "out/parameters.json")["parameters"])
-
-
-def shown(value, digits):
-    """A number as a report shows it, and nothing for none."""
-    return "" if value is None else f"{value:.{digits}g}"
 
 
 # -- tables ------------------------------------------------------------------------------------------------------------

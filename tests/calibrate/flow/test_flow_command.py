@@ -3,12 +3,15 @@
 import contextlib
 import csv
 import dataclasses
+import operator
 import pathlib
 from unittest import mock
 
 import numpy as np
 import pytest
 from commands import Outcome, cut_example, read, run_command
+from pages import Page
+from report_numbers import assert_cards, assert_shown, shown
 from support import quick_nozzle
 
 import vgtjax
@@ -70,17 +73,35 @@ def test_its_summary_and_its_report_say_that_nothing_was_measured(ran):
     for text in (outcome.out, said["notes"][0], page):
         assert "no measured vane force validates this" in text
     assert page.count("plotly-graph-div") == 4
+
+
+def test_its_report_shows_the_numbers_of_the_summary_and_of_the_map(ran):
+    said, text = read(ran[1] / "summary.json"), (ran[1] / "report.html").read_text()
+    page, pulse = Page(text), said["pulsation"]
+    cells = []
+    for name, row in said["quantities"].items():
+        cells.append({"quantity": name, "unit": row["unit"]})
+        for kind, number in (("least", ""), ("most", " (2)")):
+            at = {f"at, bar abs{number}": shown(row[kind]["total_pressure"] / 1e5, 3)}
+            cells[-1] |= {kind: shown(row[kind]["value"]), **at, f"deg{number}": shown(row[kind]["crank_angle"], 3)}
+    rows = page.table("quantity", "unit")
+    assert_shown(rows, cells)
+    columns = list(csv.DictReader((ran[1] / "map.csv").read_text().splitlines()))
+    for row in rows:
+        values = [float(each[f"{row['quantity']} [{row['unit']}]"]) for each in columns]
+        assert [float(row["least"]), float(row["most"])] == pytest.approx([min(values), max(values)], rel=5e-5)
+    cards = {"behind it, bar abs": "1.050", "gas, K": shown(said["total_temperature"], 4), "crank, deg": "4…37"}
+    ends = "…".join(f"{pressure / 1e5:.2f}" for pressure in said["total_pressure"])
+    assert_cards(page, cards | {"pressure before the turbine, bar abs": ends})
+    parameters = {row["parameter"]: row["value"] for row in page.table("parameter", "value")}
     for name in ("nozzle.lead", "linkage.ratio", "gas.gamma", "total_temperature", "outlet_pressure", "speed_ratio"):
-        assert f"<code>{name}</code>" in page
-    for name in (
-        "nozzle.rotor.blades",
-        "engine.bore",
-        "engine.valve.lift",
-        "pulsation.engine_speed",
-        "pulsation.effective_area",
-        "pulsation.crank_angle",
-    ):
-        assert f"<code>{name}</code>" in page
+        assert parameters[name] == shown(float(operator.attrgetter(name)(Stage())))
+    assert parameters["nozzle.rotor.blades"] == str(Nozzle().rotor.blades)
+    for name in ("engine_speed", "crank_angle"):
+        assert parameters[f"pulsation.{name}"] == shown(pulse[name])
+    assert {"engine.bore", "engine.valve.lift", "pulsation.effective_area"} <= set(parameters)
+    crank, mean = shown(pulse["crank_angle"], 3), f"{pulse['mean_pressure'] / 1e5:.3f}"
+    assert f"the crank at {crank} deg; its mean pressure {mean} bar absolute" in text
 
 
 def test_a_load_that_no_vane_bears_is_said_to_be_one(ran):

@@ -3,7 +3,6 @@
 import dataclasses
 import functools
 import html
-import math
 import pathlib
 import re
 import subprocess
@@ -13,12 +12,14 @@ import numpy as np
 import pytest
 from commands import Outcome, read, run_command
 from support import optimised
+from thesis_examples import OF_THE_EXAMPLE
+from thesis_rows import OF_THE_PRINT, polynomial_of_3_15
 
 import vgtjax
 from calibrate.output.files import MARKER
-from calibrate.reproduction import MEANING, ROWS, Found, Kind, Row, Verdict, control_experiments
+from calibrate.reproduction import MEANING, ROWS, Kind, Verdict, control_experiments
 from calibrate.reproduction.identified import CONSTANTS
-from calibrate.reproduction.rows import JUDGED, Between, Near, Rising
+from calibrate.reproduction.rows import JUDGED
 
 
 @dataclasses.dataclass(frozen=True)
@@ -136,12 +137,6 @@ def test_every_constant_that_is_identified_is_compared_with_its_print():
     assert {row.id for row in ROWS if row.id.startswith("identified-")} <= PRINTED.keys()
 
 
-def test_only_a_result_of_the_thesis_can_be_reproduced():
-    assert JUDGED.keys() == set(Kind)
-    assert [kind for kind, verdicts in JUDGED.items() if Verdict.REPRODUCED in verdicts] == [Kind.RESULT]
-    assert MEANING.keys() == set(Verdict)
-
-
 def test_a_row_is_of_the_kind_that_its_inputs_make_it():
     """What our identification finds again, what we close a loop around, and what traces of ours show is no result."""
     kinds = {row.id: row.kind for row in ROWS}
@@ -174,66 +169,6 @@ def test_the_manual_counts_the_verdicts(reproduced):
     assert "| verdict | rows | what it says |\n|---|---|---|\n" + "\n".join(rows) + "\n\n" in said
 
 
-def row_with(rule, ours, missing="", kind=Kind.RESULT):
-    return Row("a", kind, "2", "b", "(1)", "3 s", "s", rule, lambda: ours, "It is {ours} s.", missing)
-
-
-@pytest.mark.parametrize(
-    ("rule", "ours", "verdict"),
-    [
-        (Near(3.0, 0.5), 3.5, "reproduced"),
-        (Near(3.0, 0.5), 3.6, "differs"),
-        (Near(3.0, 0.5), Found((2.6, 3.4)), "reproduced"),
-        (Near(3.0, 0.5), Found((2.4, 3.4)), "differs"),
-        (Near(3.0, 0.5), math.nan, "differs"),
-        (Between(1.0, 2.0), 2.0, "reproduced"),
-        (Between(1.0, 2.0), 2.1, "differs"),
-        (Between(1.0, math.inf), 0.9, "differs"),
-        (Rising(), Found((1.0, 2.0, 3.0)), "reproduced"),
-        (Rising(), Found((1.0, 3.0, 3.0)), "differs"),
-        (Rising(1.5), Found((1.0, 2.0)), "differs"),
-    ],
-)
-def test_rules(rule, ours, verdict):
-    assert row_with(rule, ours).evaluate().verdict == verdict
-
-
-@pytest.mark.parametrize(
-    ("kind", "met", "missed"),
-    [
-        (Kind.RESULT, "reproduced", "differs"),
-        (Kind.INPUT, "input", "differs"),
-        (Kind.IDENTITY, "identity", "differs"),
-        (Kind.RECOVERY, "recovered", "not recovered"),
-        (Kind.OWN_INPUTS, "met with our inputs", "missed with our inputs"),
-    ],
-)
-def test_a_verdict_is_of_the_kind_of_its_row(kind, met, missed):
-    assert row_with(Near(3.0, 0.5), 3.0, kind=kind).evaluate().verdict == met
-    assert row_with(Near(3.0, 0.5), 4.0, kind=kind).evaluate().verdict == missed
-    assert row_with(Near(3.0, 0.5), 3.0, "the length", kind).evaluate().verdict == "not reproducible"
-
-
-def test_what_is_not_printed_can_not_be_reproduced():
-    result = row_with(Near(3.0, 0.5), 3.0, missing="the length").evaluate()
-    assert (result.verdict, result.reason) == (
-        "not reproducible",
-        "The thesis does not print the length. It is 3 s.",
-    )
-
-
-def test_a_row_needs_a_rule_or_says_what_is_missing():
-    with pytest.raises(ValueError, match="a: a row needs a rule, or must say what the print is missing"):
-        row_with(None, 3.0)
-
-
-def test_reasons_name_computed_numbers():
-    result = Row(
-        "a", Kind.RESULT, "2", "b", "(1)", "3 s", "s", Near(3, 1), lambda: Found(2.0, {"f": 7}), "{ours} s, {f} mm."
-    ).evaluate()
-    assert (result.reason, result.text) == ("2 s, 7 mm.", "2 s")
-
-
 def test_ids_are_unique_and_sections_stay_together():
     assert len({row.id for row in ROWS}) == len(ROWS)
     sections = [row.section for row in ROWS]
@@ -248,70 +183,61 @@ OUTSIDE = np.sqrt(CRITICAL ** (2 / GAMMA) - CRITICAL ** ((GAMMA + 1) / GAMMA)) *
 FAST, SLOW = (-np.roots([0.63, 206.0, 12_000.0]).real).tolist()
 """Rates in 1/s of (4.4)."""
 
-
-def polynomial_of_3_15(c, r):
-    """(3.15) typed from the print: N, from a crank angle in degrees and a pressure ratio."""
-    return (
-        (191 + 2.065 * c - 408.3 * r - 1.192 * c**2 + 14.65 * c * r + 261.5 * r**2 + 0.0385 * c**3 + 0.7 * c**2 * r)
-        + (-16.06 * c * r**2 - 47.88 * r**3 - 0.00029 * c**4 - 0.029 * c**3 * r + 0.162 * c**2 * r**2)
-        + (3.38 * c * r**3 - 7.78e-7 * c**5 + 2.25e-4 * c**4 * r + 2.29e-3 * c**3 * r**2 - 0.057 * c**2 * r**3)
-    )
-
-
 COLD = polynomial_of_3_15(np.linspace(4.0, 36.0, 65), 1.0)
 
 
-@pytest.mark.parametrize(
-    ("id", "verdict", "ours"),
-    [
-        # By hand, with Tables B.1 and B.2 and the equation named.
-        ("coil-force", "identity", 1.0),
-        ("force-last-digit", "differs", 0.5e-4 * 100**2 / 1.7425e-4 / 100),  # half a digit over the area, mbar
-        ("plunger-stiffness", "differs", 2000.0),
-        ("choked-ratio", "differs", CRITICAL),
-        ("phi-as-printed", "differs", 100 * (OUTSIDE / (2 / (GAMMA + 1)) ** ((GAMMA + 1) / (GAMMA - 1) / 2) - 1)),
-        (
-            "phi-as-printed-in-the-whole",
-            "differs",
-            100 * (OUTSIDE / (2 / (GAMMA + 1)) ** ((GAMMA + 1) / (GAMMA - 1) / 4) - 1),
-        ),
-        ("sonic-throat", "identity", 1.0),
-        ("line-blasius", "identity", 0.316 / 2),
-        ("line-delay", "not reproducible", 1e3 * 0.5 / np.sqrt(GAMMA * 286.7 * 293.15)),
-        ("reservoir-area", "identity", 1e6 * 0.360e-3 * 2.5e-3),
-        ("closed-at-rest", "differs", 1e6 * (2.299e-8 + 1.68e-4 * 2e-6)),
-        ("pressure-gain", "differs", GAMMA),
-        ("flow-sign", "differs", -1.0),
-        ("diaphragm-gain", "differs", -2.9224e-3 / 12_000 * 1e3 * 100),  # mm/mbar
-        ("karnopp-held", "differs", 3.2),
-        ("stribeck-range", "identity", [2.8, 3.2]),
-        ("viscous", "input", 206.0),
-        ("dahl-slope", "recovered", 42_150.0),
-        ("dahl-plateau", "recovered", 2.8),
-        ("crank-closed", "input", 4.0),
-        ("vane-travel", "differs", 3.12 * 10.13),
-        ("stroke-2000", "differs", (32 - 16) / 3.12),
-        ("polynomial-cold", "differs", [COLD.min(), COLD.max()]),
-        ("polynomial-severe", "differs", polynomial_of_3_15(4.0, 1 + 3e5 / 101_013)),
-        ("polynomial-largest", "differs", [36.0, 36.0, 36.0]),
-        ("preload", "differs", 49.46 / 2.9224e-3 / 1e3),
-        ("spring-sign", "differs", np.roots([0.63, 206.0, -12_000.0]).max()),
-        ("step-start", "differs", 1 + (1 / SLOW + 1 / FAST) / (1 / SLOW - 1 / FAST)),
-        # Closed forms and an independent plant, computed elsewhere.
-        ("phi-corrected", "identity", 0.0),
-        ("pressure-80", "differs", 0.195),
-        ("position-80", "differs", 0.284),
-        ("pressure-80-divided", "met with our inputs", 0.27),
-        ("position-80-divided", "met with our inputs", 0.39),
-        # NumPy alone: the printed columns; exp(-5) of the Stribeck curve; numerical derivatives of (4.4), corrected.
-        ("table-4-2-columns", "differs", 0.0041578),
-        ("table-4-2-range", "differs", 1 - np.exp(-5)),
-        ("src-coulomb", "differs", 0.93176),
-        ("src-together", "missed with our inputs", [0.250, 0.0854]),
-        ("settled-leading", "identity", [0.0, 0.5]),
-        ("friction-leading", "missed with our inputs", [0.12061, 5.285e-5]),
-    ],
-)
+KNOWN = [
+    # By hand, with Tables B.1 and B.2 and the equation named.
+    ("coil-force", "identity", 1.0),
+    ("force-last-digit", "differs", 0.5e-4 * 100**2 / 1.7425e-4 / 100),  # half a digit over the area, mbar
+    ("plunger-stiffness", "differs", 2000.0),
+    ("choked-ratio", "differs", CRITICAL),
+    ("phi-as-printed", "differs", 100 * (OUTSIDE / (2 / (GAMMA + 1)) ** ((GAMMA + 1) / (GAMMA - 1) / 2) - 1)),
+    (
+        "phi-as-printed-in-the-whole",
+        "differs",
+        100 * (OUTSIDE / (2 / (GAMMA + 1)) ** ((GAMMA + 1) / (GAMMA - 1) / 4) - 1),
+    ),
+    ("sonic-throat", "identity", 1.0),
+    ("line-blasius", "identity", 0.316 / 2),
+    ("line-delay", "not reproducible", 1e3 * 0.5 / np.sqrt(GAMMA * 286.7 * 293.15)),
+    ("reservoir-area", "identity", 1e6 * 0.360e-3 * 2.5e-3),
+    ("closed-at-rest", "differs", 1e6 * (2.299e-8 + 1.68e-4 * 2e-6)),
+    ("pressure-gain", "differs", GAMMA),
+    ("flow-sign", "differs", -1.0),
+    ("diaphragm-gain", "differs", -2.9224e-3 / 12_000 * 1e3 * 100),  # mm/mbar
+    ("karnopp-held", "differs", 3.2),
+    ("stribeck-range", "identity", [2.8, 3.2]),
+    ("viscous", "input", 206.0),
+    ("dahl-slope", "recovered", 42_150.0),
+    ("dahl-plateau", "recovered", 2.8),
+    ("crank-closed", "input", 4.0),
+    ("vane-travel", "differs", 3.12 * 10.13),
+    ("stroke-2000", "differs", (32 - 16) / 3.12),
+    ("polynomial-cold", "differs", [COLD.min(), COLD.max()]),
+    ("polynomial-severe", "differs", polynomial_of_3_15(4.0, 1 + 3e5 / 101_013)),
+    ("polynomial-largest", "differs", [36.0, 36.0, 36.0]),
+    ("preload", "differs", 49.46 / 2.9224e-3 / 1e3),
+    ("spring-sign", "differs", np.roots([0.63, 206.0, -12_000.0]).max()),
+    ("step-start", "differs", 1 + (1 / SLOW + 1 / FAST) / (1 / SLOW - 1 / FAST)),
+    # Closed forms and an independent plant, computed elsewhere.
+    ("phi-corrected", "identity", 0.0),
+    ("pressure-80", "differs", 0.195),
+    ("position-80", "differs", 0.284),
+    ("pressure-80-divided", "met with our inputs", 0.27),
+    ("position-80-divided", "met with our inputs", 0.39),
+    # NumPy alone: the printed columns; exp(-5) of the Stribeck curve; numerical derivatives of (4.4), corrected.
+    ("table-4-2-columns", "differs", 0.0041578),
+    ("table-4-2-range", "differs", 1 - np.exp(-5)),
+    ("src-coulomb", "differs", 0.93176),
+    ("src-together", "missed with our inputs", [0.250, 0.0854]),
+    ("settled-leading", "identity", [0.0, 0.5]),
+    ("friction-leading", "missed with our inputs", [0.12061, 5.285e-5]),
+]
+"""Rows with their verdicts."""
+
+
+@pytest.mark.parametrize(("id", "verdict", "ours"), KNOWN)
 def test_known_rows(reproduced, id, verdict, ours):
     entry = reproduced.table[id]
     assert entry["verdict"] == verdict
@@ -337,6 +263,39 @@ def test_what_the_print_or_a_strangers_plant_does_not_give_is_said(reproduced, l
     """Pulses as weak as printed, a jump that saturates the duty, and a design model that is not the plant's."""
     assert reproduced.table[loop]["verdict"] == "missed with our inputs"
     assert max(reproduced.table["loop-overshoot"]["ours"]) < 0.2  # 0.19 mm
+
+
+DERIVED = OF_THE_PRINT | OF_THE_EXAMPLE
+
+
+@pytest.mark.parametrize("id", DERIVED)
+def test_a_row_is_what_is_derived_once_more(reproduced, id):
+    """After the command has run: some need the fit that it has made."""
+    derived = DERIVED[id]
+    expected = np.asarray(derived.value(), dtype=float).tolist()
+    tolerances = [np.broadcast_to(each, np.shape(expected)) for each in (derived.rel, derived.abs)]
+    allowed = np.maximum(tolerances[0] * np.abs(expected), tolerances[1])
+    np.testing.assert_array_less(np.abs(np.subtract(reproduced.table[id]["ours"], expected)), allowed + 1e-15)
+
+
+FROZEN = {"loop-observed-pressure-step": (1613.0, 2120.0, 2407.0), "fleet-adaptive-rms": (0.00471, 0.00532, 0.00607)}
+"""Our own output, as nothing else was at hand: closed loops of which the thesis prints neither gains nor sensors, whose
+controller and observer would have to be written once more. A change of either is to be seen here."""
+
+
+@pytest.mark.parametrize("id", FROZEN)
+def test_what_only_our_own_loops_say_stays_as_it_is(reproduced, id):
+    # Peaks move by some percents with the noise of the sensors.
+    assert reproduced.table[id]["ours"] == pytest.approx(FROZEN[id], rel=0.05)
+
+
+def test_every_row_is_compared_with_a_number():
+    """Of closed loops that is the thesis's bound; a few rows have tests of their own beside the table."""
+    elsewhere = {"flow-map-equilibrium", "plunger-time"}  # test_reproduction_reduced.py
+    elsewhere |= {"engine-clearance", "engine-displacement"}  # test_gas_flow.py
+    identified = {id for id in PRINTED if id.startswith("identified-")}
+    numbers = {id for id, _, _ in KNOWN} | DERIVED.keys() | FROZEN.keys() | identified
+    assert numbers | {*LOOPS, *MISSED} | elsewhere == {row.id for row in ROWS}
 
 
 def test_printed_constants_are_those_of_the_model(actuator):

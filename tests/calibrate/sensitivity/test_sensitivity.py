@@ -5,7 +5,9 @@ import pathlib
 import numpy as np
 import pytest
 from commands import assert_refused, read, run_command
+from pages import Page
 from population_study import STUDY, write_study
+from report_numbers import assert_cards, assert_shown, shown
 
 import vgtjax
 from calibrate.population import ChunkStore
@@ -152,11 +154,57 @@ def test_outputs_that_are_read_a_few_at_a_time_have_the_same_indices(summary, tm
                 assert quantity[kind] == pytest.approx(known[kind], rel=1e-9, abs=1e-12)
 
 
-def test_report_shows_every_output_and_verdict(done, summary):
-    report = (done / "report.html").read_text(encoding="utf-8")
-    for name, output in summary["outputs"].items():
-        assert f"<h3>{name}</h3>" in report
-        assert output["quantities"][0]["verdict"].split(" (")[0] in report
+def index_cells(output):
+    """All rows of an output; those that matter by no index are left out of the report but for three."""
+
+    def interval(index):
+        ends = "" if index["value"] is None else f" {index['low']:.2f}…{index['high']:.2f}"
+        return shown(index["value"], 3) + ends
+
+    for row in output["quantities"]:
+        yield {
+            "quantity": row["quantity"],
+            "verdict": row["verdict"],
+            "SRC (4.1)": interval(row["src_thesis"]),
+            "SRC": interval(row["src"]),
+            "first order": interval(row["first"]),
+            "total": interval(row["total"]),
+            "gradient": shown(row["gradient"], 3),
+            "DGSM": shown(row["derivative_based"], 3),
+            f"μ*, {output['unit']}": shown(row["morris"]["mu_star"]["value"], 3),
+            f"σ, {output['unit']}": shown(row["morris"]["sigma"], 3),  # noqa: RUF001 - a sigma
+        }
+
+
+def test_the_report_shows_the_numbers_of_the_summary(done, summary):
+    page = Page((done / "report.html").read_text(encoding="utf-8"))
+    tables, lengths = page.tables("quantity", "verdict"), []
+    assert set(summary["outputs"]) <= set(page.texts["h3"])
+    for rows, output in zip(tables, summary["outputs"].values(), strict=True):
+        known = {cells["quantity"]: cells for cells in index_cells(output)}
+        assert_shown(rows, (known[row["quantity"]] for row in rows))
+        matters = {row["quantity"] for row in output["quantities"] if (row["total"]["value"] or 0) > 0.05}
+        assert matters <= {row["quantity"] for row in rows}
+        lengths.append(len(rows))
+    assert max(lengths) == len(summary["quantities"])
+    leading = [
+        {"quantity": row["quantity"], "outputs": str(len(row["outputs"])), "which": ", ".join(row["outputs"])}
+        for row in summary["leading"]
+    ]
+    assert_shown(page.table("quantity", "outputs"), leading)
+    varied = [
+        {"quantity": name, **{key: shown(row[key], 3 if key == "deviation" else 5) for key in ("nominal", "deviation")}}
+        for name, row in summary["quantities"].items()
+    ]
+    assert_shown(page.table("quantity", "unit"), varied)
+    counts = {name: str(len(summary[name])) for name in ("quantities", "outputs")}
+    assert_cards(page, counts | {"simulations": str(summary["simulations"]), "failed": "0"})
+    described = page.text("p")
+    for output in summary["outputs"].values():
+        deviation, r2 = shown(output["deviation"], 3), shown(output["r2"], 3)
+        points = f"{output['base_points_used']} base points."
+        said = f"standard deviation {deviation} {output['unit']}; R² of the linear model {r2}; {points}"
+        assert f"{output['meaning']}; {said}" in described
 
 
 def test_too_few_base_points_are_refused(tmp_path):

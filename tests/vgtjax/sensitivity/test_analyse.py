@@ -19,6 +19,9 @@ from vgtjax.sensitivity import (
     total_order,
 )
 
+INPUTS = ("a", "b[0]", "b[1]")
+OUTPUTS = ("ishigami", "linear", "curve[0]", "curve[1]", "cosine")
+"""Of the case; two of its outputs are called the points of a curve."""
 DESIGN = RadialDesign(dimensions=3, base=64, seed=1)
 INDICES = ("correlation", "regression", "r2", "adjusted_r2", "first", "total", "mu", "mu_star", "sigma")
 ROUNDING = 1e-10  # matrix products of other shapes add in another order
@@ -30,7 +33,7 @@ def case():
     function = Ishigami()
     x = function.inputs(DESIGN.points(0, DESIGN.rows))
     y = np.column_stack([function(x), x @ [1.0, 2.0, 0.0], np.exp(x[:, 0]), x[:, 0] * x[:, 1], np.cos(x[:, 2])])
-    return x, y, analyse(DESIGN, x, y, replicates=50)
+    return x, y, analyse(DESIGN, x, y, inputs=INPUTS, outputs=OUTPUTS, replicates=50)
 
 
 def assert_same(found, expected, columns, against=None):
@@ -60,6 +63,54 @@ def test_every_index_is_that_of_its_own_function(case):
     for name, value in expected.items():
         np.testing.assert_allclose(getattr(found, name).value, value, atol=ROUNDING)
     np.testing.assert_array_equal(found.used, 64)
+
+
+def test_indices_are_read_by_name(case):
+    _, _, found = case
+    for name in ("correlation", "total", "sigma"):
+        index = getattr(found, name)
+        for end in ("value", "low", "high"):
+            values = getattr(index, end)
+            assert getattr(index["cosine", "b[1]"], end) == values[4, 2]
+            np.testing.assert_array_equal(getattr(index["linear"], end), values[1])
+            np.testing.assert_array_equal(getattr(index["curve"], end), values[2:4])
+            np.testing.assert_array_equal(getattr(index["curve", "a"], end), values[2:4, 0])
+            np.testing.assert_array_equal(getattr(index["curve[1]", "b"], end), values[3, 1:])
+    assert found.r2["linear"].value == found.r2.value[1]
+    assert found.place("curve") == slice(2, 4)
+    with pytest.raises(InputError, match="output 'curv' matches nothing; did you mean 'curve'"):
+        found.total["curv"]
+    with pytest.raises(InputError, match="input 'A' matches nothing"):
+        found.total["linear", "A"]
+    with pytest.raises(InputError, match="output 'sine' matches nothing; did you mean 'cosine'"):
+        found.place("sine")
+
+
+def test_indices_of_some_outputs_have_their_names(case):
+    _, _, found = case
+    some = found.select(["cosine", "curve"])
+    assert some.outputs == ("cosine", "curve[0]", "curve[1]")
+    assert some.inputs == INPUTS
+    assert_same(some, found, slice(None), [4, 2, 3])
+    together = type(found).joined([found.select(["ishigami", "linear"]), found.select(["curve", "cosine"])])
+    assert together.outputs == OUTPUTS
+    assert together.r2.inputs == ()
+    assert_same(together, found, slice(None))
+
+
+def test_indices_print_themselves(case):
+    _, _, found = case
+    title, head, *rows = repr(found).splitlines()
+    assert title == "total index of 3 outputs and 1 curves by 3 inputs"
+    assert head.split() == ["output", "points", "R2", "largest", "second", "third"]
+    assert [row.split()[:2] for row in rows] == [["ishigami", "64"], ["linear", "64"], ["cosine", "64"]]
+    # Of a + 2 b[0] with inputs that spread alike the shares are 1 / 5 and 4 / 5, and R2 is 1.
+    total = found.total.value[1]
+    order = np.argsort(-total)
+    printed = [word for place in order for word in (INPUTS[place], f"{total[place]:.2f}")]
+    assert rows[1].split()[2:] == ["1.00", *printed]
+    assert printed[:3:2] == ["b[0]", "a"]
+    assert "<td>cosine</td><td>64</td>" in found._repr_html_()
 
 
 def test_rows_of_a_base_point_are_all_rows_of_the_regression(case):
@@ -143,6 +194,8 @@ def test_a_plain_sample_has_linear_indices():
     y = np.column_stack([3 * x[:, 0] + x[:, 1], x[:, 0] ** 2])
     y[5, 1] = np.nan
     found = analyse_linear(x, y, replicates=50)
+    assert repr(found).startswith("correlation index of 2 outputs and 0 curves by 2 inputs")
+    assert (found.outputs, found.inputs) == (("output 0", "output 1"), ("input 0", "input 1"))
     np.testing.assert_array_equal(found.used, [200, 199])
     np.testing.assert_allclose(found.correlation.value[0], np.corrcoef(x.T, y[:, 0])[2, :2] ** 2, atol=ROUNDING)
     np.testing.assert_allclose(found.r2.value[0], 1.0, atol=ROUNDING)
@@ -166,6 +219,10 @@ def test_tables_that_do_not_fit_are_refused(case):
     x, y, _ = case
     with pytest.raises(InputError, match="a column for each of the 3 inputs of the design, but it has 2"):
         analyse(DESIGN, x[:, :2], y)
+    with pytest.raises(InputError, match="a name for each of the 5 outputs, but there are 1; give one per column"):
+        analyse(DESIGN, x, y, outputs=["y"])
+    with pytest.raises(InputError, match="two inputs are called 'a'; give each its own name"):
+        analyse_linear(x, y, inputs=["a", "b", "a"])
     with pytest.raises(InputError, match=r"same rows, but their shapes are \(320, 3\) and \(319, 5\)"):
         analyse(DESIGN, x, y[1:])
     broken = x.copy()

@@ -67,12 +67,12 @@ def ishigami():
     y = np.column_stack([function(x), np.ones(design.rows)])
     nominal = function.gradients(np.full((1, 3), 1e-6))
     local = np.vstack([gradient_share(nominal, np.full(3, np.pi / np.sqrt(3))), np.full((1, 3), np.nan)])
-    return analyse(design, x, y), local
+    return analyse(design, x, y, inputs=("x1", "x2", "x3"), outputs=("y", "one")), local
 
 
 def test_ishigami_is_ranked_and_explained(ishigami):
     indices, local = ishigami
-    ranking, constant = rank_inputs(indices, ["x1", "x2", "x3"], ["y", "one"], local=local)
+    ranking, constant = rank_inputs(indices, local=local).outputs
     assert ranking.output == "y"
     assert ranking.used == 2048
     assert [entry.name for entry in ranking.inputs] == ["x1", "x2", "x3"]  # total indices of 0.56, 0.44, 0.24
@@ -99,15 +99,60 @@ def test_every_verdict_can_be_explained():
 
 def test_the_squared_coefficient_has_the_interval_of_the_square(ishigami):
     indices, _ = ishigami
-    entries = {entry.name: entry for entry in rank_inputs(indices, ["x1", "x2", "x3"], ["y", "one"])[0].inputs}
-    certain, uncertain = entries["x1"].regression, entries["x2"].regression
+    ranking = rank_inputs(indices)["y"]
+    certain, uncertain = ranking["x1"].regression, ranking["x2"].regression
     ends = indices.regression.low[0], indices.regression.high[0]
     assert ends[0][0] > 0
     assert certain == Interval(indices.regression.value[0, 0] ** 2, ends[0][0] ** 2, ends[1][0] ** 2)
     assert ends[0][1] < 0 < ends[1][1]
     assert uncertain.low == 0.0
     assert uncertain.high == max(ends[0][1] ** 2, ends[1][1] ** 2)
-    assert all(np.isnan(entry.local.value) for entry in entries.values())
+    assert all(np.isnan(entry.local.value) for entry in ranking.inputs)
+
+
+def test_rankings_are_read_by_name(ishigami):
+    indices, local = ishigami
+    found = rank_inputs(indices, ["a", "b", "c"], ["first", "second"], local=local)
+    assert list(found) == ["first", "second"]
+    assert "second" in found
+    assert "y" not in found
+    assert list(found["first"]) == ["a", "b", "c"]
+    assert "c" in found["first"]
+    assert "x3" not in found["first"]
+    assert found["first"]["c"].total == Interval(*(end[0, 2] for end in ends(indices.total)))
+    assert found["first"]["b"].local.value == local[0, 1]
+    with pytest.raises(InputError, match="output 'frist' matches nothing; did you mean 'first'"):
+        found["frist"]
+    with pytest.raises(InputError, match="input 'd' matches nothing"):
+        found["first"]["d"]
+
+
+def ends(estimate):
+    return estimate.value, estimate.low, estimate.high
+
+
+def test_rankings_print_themselves(ishigami):
+    indices, local = ishigami
+    found = rank_inputs(indices, local=local)
+    totals, r2 = indices.total.value[0], indices.r2.value[0]
+    title, head, of_y, of_one = repr(found).splitlines()
+    assert title == "2 outputs, with the inputs of the largest total indices"
+    assert head.split() == ["output", "points", "R2", "largest", "second", "third"]
+    largest = [word for name, total in zip(("x1", "x2", "x3"), totals, strict=True) for word in (name, f"{total:.2f}")]
+    assert of_y.split() == ["y", "2048", f"{r2:.2f}", *largest]
+    assert of_one.split() == ["one", "2048"]  # what does not vary has no shares
+    title, head, *rows, second, third = repr(found["y"]).splitlines()
+    assert title == f"y: 2048 points, R2 {r2:.2f}"
+    assert head.split()[:6] == ["input", "correlation", "regression", "first", "total", "local"]
+    for number, row in enumerate(rows):
+        regression = indices.regression.value[0, number] ** 2
+        shares = (indices.correlation.value, regression, indices.first.value, indices.total.value, local)
+        shown = [float(np.atleast_2d(each)[0, number if np.ndim(each) else 0]) for each in shares]
+        shown += [indices.total.low[0, number], indices.total.high[0, number]]
+        assert row.split() == [f"x{number + 1}", *(f"{share:.2f}" for share in shown)]
+    assert second.startswith("x2: linear indices miss it")
+    assert third.startswith("x3: matters only together")
+    assert "<td>x1</td>" in found["y"]._repr_html_()
 
 
 def test_names_that_do_not_fit_are_refused(ishigami):
