@@ -18,7 +18,7 @@ from vgtjax.control import (
     Motion,
 )
 from vgtjax.control.controllers._adaptive_backstepping import Moment
-from vgtjax.control.observers._friction_observer import nominal_coefficients, slide
+from vgtjax.control.observers import nominal_coefficients
 
 AMBIENT = jnp.asarray(101_013.0)
 WAVE = control.Sine(amplitude=0.003, rate=2.0, offset=0.005)
@@ -138,7 +138,7 @@ def lyapunov_rate(controller, loop, time, position_weight=None):
     errors = controller.errors(moment(loop.plant, time), estimate)
     weight = controller.position_weight if position_weight is None else position_weight
     off = loop.plant.deflection - estimate.friction.deflections
-    h, beta = slide(model, loop.plant.velocity), nominal_coefficients(model)
+    h, beta = model.slide(loop.plant.velocity), nominal_coefficients(model)
     a1 = model.diaphragm.area / model.diaphragm.mass
     body = model.diaphragm
     k2 = controller.velocity_gain + body.damping / body.mass + estimate.friction.coefficients[1]
