@@ -79,12 +79,19 @@ class AbstractGasTables(HasCrank):
         """The same component, its tables read at other knots (Pa gauge, deg); those that are not given stay."""
         pressure = self.turbine_pressure if turbine_pressure is None else jnp.asarray(turbine_pressure, float)
         angle = self.crank_angle if crank_angle is None else jnp.asarray(crank_angle, float)
-        pressures, angles = (each.ravel() for each in np.meshgrid(pressure, angle, indexing="ij"))
-        vanes = Vanes(self.crank.opening(angles), pressures)
-        tables: dict[str, Any] = {
-            name: jax.vmap(lambda at, table=table: self.read(table, at))(vanes) for name, table in self.tables.items()
-        }
+        tables: dict[str, Any] = _read_at(self, pressure, angle)
         return dataclasses.replace(self, turbine_pressure=pressure, crank_angle=angle, **tables)
+
+
+@eqx.filter_jit
+def _read_at(component: AbstractGasTables, pressure: Knots, angle: Knots) -> dict[str, Table]:
+    """All tables of a component, read at other knots; compiled once for all units of a fleet."""
+    pressures, angles = (each.ravel() for each in jnp.meshgrid(pressure, angle, indexing="ij"))
+    vanes = Vanes(component.crank.opening(angles), pressures)
+    return {
+        name: jax.vmap(lambda at, table=table: component.read(table, at))(vanes)
+        for name, table in component.tables.items()
+    }
 
 
 def require_knots(name: str, knots: Float[np.ndarray, " knots"], unit: str) -> None:

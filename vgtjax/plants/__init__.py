@@ -22,7 +22,7 @@ from ._instrumented import (
     rows_along as rows_along,
     tabulated_along as tabulated_along,
 )
-from ._knots import on_given_knots as on_given_knots
+from ._knots import Moves as Moves, on_given_knots as on_given_knots, on_knots as on_knots, other_knots as other_knots
 from ._mechanical import MechanicalActuator as MechanicalActuator
 from ._physical import is_physical as is_physical, least_volume as least_volume, require_physical as require_physical
 from ._plant import (

@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+from jaxtyping import Array
 
 from .._types import Module
 from ..parameters import as_float_array
@@ -10,6 +11,8 @@ from ..parts import AbstractGasTables
 from ._base import assemble
 
 KNOTS = ("turbine_pressure", "crank_angle")
+Moves = dict[str, dict[str, Array]]
+"""Knots by component, `vane_force` or `friction`, and by their name."""
 
 
 def on_given_knots(model: Module, values: dict[str, Any]) -> Module:
@@ -20,6 +23,12 @@ def on_given_knots(model: Module, values: dict[str, Any]) -> Module:
 
     **Raises:** `InputError` for knots that don't increase.
     """
+    return on_knots(model, other_knots(model, values))
+
+
+def other_knots(model: Module, values: dict[str, Any]) -> Moves:
+    """The knots of `values` at which the tables of a model do not stand; arguments as of [`on_given_knots`][]."""
+    moves: Moves = {}
     for part in ("vane_force", "friction"):
         component = getattr(model, part, None)
         if isinstance(component, AbstractGasTables):
@@ -27,5 +36,14 @@ def on_given_knots(model: Module, values: dict[str, Any]) -> Module:
             given = {knots: as_float_array(v) for knots, v in stated.items() if v is not None and np.ndim(v)}
             # Reading at the knots that are there already would only round.
             if any(not np.array_equal(at, getattr(component, knots)) for knots, at in given.items()):
-                model = assemble(model, **{part: component.on_knots(**given)})
-    return model
+                moves[part] = given
+    return moves
+
+
+def on_knots(model: Module, moves: Moves) -> Module:
+    """`model` with tables at such knots, also where they are traced."""
+    return (
+        assemble(model, **{part: getattr(model, part).on_knots(**knots) for part, knots in moves.items()})
+        if moves
+        else model
+    )

@@ -3,13 +3,13 @@
 import dataclasses
 from collections.abc import Sequence
 
+import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from ..parameters import Selection, entry_names, get_parameter, parameter_table
-from ..plants import AbstractModel, on_given_knots
+from ..plants import AbstractModel, Moves, on_knots, other_knots
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -40,9 +40,10 @@ def on_common_knots(units: Sequence[FittedUnit], like: AbstractModel | None = No
 
 
 def _moved(unit: FittedUnit, knots: dict[str, Array]) -> FittedUnit:
-    moved = on_given_knots(unit.model, knots)
-    if moved is unit.model:
+    moves = other_knots(unit.model, knots)
+    if not moves:
         return unit
+    moved = on_knots(unit.model, moves)
     own, table = parameter_table(unit.model), parameter_table(moved)
     read_along = {axis for row in own.values() for axis in row.axes}
     free = [entry for entry in unit.entries if entry.partition("[")[0] not in read_along]
@@ -58,11 +59,18 @@ def _moved(unit: FittedUnit, knots: dict[str, Array]) -> FittedUnit:
     if errors is None:
         return FittedUnit(moved, entries, None)
 
-    def read(values: Float[Array, " own"]) -> Float[Array, " entries"]:
-        return after.pack(on_given_knots(before.unpack(unit.model, values), knots))
-
-    slopes = np.asarray(jax.jacfwd(read)(jnp.asarray(before.values(unit.model))))
+    slopes = np.asarray(_slopes(unit.model, before, after, moves))
     lost = (slopes != 0) @ np.isnan(np.diag(errors))
     covariance = slopes @ np.where(np.isnan(errors), 0.0, errors) @ slopes.T
     covariance[lost], covariance[:, lost] = np.nan, np.nan
     return FittedUnit(moved, entries, covariance)
+
+
+@eqx.filter_jit
+def _slopes(model: AbstractModel, before: Selection, after: Selection, moves: Moves) -> Float[Array, "entries own"]:
+    """How entries at other knots move with those of a model; compiled once for all units of a fleet."""
+
+    def read(values: Float[Array, " own"]) -> Float[Array, " entries"]:
+        return after.pack(on_knots(before.unpack(model, values), moves))
+
+    return jax.jacfwd(read)(before.pack(model))
