@@ -15,12 +15,19 @@ SONIC = Stage(outlet_pressure=0.6e5, speed_ratio=0.276)
 NAMES = [jax.tree_util.keystr(path) for path, _ in jax.tree_util.tree_leaves_with_path(SONIC)]
 
 
-def rod_force(factors, leaves, pressure, angle):
-    """Of a stage whose every leaf is so many times what it was, by a rotor that turns by the ratio."""
+def rod_force(factors, leaves, pressure, angle, near):
+    """Of a stage whose every leaf is so many times what it was, by a rotor that turns by the ratio, searched from
+    states nearby."""
     shape = jax.tree.structure(SONIC)
     stage = jax.tree.unflatten(shape, [leaf * factor for leaf, factor in zip(leaves, factors, strict=True)])
-    flow, values, _ = flow_at(stage, pressure, angle, CELLS)
+    flow, values, _ = flow_at(stage, pressure, angle, CELLS, near)
     return values, flow
+
+
+def place(stage, pressure, angle):
+    """Arguments of a stage, and its states there: four searches a leaf from gas at rest take ten times as long."""
+    at = jnp.asarray(pressure), jnp.asarray(angle)
+    return jax.tree.leaves(stage), *at, flow_at(stage, *at, CELLS)[2]
 
 
 solved = jax.jit(rod_force)
@@ -42,7 +49,7 @@ def slopes(factors, *where):
     ids=["closed", "open", "sonic"],
 )
 def test_every_leaf(stage, pressure, angle):
-    where = jax.tree.leaves(stage), jnp.asarray(pressure), jnp.asarray(angle)
+    where = place(stage, pressure, angle)
     ones = np.ones(len(NAMES))
     exact = np.asarray(slopes(ones, *where))
     for number, name in enumerate(NAMES):
@@ -62,7 +69,7 @@ def test_that_state_is_sonic_and_choked():
     outlet = NAMES.index(".outlet_pressure")
     passed, flows = [], []
     for stage, pressure, angle in ((SONIC, 3e5, 4.66), (Stage(), 2e5, 33.0)):
-        where = jax.tree.leaves(stage), jnp.asarray(pressure), jnp.asarray(angle)
+        where = place(stage, pressure, angle)
         ones = np.ones(len(NAMES))
         values, flow = solved(ones, *where)
         passed.append(abs(float(slopes(ones, *where)[outlet, 1] / values[1])))
