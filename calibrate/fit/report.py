@@ -36,7 +36,7 @@ def render(job: Job, unit: Unit, fitted: Fitted, table: list[Entry]) -> str:
         hashes=unit.hashes,
         fit=calibration,
         certificate=fitted.certificate,
-        seconds=fitted.seconds,
+        seconds=round(fitted.seconds, 3),  # as the summary has it
         not_estimable=fitted.not_estimable,
         sentence=verdict(fitted, table),
         before=fitted.known_before,

@@ -242,17 +242,18 @@ def test_the_number_of_duty_jumps_compiles_nothing_anew(actuator, stepping, monk
 def test_every_cause_of_failure_is_seen_in_a_batch(actuator):
     """Each lane has its own result; one that fails touches no other."""
     trace = duty_trace((0, 0.05), (75, 0.3), p_res=2.0e4)
-    volumes = jnp.asarray([60e-6, 1e-6])
+    volumes, masses = jnp.asarray([60e-6, 1e-6, 60e-6]), jnp.asarray([0.63, 0.63, -0.63])
 
     @jax.jit
     @jax.vmap
-    def run(volume):
-        model = vgtjax.replace_parameters(actuator, {"chamber.volume": volume})
+    def run(volume, mass):
+        model = vgtjax.replace_parameters(actuator, {"chamber.volume": volume, "diaphragm.mass": mass})
         return simulate(model, trace, throw=False)
 
-    batch = run(volumes)
-    assert (batch.result == vgtjax.RESULTS.successful).tolist() == [True, False]
-    assert (batch.result == vgtjax.RESULTS.diverged).tolist() == [False, True]
+    batch = run(volumes, masses)
+    assert (batch.result == vgtjax.RESULTS.successful).tolist() == [True, False, False]
+    assert (batch.result == vgtjax.RESULTS.unphysical).tolist() == [False, True, False]
+    assert (batch.result == vgtjax.RESULTS.diverged).tolist() == [False, False, True]
     np.testing.assert_allclose(batch.x_d[0], simulate(actuator, trace).x_d, rtol=0, atol=1e-15)
 
 
