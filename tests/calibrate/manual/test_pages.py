@@ -158,7 +158,8 @@ def test_closed_loops_run(executed):
 
 def test_a_series_runs(executed):
     scope = executed(python_block("docs/tutorials/study.md", "spread_population"))
-    assert scope["good"].shape == (64,)
+    assert scope["widths"].shape == (64,)
+    assert scope["kept"].share == np.mean(scope["widths"] <= 3000.0)
     assert not scope["results"].failed.any()
 
 
