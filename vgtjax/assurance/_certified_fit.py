@@ -80,8 +80,9 @@ def certified_fit(
     report: Callable[[Progress], None] = lambda progress: None,
     **choices: Any,
 ) -> CertifiedFit:
-    """The whole of the command `fit` for one unit: [`fit`][], a certificate of the derivatives that its errors rest on,
-    a search with finer steps where that fails, and profiles of what is not as errors to first order say.
+    """What the command `fit` finds of one unit: [`fit`][], a certificate of the derivatives that its errors rest on, a
+    search with finer steps where that fails, and profiles of what is not as errors to first order say. What traces can
+    tell beforehand, which the command asks as well, says [`examine`][].
 
     **Arguments:** `choices` as those of [`fit`][]; `profiles`: of which entries, those that something speaks against,
     all or none; `report`: called with the progress after every step.

@@ -136,7 +136,8 @@ class DesignModel(Part):
         """`dh/dv` in 1/N; zero where the velocity is, a jump unless `v / (|v| + width)` stands for its sign, which is
         exact where `|v|` is far above `width` in m/s."""
         speed = jnp.abs(velocity)
-        sign = velocity / jnp.where(speed > 0, speed + width, 1.0)
+        reach = speed + width
+        sign = velocity / jnp.where(reach > 0, reach, 1.0)
         return sign * self.alpha(velocity) + speed * self.alpha_slope(velocity)
 
     def relaxation_rate(self, velocity: Scalar) -> Scalar:

@@ -35,8 +35,8 @@ def fit(
 ) -> Calibration:
     """Calibrates a model to traces by exact gradients.
 
-    Whether the values can be signed [`certified_fit`][] says, which is the command `fit`: it checks the last
-    derivatives against differences, searches on with finer steps where they fail, and looks around the end.
+    Whether the values can be signed [`certified_fit`][] says, as the command `fit` does: it checks the last derivatives
+    against differences, searches on with finer steps where they fail, and looks around the end.
 
     **Arguments:**
 
@@ -72,7 +72,7 @@ def fit(
         values=values,
         bounds=bounds,
         channels=channels,
-        unknown=Unknown() if unknown is None else unknown,
+        unknown=unknown,
         deviations=deviations,
         centers=centers,
         scales=scales,
@@ -90,7 +90,8 @@ def plan_fit(model: AbstractModel, traces: Sequence[Trace], validate: Sequence[T
     an actuator that can't exist.
     """
     require_physical(model)
-    task = plan_task(model, traces, validate, **{"unknown": Unknown(), **choices})
+    unknown = choices.pop("unknown", None)
+    task = plan_task(model, traces, validate, unknown=Unknown() if unknown is None else unknown, **choices)
     task = dataclasses.replace(task, second_guess=second_guess)
     if not task.selection.entries:
         raise InputError("a fit needs at least one free parameter, but free and fixed leave none; free one", "free")

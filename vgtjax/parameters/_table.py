@@ -98,7 +98,9 @@ class Part(eqx.Module):
         super().__init_subclass__(**settings)
         rows = [_describe(name, field) for name, field in _declared(cls).items() if _is_parameter(field)]
         if rows:
-            cls.__doc__ = "\n\n".join([inspect.cleandoc(cls.__doc__ or ""), "**Parameters:**", "\n".join(rows)])
+            cls.__doc__ = "\n\n".join(
+                [inspect.cleandoc(cls.__doc__ or cls.__name__), "**Parameters:**", "\n".join(rows)]
+            )
 
     def __check_init__(self) -> None:
         owner = self.place or type(self).__name__

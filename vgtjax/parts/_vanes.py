@@ -39,6 +39,6 @@ class Crank(Part):
 
 
 class HasCrank(eqx.Module):
-    """A law over the angle of the crank."""
+    """A law over the angle of the crank, over which reports draw it."""
 
     crank: eqx.AbstractVar[Crank]

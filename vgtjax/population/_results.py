@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from .._errors import InputError
 from .._printing import Cells, Printed
 from ..experiments import Output
 from ..parameters import unknown_name
@@ -90,8 +91,13 @@ class Results(Printed, HasEnds, OutputTable):
 
         **Arguments:** `limits`: lower and upper end by output, in its SI unit, either `None`.
 
-        **Raises:** `InputError` for a name that is none of the outputs.
+        **Raises:** `InputError` for a name that is none of the outputs, or that of a curve.
         """
+        curves = {output.name for output in self.outputs if output.axis} & limits.keys()
+        if curves:
+            raise InputError(
+                f"a limit is one of a number, but '{min(curves)}' is a curve; limit a number of it", "limits"
+            )
         kept = [keeps(self[name], ends) for name, ends in limits.items()]
         return yield_of(np.all([~self.failed, *kept], axis=0)[~self.failed])
 

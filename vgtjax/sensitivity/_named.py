@@ -1,6 +1,7 @@
 """Indices by the names of their outputs and inputs."""
 
 import dataclasses
+import itertools
 import re
 from collections.abc import Mapping, Sequence
 
@@ -57,7 +58,7 @@ def curve_of(name: str) -> str:
 def names_or_numbers(kind: str, names: Sequence[str] | None, count: int) -> tuple[str, ...]:
     """One name for each column; numbered ones where none are given.
 
-    **Raises:** `InputError` when there is not one name per column, or one is there twice.
+    **Raises:** `InputError` when there is not one name per column, one is there twice, or those of a curve are apart.
     """
     found = tuple(f"{kind} {number}" for number in range(count)) if names is None else tuple(names)
     if len(found) != count:
@@ -68,6 +69,10 @@ def names_or_numbers(kind: str, names: Sequence[str] | None, count: int) -> tupl
     if len(set(found)) < count:
         twice = next(name for name in found if found.count(name) > 1)
         raise InputError(f"names must differ, but two {kind}s are called '{twice}'; give each its own name")
+    curves = [curve for curve, _ in itertools.groupby(map(curve_of, found))]
+    if len(set(curves)) < len(curves):
+        apart = next(curve for curve in curves if curves.count(curve) > 1)
+        raise InputError(f"numbered {kind}s must stand together, but those of '{apart}' do not; put them side by side")
     return found
 
 

@@ -44,12 +44,13 @@ def end_of(states: State, result: RESULTS, model: Any = None) -> RESULTS:
 
 
 def blame(model: Any, result: RESULTS) -> RESULTS:
-    """`result`, or of an actuator that can't exist that, or of a failure what tables of the model have lost before."""
-    left = least_volume(model) if isinstance(model, AbstractModel) else None
-    if left is not None:
-        result = choose(left <= 0, RESULTS.unphysical, result)
+    """`result`, or of a failure what tables of the model have lost before; of an actuator that can't exist always
+    that."""
     lost = lost_points(model)
-    return result if lost is None else choose((result != RESULTS.successful) & lost, RESULTS.no_steady_flow, result)
+    if lost is not None:
+        result = choose((result != RESULTS.successful) & lost, RESULTS.no_steady_flow, result)
+    left = least_volume(model) if isinstance(model, AbstractModel) else None
+    return result if left is None else choose(left <= 0, RESULTS.unphysical, result)
 
 
 def from_diffrax(result: diffrax.RESULTS) -> RESULTS:

@@ -127,9 +127,9 @@ class TuningProblem:
 
     def moves_errors(self, coordinates: Float[np.ndarray, " gains"]) -> Bool[np.ndarray, " gains"]:
         """Which gains move any error of any closed loop; others could be anything. Of softened closed loops."""
-        # A short memory: derivatives of a longer one may overflow.
-        bends = self.linearise(coordinates, min(self.memories)).curvatures.sum(0)
-        return np.diag(bends) > 0
+        # A short memory: derivatives of a longer one may overflow, and what has done so all the same says nothing.
+        found = self.linearise(coordinates, min(self.memories))
+        return np.diag(found.curvatures[found.finite].sum(0)) > 0
 
     @property
     def _timing(self) -> Timing:

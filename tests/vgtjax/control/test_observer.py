@@ -71,6 +71,17 @@ def test_slopes_are_those_of_automatic_differentiation(exponent, velocity):
     assert float(model.stiffness_slope(at)) == pytest.approx(float(jax.grad(model.stiffness)(at)), rel=1e-12)
 
 
+def test_a_slide_whose_sign_has_a_width_has_its_derivative_at_rest_too():
+    """Where an estimated velocity is exactly zero: `1 / (width g)`, as next to it."""
+    model, width = DesignModel(), 1e-3
+    slope = jax.grad(lambda velocity: model.slide_slope(velocity, width))
+    at_rest, beside = float(slope(number(0.0))), float(slope(number(1e-12)))
+    assert at_rest == pytest.approx(1 / (width * float(model.friction.static_force)), rel=1e-12)
+    # The kink of |v|, of which a derivative takes the mean at zero: the Stribeck curve's part is one of both sides.
+    assert beside == pytest.approx(at_rest + float(model.alpha_slope(number(1e-12))), rel=1e-6)
+    assert np.isfinite(float(jax.grad(model.slide_slope)(number(0.0))))
+
+
 def test_the_stiffness_of_the_bristles_changes_its_sign_at_sliding_velocities():
     # g / sigma_1 with g = F_c that far above the Stribeck velocity.
     model, edge = DesignModel(), 2.8 / 429.77

@@ -309,5 +309,7 @@ def test_a_map_names_the_parameters_with_its_knots():
 def test_help_lists_every_parameter_of_a_part_inherited_ones_too():
     described = {kind: [f.name for f in dataclasses.fields(kind) if "parameter" in f.metadata] for kind in parts(Part)}
     assert described[vgtjax.SpeedMap][0] == "closing"
+    plain = type("Plain", (vgtjax.LuGre,), {"__module__": "mine"})
+    assert plain.__doc__.startswith("Plain\n\n**Parameters:**")
     for kind, names in described.items():
         assert re.findall(r"(?m)^- `(\w+)`: ", kind.__doc__.partition("**Parameters:**")[2]) == names, kind

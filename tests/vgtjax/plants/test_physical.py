@@ -7,6 +7,7 @@ import pytest
 import vgtjax
 from vgtjax import InputError
 from vgtjax.plants import Instrumented, least_volume, require_physical
+from vgtjax.simulation import RESULTS, blame
 
 SWEPT = 2.9224e-3 * 10.13e-3
 """m3, printed."""
@@ -45,6 +46,12 @@ def test_sensors_hide_nothing():
         require_physical(seen)
     trace = vgtjax.Trace(np.arange(20) * 1e-3, pwm=np.full(20, 50.0), p_res=np.full(20, 2e4))
     assert vgtjax.simulate(seen, trace, throw=False).result == vgtjax.RESULTS.unphysical
+
+
+def test_that_is_the_cause_whatever_else_is_wrong(monkeypatch):
+    monkeypatch.setattr("vgtjax.simulation._results.lost_points", lambda model: np.asarray(True))
+    causes = [blame(model, RESULTS.diverged) for model in (vgtjax.Actuator(), too_small(vgtjax.Actuator))]
+    assert causes == [RESULTS.no_steady_flow, RESULTS.unphysical]
 
 
 def test_traced_values_are_not_looked_at():

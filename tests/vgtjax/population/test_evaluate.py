@@ -119,6 +119,8 @@ def test_a_yield_counts_who_keeps_all_limits_with_the_interval_of_clopper_and_pe
     assert results.within({}) == (1.0, pytest.approx(0.025 ** (1 / 6)), 1.0)
     with pytest.raises(InputError, match="output 'width' matches nothing"):
         results.within({"width": (0.0, 1.0)})
+    with pytest.raises(InputError, match="a limit is one of a number, but 'closing_pressure_0mbar' is a curve"):
+        results.within({"closing_pressure_0mbar": (0.0, 1.0)})
 
 
 def test_a_row_is_what_simulating_and_reading_by_hand_gives(evaluator, results, step):

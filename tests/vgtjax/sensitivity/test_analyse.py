@@ -221,6 +221,10 @@ def test_tables_that_do_not_fit_are_refused(case):
         analyse(DESIGN, x[:, :2], y)
     with pytest.raises(InputError, match="a name for each of the 5 outputs, but there are 1; give one per column"):
         analyse(DESIGN, x, y, outputs=["y"])
+    with pytest.raises(
+        InputError, match="numbered outputs must stand together, but those of 'c' do not; put them side"
+    ):
+        analyse(DESIGN, x, y, outputs=("c[0]", "linear", "c[1]", "d", "e"))
     with pytest.raises(InputError, match="two inputs are called 'a'; give each its own name"):
         analyse_linear(x, y, inputs=["a", "b", "a"])
     with pytest.raises(InputError, match=r"same rows, but their shapes are \(320, 3\) and \(319, 5\)"):
