@@ -60,12 +60,13 @@ def test_of_a_vector_that_is_stated_by_entry_the_file_has_all(tmp_path):
     nothing = SimpleNamespace(
         entries=(),
         values=lambda _: np.zeros(0),
-        at_bound=np.asarray,
-        memories=(1.0,),
-        linearise=lambda *_: SimpleNamespace(curvatures=np.zeros((1, 0, 0))),
+        moves_errors=lambda coordinates: np.zeros(0, bool),
     )
     true = SimpleNamespace(
-        controller=controller, controller_at=lambda _: controller, transform=nothing, selection=nothing
+        controller=controller,
+        controller_at=lambda _: controller,
+        at_bound=lambda coordinates: np.zeros(0, bool),
+        selection=nothing,
     )
     job: Any = SimpleNamespace(true=true, smooth=nothing, study=study, bounds={})
     path = write(tmp_path, gains_json(study, gain_entries(job, np.zeros(0)), plant))
