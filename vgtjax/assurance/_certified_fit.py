@@ -103,7 +103,7 @@ def ending_certified(
 ) -> Computation[tuple[Calibrator, CertifiedFit]]:
     """The rest of a fit that has begun, as a computation, and where its search ended."""
     calibrator, certificate = yield from certified((yield from calibrator.ending(report)), report)
-    calibration, around = (yield from calibrator.finishing()), None
-    if calibration.converged and certificate.passed:
-        around = yield from looking_around(calibrator, profiles)
-    return calibrator, CertifiedFit(calibration, certificate, around)
+    found = CertifiedFit((yield from calibrator.finishing()), certificate, None)
+    if found.usable:
+        found = dataclasses.replace(found, around=(yield from looking_around(calibrator, profiles)))
+    return calibrator, found

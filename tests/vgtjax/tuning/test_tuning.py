@@ -204,18 +204,6 @@ def test_a_trial_at_which_a_closed_loop_fails_is_never_taken(problem):
     assert progress.failed == progress.trials
 
 
-def test_a_closed_loop_whose_derivatives_overflow_says_nothing_of_the_gains(problem):
-    class Overflowing(type(problem)):
-        def linearise(self, coordinates, memory=np.inf):
-            found = super().linearise(coordinates, memory)
-            first = np.arange(len(found.slopes)) == 0
-            return dataclasses.replace(found, curvatures=np.where(first[:, None, None], np.nan, found.curvatures))
-
-    # No duty saturates here: the tracking time of the anti-windup moves nothing.
-    assert problem.moves_errors(problem.start).tolist() == [True, True, False]
-    assert _as(problem, Overflowing).moves_errors(problem.start).tolist() == [True, True, False]
-
-
 def _dearer(problem, factor):
     """The problem, where every place that is tried costs as much as the start, times a factor."""
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from types import SimpleNamespace
 
 import equinox as eqx
 import jax
@@ -24,7 +25,9 @@ from vgtjax.control import (
 from vgtjax.control.loop._loop import fade
 from vgtjax.parts._converter import GENTLE_OPENING
 from vgtjax.tuning import (
+    Linearisation,
     Objective,
+    TuningProblem,
     Variant,
     conditions,
     cross_cases,
@@ -237,3 +240,15 @@ def test_a_problem_without_gains_is_refused(actuator):
     cases = cross_cases({"a": actuator}, REFERENCES, duration=0.1)
     with pytest.raises(vgtjax.InputError, match="at least one free gain, but free and fixed leave none; free one"):
         plan_tuning(PI.for_plant(actuator), cases, OBJECTIVE, free=["integral_gain"], fixed=["*"])
+
+
+def test_a_closed_loop_whose_derivatives_overflow_says_nothing_of_the_gains(actuator, monkeypatch):
+    """Of two closed loops one has overflowed; the other one is moved by the first gain only."""
+    bends = np.stack([np.full((2, 2), np.nan), np.diag([2.0, 0.0])])
+    found = SimpleNamespace(slopes=np.zeros((2, 2)), curvatures=bends)
+    found.finite = Linearisation.finite.fget(found)
+    assert found.finite.tolist() == [False, True]
+    monkeypatch.setattr(TuningProblem, "linearise", lambda *_: found)
+    cases, objective = cross_cases({"a": actuator}, REFERENCES, duration=0.2), Objective(settled=0.1)
+    problem = plan_tuning(PI(), cases, objective, free=["proportional_gain", "integral_gain"])
+    assert problem.moves_errors(problem.start).tolist() == [True, False]
